@@ -1,0 +1,125 @@
+// The C++ client of the shearbus subgrid service.
+//
+//   shearbus::Client client({.endpoint = "ipc:///run/user/1000/shearbus/bus"});
+//   shearbus::Session session = client.open(scene, node_ids);
+//   auto request = session.request();                       // columns of the scene's strategy, to be filled in
+//   std::ranges::copy(jumps, request.f64(Field::kVelocityJump).begin());
+//   const shearbus::StepResult& result = session.advance(request, {.dt_s = 1e-9});
+//   result.shear_stress_pa(); ...
+//
+// Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text), kUnreachable,
+// kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply. A client and its
+// sessions belong to one thread; different clients are independent. SI units.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "proto/wire/batch.hpp"
+#include "proto/wire/messages.hpp"
+#include "proto/wire/scene.hpp"
+#include "proto/wire/status.hpp"
+
+namespace shearbus {
+
+using wire::Batch;
+using wire::Code;
+using wire::Error;
+using wire::Field;
+using wire::Scene;
+using wire::Status;
+
+struct ClientOptions {
+  std::string endpoint;                                  // tcp://host:port, ipc://path or inproc://name
+  void* context = nullptr;                               // libzmq context to share; required for inproc, else null
+  std::string name = "shearbus-client";                  // what the server's log calls this client
+  std::chrono::milliseconds connect_deadline{5'000};     // for the first hello
+  std::chrono::milliseconds reply_deadline{60'000};      // for any other call, retries included
+  std::chrono::milliseconds retry_after{5'000};          // no reply for so long: the same request again on a fresh socket
+};
+
+struct OpenOptions {
+  std::span<const double> initial_temperature_k;  // one per node; empty: the scene's
+};
+
+struct StepOptions {
+  double dt_s = 0.0;
+  double time_s = 0.0;          // end of the step, for records only
+  std::uint64_t step = 0;       // the host's number, for records only
+  std::uint32_t attempt = 0;
+  bool commit_previous = false; // trial(): accept the standing trial first
+};
+
+// The reply to a step; columns have one value per node, in the order of the request. Valid until the session's next call.
+class StepResult {
+ public:
+  std::span<const double> shear_stress_pa() const { return reply_.batch.f64(Field::kShearStress); }
+  std::span<const double> sliding_velocity_m_per_s() const { return reply_.batch.f64(Field::kSlidingVelocity); }
+  std::span<const double> interface_temperature_k() const { return reply_.batch.f64(Field::kInterfaceTemperature); }
+  std::span<const double> velocity_jump_new_m_per_s() const { return reply_.batch.f64(Field::kVelocityJumpNew); }
+  std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
+  std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
+  std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
+  const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
+  std::chrono::nanoseconds round_trip() const { return round_trip_; }
+
+ private:
+  friend class Session;
+  std::vector<std::byte> header_frame_;
+  std::shared_ptr<void> payload_frame_;  // the received frame, kept while columns point into it
+  wire::Reply reply_;
+  std::chrono::nanoseconds round_trip_{0};
+};
+
+class Connection;  // socket, deadlines, retries
+
+class Session {
+ public:
+  Session(Session&&) noexcept;
+  Session& operator=(Session&&) noexcept;
+  ~Session();  // of a session that was not closed: says goodbye without waiting
+
+  // Columns for all nodes, in the order they were opened, zeroed; optional columns of the strategy only when asked for.
+  Batch request(std::span<const Field> optional_columns = {}) const;
+  // The same for some nodes: rows in the order of `node_ids`.
+  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
+
+  const StepResult& advance(const Batch& request, const StepOptions& step);  // step and accept
+  const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
+  std::uint64_t commit();
+  std::uint64_t rollback();
+  wire::SessionClosed close();
+
+  void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
+  const Scene& effective_scene() const;   // every default and constant filled in, as the server understood it
+  const std::vector<std::string>& warnings() const;
+  std::uint64_t bytes_per_node() const;
+  const std::vector<std::uint64_t>& node_ids() const;
+
+ private:
+  friend class Client;
+  struct Impl;
+  explicit Session(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+class Client {
+ public:
+  explicit Client(ClientOptions options);  // connects and says hello
+  Client(Client&&) noexcept;
+  Client& operator=(Client&&) noexcept;
+  ~Client();
+
+  const wire::Welcome& welcome() const;
+  Session open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options = {});
+  wire::ServerStatus server_status();
+
+ private:
+  std::shared_ptr<Connection> connection_;
+};
+
+}  // namespace shearbus

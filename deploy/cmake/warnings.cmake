@@ -1,0 +1,30 @@
+# One set of compiler settings for every room.
+#   -ffp-contract=off     an answer must have the same bits on every machine and in every lane (MODEL.md, what must always hold, 4)
+#   -fno-math-errno,
+#   -fno-trapping-math    nobody reads errno or traps; without these GCC does not vectorise the lane loops
+add_library(shearbus_settings INTERFACE)
+target_compile_options(shearbus_settings INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
+  -ffp-contract=off -fno-math-errno -fno-trapping-math
+  $<$<BOOL:${SHEARBUS_WARNINGS_AS_ERRORS}>:-Werror>)
+if(SHEARBUS_SANITIZE)
+  target_compile_options(shearbus_settings INTERFACE -fsanitize=${SHEARBUS_SANITIZE} -fno-omit-frame-pointer
+                                                     -fno-sanitize-recover=all)
+  target_link_options(shearbus_settings INTERFACE -fsanitize=${SHEARBUS_SANITIZE})
+endif()
+
+# shearbus_room(name SOURCES ... [PUBLIC libs] [PRIVATE libs]): one room, one static library.
+function(shearbus_room name)
+  cmake_parse_arguments(ROOM "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  add_library(${name} STATIC ${ROOM_SOURCES})
+  target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PUBLIC ${ROOM_PUBLIC} PRIVATE shearbus_settings ${ROOM_PRIVATE})
+endfunction()
+
+# shearbus_program(name SOURCES ... LINK ...): one executable in build/bin.
+function(shearbus_program name)
+  cmake_parse_arguments(PROGRAM "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(${name} ${PROGRAM_SOURCES})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PRIVATE shearbus_settings ${PROGRAM_LINK})
+endfunction()

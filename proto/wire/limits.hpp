@@ -1,0 +1,25 @@
+// A limit on everything that arrives from outside, related at compile time. The welcome publishes them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace shearbus::wire {
+
+inline constexpr std::uint32_t kMagic = 0x31425353;  // "SSB1" in little-endian bytes
+inline constexpr std::uint32_t kProtocolMajor = 1;
+inline constexpr std::uint32_t kProtocolMinor = 0;
+
+inline constexpr std::size_t kSessionIdBytes = 16;
+inline constexpr std::size_t kMaxColumns = 32;
+inline constexpr std::size_t kMaxBytesPerNode = 10 * 8;  // the widest row of a request or reply
+inline constexpr std::size_t kMaxNodesPerSession = 200'000;
+inline constexpr std::size_t kMaxSessions = 1'024;
+inline constexpr std::size_t kMaxHeaderBytes = 64 * 1024;
+inline constexpr std::size_t kMaxPayloadBytes = 16 * 1024 * 1024;
+inline constexpr std::size_t kMaxTextBytes = 4 * 1024;  // any string of a header
+
+static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
+static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);
+
+}  // namespace shearbus::wire

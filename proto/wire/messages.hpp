@@ -1,0 +1,131 @@
+// Requests and replies as values. codec.hpp turns them into frames and back; batch.hpp holds their columns.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "proto/wire/batch.hpp"
+#include "proto/wire/limits.hpp"
+#include "proto/wire/scene.hpp"
+#include "proto/wire/status.hpp"
+
+namespace shearbus::wire {
+
+using SessionId = std::array<std::uint8_t, kSessionIdBytes>;  // all zero: none
+
+// Same numbers as shearbus.v1.Regime and Outcome, where they are explained.
+enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
+enum Outcome : std::uint8_t {
+  kOutcomeOk = 0,
+  kSubstepped = 1,
+  kMultipleRoots = 2,
+  kOutsideDomain = 4,
+  kFailed = 128,
+};
+
+enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
+
+struct Hello {
+  std::uint32_t oldest_major = kProtocolMajor;
+  std::uint32_t newest_major = kProtocolMajor;
+  std::string client_name;
+};
+struct OpenSession {
+  Scene scene;
+  SessionId session_id{};
+};
+struct Downscale {
+  double dt_s = 0.0;
+  double time_s = 0.0;
+  std::uint64_t step = 0;
+  std::uint32_t attempt = 0;
+  Mode mode = Mode::kAdvance;
+  bool commit_previous = false;
+  std::vector<Field> wanted;  // empty: all of the strategy's
+};
+struct Commit {};
+struct Rollback {};
+struct CloseSession {
+  std::string reason;
+};
+struct ServerStatusQuery {};
+
+struct Request {
+  std::uint32_t protocol_major = kProtocolMajor;
+  std::uint32_t protocol_minor = kProtocolMinor;
+  std::uint64_t request_id = 0;
+  SessionId session_id{};
+  std::uint64_t sequence = 0;
+  std::uint64_t epoch = 0;
+  std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery> body;
+  Batch batch;
+};
+
+struct Limits {
+  std::uint64_t max_header_bytes = kMaxHeaderBytes;
+  std::uint64_t max_payload_bytes = kMaxPayloadBytes;
+  std::uint64_t max_nodes_per_session = kMaxNodesPerSession;
+  std::uint64_t max_sessions = kMaxSessions;
+};
+struct Welcome {
+  std::uint32_t protocol_major = kProtocolMajor;
+  std::uint32_t protocol_minor = kProtocolMinor;
+  std::string server_version;
+  Limits limits;
+  std::vector<std::string> capabilities;
+  std::string durability = "none";
+};
+struct SessionOpened {
+  Scene effective_scene;
+  std::uint64_t bytes_per_node = 0;
+  std::vector<std::string> warnings;
+};
+struct Upscale {
+  std::uint64_t nodes = 0;
+  std::uint64_t state_version = 0;
+  std::uint64_t solver_ns = 0;
+  std::uint64_t service_ns = 0;
+  std::uint64_t flagged_nodes = 0;
+};
+struct Committed {
+  std::uint64_t state_version = 0;
+};
+struct RolledBack {
+  std::uint64_t state_version = 0;
+};
+struct SessionClosed {
+  std::uint64_t requests = 0;
+  std::uint64_t node_steps = 0;
+  std::uint64_t solver_ns = 0;
+};
+struct ServerStatus {
+  std::uint64_t sessions = 0;
+  std::uint64_t nodes = 0;
+  std::uint64_t requests = 0;
+  std::uint64_t refused = 0;
+  std::uint64_t replayed = 0;
+  std::uint64_t node_steps = 0;
+  std::uint64_t solver_ns = 0;
+  std::uint64_t state_bytes = 0;
+  std::uint64_t uptime_ns = 0;
+  std::uint32_t threads = 0;
+  std::string server_version;
+};
+
+struct Reply {
+  std::uint32_t protocol_major = kProtocolMajor;
+  std::uint32_t protocol_minor = kProtocolMinor;
+  std::uint64_t request_id = 0;
+  SessionId session_id{};
+  std::uint64_t sequence = 0;
+  std::uint64_t epoch = 0;
+  Status status;
+  bool replayed = false;
+  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus> body;
+  Batch batch;
+};
+
+}  // namespace shearbus::wire

@@ -1,0 +1,75 @@
+// Histories on disk: HDF5 files that a person opens with h5py. The layout is in recording.md beside this file.
+//
+//   /time [T] s, /node_id [N], /<name> [T,N] with attribute `units`, /meta with attributes format, created, scene (TOML text), ...
+//
+// Everything throws wire::Error{kInvalidValue} with file and dataset in the text; a writer works on FILE.partial and renames
+// it when closed, so that an interrupted run leaves no file that looks whole.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace shearbus::wire {
+
+struct Quantity {
+  std::string name;        // dataset
+  std::string units;       // UDUNITS text
+  std::string long_name;   // one line
+  bool is_regime = false;  // uint8 with the enum legend of Regime instead of float64
+};
+
+class HistoryWriter {
+ public:
+  // `meta` becomes attributes of /meta beside format, version, created and units_system. Rows are buffered to chunks of
+  // about 256 KiB a dataset.
+  HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
+                const std::map<std::string, std::string>& meta);
+  HistoryWriter(HistoryWriter&&) noexcept;
+  HistoryWriter& operator=(HistoryWriter&&) noexcept;
+  ~HistoryWriter();  // of a writer that was not closed: removes the partial file
+
+  void begin_row(double time_s);
+  void set(std::size_t quantity, std::span<const double> values);        // index into `quantities`
+  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime
+  void end_row();
+
+  // A dataset of shape [N] or any other length, e.g. masses.
+  void add_static(const Quantity& quantity, std::span<const double> values);
+  void close(const std::map<std::string, std::string>& closing_meta = {});
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// A macroscopic history to be replayed. Rows are read as they are asked for.
+class HistoryReader {
+ public:
+  explicit HistoryReader(std::filesystem::path file);
+  HistoryReader(HistoryReader&&) noexcept;
+  HistoryReader& operator=(HistoryReader&&) noexcept;
+  ~HistoryReader();
+
+  std::size_t steps() const;
+  std::size_t nodes() const;
+  double start_time_s() const;                             // attribute t0 of /time, 0 when absent
+  const std::vector<double>& times_s() const;              // end of each step; strictly increasing, checked
+  const std::vector<std::uint64_t>& node_ids() const;      // unique, checked
+  bool has(std::string_view name) const;
+  std::vector<double> per_node(std::string_view name) const;                       // [N], finite, checked
+  void row(std::string_view name, std::size_t step, std::span<double> values);     // of a [T,N] dataset; finite, checked
+  std::optional<std::string> meta(std::string_view name) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace shearbus::wire

@@ -1,0 +1,82 @@
+// The scene as values: what shearbus.v1.Scene says, for rooms that never see protobuf. Absent options are nullopt; an
+// effective scene has none left.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace shearbus::wire {
+
+enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
+enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
+enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
+enum class InterfaceLaw { kUnspecified = 0, kSubgrid = 1, kCoulombTresca = 2 };
+enum class FarEnd { kUnspecified = 0, kTransmitting = 1, kFree = 2 };
+
+// A material: catalog name (may be empty) and the constants given beside it, under their scene names
+// ("density_kg_per_m3", ...). physics/material knows the same names.
+struct Body {
+  std::string material;
+  std::vector<std::pair<std::string, double>> given;
+};
+
+struct Layer {
+  double thickness_m = 20e-6;
+  std::uint32_t cells = 500;
+  double grading = 1.0;
+  FarBoundary far_boundary = FarBoundary::kInsulated;
+  double initial_temperature_k = 300.0;
+};
+
+struct VelocityDriven {
+  Drive drive = Drive::kLayerShear;
+  std::optional<double> friction_coefficient;
+};
+
+struct Interface {
+  double friction_coefficient = 0.0;
+  double yield_strength_pa = 0.0;
+};
+
+struct ShearColumn {
+  double length_m = 0.0;
+  std::uint32_t zones = 0;
+  FarEnd far_end = FarEnd::kTransmitting;
+  std::vector<double> velocity_jump_m_per_s;
+  std::vector<double> initial_temperature_k;
+  std::vector<double> pressure_pa;
+  std::vector<double> pressure_time_s;
+};
+
+struct CoulombTresca {
+  double friction_coefficient_at_rest = 0.3;
+  double friction_coefficient_fast = 0.02;
+  double velocity_decay_s_per_m = 0.01;
+  double yield_fraction = 1.0;
+};
+
+struct Hydro {
+  InterfaceLaw interface_law = InterfaceLaw::kSubgrid;
+  double end_time_s = 0.0;
+  std::optional<double> dt_s;
+  double cfl = 0.9;
+  std::optional<ShearColumn> shear_column;
+  CoulombTresca coulomb_tresca;
+};
+
+struct Scene {
+  std::string name;
+  std::string source;
+  Strategy strategy = Strategy::kUnspecified;
+  Body soft;
+  Body hard;
+  Layer layer;
+  VelocityDriven velocity_driven;
+  std::optional<Interface> interface;  // force-driven only
+  std::optional<Hydro> hydro;          // the guest's; never sent
+};
+
+}  // namespace shearbus::wire

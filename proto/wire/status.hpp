@@ -1,0 +1,68 @@
+// What went wrong, said so that a program can act on it and a person can mend it.
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace shearbus::wire {
+
+// Stable numbers, the same as shearbus.v1.Code. Hundreds are classes: 1 the message, 2 the session, 3 the content, 4 the
+// server; 5 exist on the client's side only.
+enum class Code : std::uint16_t {
+  kUnspecified = 0,
+  kOk = 1,
+  kBadFraming = 100,
+  kMalformed = 101,
+  kVersion = 102,
+  kLimit = 103,
+  kChecksum = 104,
+  kShape = 105,
+  kUnsupported = 106,
+  kUnknownSession = 200,
+  kStaleSequence = 201,
+  kSequenceGap = 202,
+  kSequenceReused = 203,
+  kEpoch = 204,
+  kNothingToCommit = 205,
+  kInvalidScene = 300,
+  kInvalidValue = 301,
+  kUnknownNode = 302,
+  kDuplicateNode = 303,
+  kShuttingDown = 400,
+  kInternal = 401,
+  kUnreachable = 500,      // no connection to the endpoint before the deadline
+  kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
+  kUnexpectedReply = 502,  // the reply does not answer the request
+};
+
+// The name users see, e.g. "SEQUENCE_GAP".
+const char* name(Code code);
+
+struct Status {
+  Code code = Code::kOk;
+  std::string text;                      // expected and found
+  std::string remedy;                    // what to do about it
+  std::string field;                     // scene field ("layer.cells") or column ("pressure_pa") at fault
+  std::vector<std::uint64_t> node_ids;   // nodes at fault, at most kMaxNodesNamed
+  std::uint64_t last_sequence = 0;       // with the sequence codes
+
+  bool ok() const { return code == Code::kOk; }
+};
+
+inline constexpr std::size_t kMaxNodesNamed = 16;
+
+// One line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
+std::string describe(const Status& status);
+
+class Error : public std::runtime_error {
+ public:
+  explicit Error(Status status) : std::runtime_error(describe(status)), status_(std::move(status)) {}
+  const Status& status() const { return status_; }
+
+ private:
+  Status status_;
+};
+
+}  // namespace shearbus::wire

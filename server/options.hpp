@@ -1,0 +1,17 @@
+// Every option of the server: default and a sentence each. main.cpp reads them from the command line.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace shearbus::server {
+
+struct ServerOptions {
+  std::vector<std::string> endpoints;        // where to listen: tcp://address:port or ipc://path, any number
+  unsigned threads = 0;                      // that solve layers, the socket's own included; 0: one per core
+  std::size_t nodes_per_task = 512;          // batches below this are answered on the socket's thread
+  std::string log_level = "info";            // trace, debug, info, warn, error, off
+};
+
+}  // namespace shearbus::server

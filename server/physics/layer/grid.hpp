@@ -1,0 +1,28 @@
+// The grid across the shear layer, z = 0 at the interface.
+#pragma once
+
+#include <vector>
+
+namespace shearbus::physics {
+
+enum class FarBoundary { kInsulated, kHalfSpace };
+
+struct GridOptions {
+  double thickness = 20e-6;  // h [m]
+  int cells = 500;
+  double grading = 1.0;      // ratio of neighbouring cells, growing from z = 0
+  FarBoundary far_boundary = FarBoundary::kInsulated;
+};
+
+struct Grid {
+  explicit Grid(const GridOptions& options);
+
+  int num_cells() const { return static_cast<int>(width.size()); }
+  int num_vertices() const { return num_cells() + 1; }
+
+  std::vector<double> width;   // of each cell, from the interface outward  [m]
+  std::vector<double> vertex;  // z of each vertex                          [m]
+  std::vector<double> weight;  // of each vertex in an integral over the layer: half of its two cells  [m]
+};
+
+}  // namespace shearbus::physics

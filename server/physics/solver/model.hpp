@@ -1,0 +1,67 @@
+// The subgrid model of one scene: materials, grid and laws, immutable, shared by all threads. It holds no node's state.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/physics/layer/grid.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+enum class Strategy { kVelocityDriven, kForceDriven };
+enum class Drive { kLayerShear, kInterfaceSlip };
+
+// The interface law of the force-driven strategy (DLP 65): s_lim = min(mu P, yield_strength g(P, T0) / sqrt(3)).
+struct InterfaceOptions {
+  double friction_coefficient = 0.0;  // mu
+  double yield_strength = 0.0;        // [Pa]
+};
+
+struct ModelOptions {
+  Strategy strategy = Strategy::kVelocityDriven;
+  Material soft;
+  Material hard;
+  GridOptions grid;
+  double initial_temperature = 300.0;                // [K]
+  Drive drive = Drive::kLayerShear;                  // velocity-driven
+  std::optional<double> friction_coefficient;        // velocity-driven: adds s <= mu P
+  InterfaceOptions interface;                        // force-driven
+};
+
+// Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit flux
+// (DLP 26-35). Make one per step length and share it.
+class StepOperators;
+
+class Model {
+ public:
+  explicit Model(const ModelOptions& options);
+  ~Model();
+  Model(Model&&) noexcept;
+
+  const ModelOptions& options() const;
+  const Grid& grid() const;
+  const TileLayout& layout() const;
+
+  // Things a user should know about this combination, one sentence each (hard side weaker than soft, ...).
+  std::vector<std::string> warnings() const;
+
+  // States of a tile before the first step: temperature uniform, one value per lane.
+  void initialise(double* tile, const double (&temperature)[kLanes]) const;
+
+  std::shared_ptr<const StepOperators> operators(double dt) const;
+
+  // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the active
+  // lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
+  void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
+               TileOutputs& outputs) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace shearbus::physics
