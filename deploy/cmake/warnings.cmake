@@ -4,7 +4,7 @@
 #   -fno-trapping-math    nobody reads errno or traps; without these GCC does not vectorise the lane loops
 add_library(shearbus_settings INTERFACE)
 target_compile_options(shearbus_settings INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wno-missing-field-initializers -Wnon-virtual-dtor -Woverloaded-virtual
   -ffp-contract=off -fno-math-errno -fno-trapping-math
   $<$<BOOL:${SHEARBUS_WARNINGS_AS_ERRORS}>:-Werror>)
 if(SHEARBUS_SANITIZE)
