@@ -10,6 +10,7 @@ import tempfile
 import time
 
 START_S = 20.0
+RUN_S = 240.0
 STOP_S = 10.0
 
 
@@ -28,7 +29,7 @@ def main():
                 if server.poll() is not None or time.monotonic() > deadline:
                     sys.exit(f"the server did not start listening within {START_S} s (exit code {server.poll()})")
                 time.sleep(0.02)
-            code = subprocess.run([word.replace("{endpoint}", f"ipc://{path}") for word in command]).returncode
+            code = subprocess.run([word.replace("{endpoint}", f"ipc://{path}") for word in command], timeout=RUN_S).returncode
             if server.poll() is not None:
                 sys.exit(f"the server ended during the test with exit code {server.returncode}")
             server.send_signal(signal.SIGTERM)
