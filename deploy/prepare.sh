@@ -1,0 +1,31 @@
+# Sourced by run and test: installs the packages of packages.txt, configures and builds. Not a command of its own.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+build=${SHEARBUS_BUILD_DIR:-$root/build}
+
+say() { printf '\n\033[1m== %s\033[0m\n' "$*"; }
+
+install_packages() {
+  local wanted missing
+  mapfile -t wanted < <(grep -Ev '^[[:space:]]*(#|$)' "$root/deploy/packages.txt")
+  mapfile -t missing < <(for package in "${wanted[@]}"; do
+    dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q '^install ok installed$' || echo "$package"
+  done)
+  [ ${#missing[@]} -eq 0 ] && return
+  if [ "$(id -u)" -ne 0 ]; then
+    printf 'These packages are missing and only root can install them:\n  sudo apt-get install --no-install-recommends %s\nThen run this command again.\n' "${missing[*]}" >&2
+    exit 1
+  fi
+  say "Installing ${#missing[@]} packages: ${missing[*]}"
+  export DEBIAN_FRONTEND=noninteractive
+  apt-get update -qq
+  apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+}
+
+# build_targets [target...]: configures once, then builds only what changed; no target: everything.
+build_targets() {
+  say "Building in $build"
+  [ -f "$build/build.ninja" ] || cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    -DSHEARBUS_WARNINGS_AS_ERRORS="$([ -n "${CI:-}" ] && echo ON || echo OFF)"
+  cmake --build "$build" ${1:+--target "$@"}
+}

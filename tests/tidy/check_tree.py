@@ -1,0 +1,135 @@
+#!/usr/bin/env python3
+"""Holds the tree to the design: who may include whom (the table in README.md), what the top level holds, that every source is
+built, and that no file names a machine. Run with --self-test to see each rule fail on a tree made for it."""
+import argparse
+import json
+import pathlib
+import re
+import sys
+import tempfile
+
+TOP_LEVEL = {"CMakeLists.txt", "README.md", "proto", "server", "client", "hydro_stub", "tests", "deploy"}
+SOURCES = ("proto", "server", "client", "hydro_stub")
+LIBRARIES = {  # library of the table -> what its headers look like
+    "protobuf": r"google/protobuf/.*|shearbus/v1/.*\.pb\.h",
+    "tomlplusplus": r"toml\+\+/.*|toml\.hpp",
+    "xxhash": r"xxhash\.h",
+    "HDF5": r"hdf5\.h|H5.*",
+    "cppzmq": r"zmq.*",
+    "Eigen": r"Eigen/.*",
+    "fmt": r"fmt/.*",
+    "spdlog": r"spdlog/.*",
+    "CLI11": r"CLI/.*",
+}
+STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
+MACHINE = re.compile(r"/(?:home|root|work|farm|Users)/|\.pyenv|\bTODO\b|\bFIXME\b")
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
+
+
+def table(readme):
+    """Room -> what it may include, from the README's table."""
+    rows = {}
+    section = readme.split("## Who may include whom", 1)[1].split("\n## ", 1)[0]
+    for line in section.splitlines():
+        cells = [c.strip().strip("`") for c in line.strip().strip("|").split("|")]
+        if len(cells) == 2 and cells[0] != "room" and not set(cells[0]) <= {"-"}:
+            rows[cells[0]] = [c.strip().strip("`") for c in cells[1].split(",")]
+    return rows
+
+
+def below(path, prefix):
+    return path == prefix or path.startswith((prefix + "/", prefix + "."))
+
+
+def include_faults(root, rows):
+    for path in sorted(p for house in SOURCES for p in (root / house).rglob("*") if p.suffix in {".cpp", ".hpp", ".h"}):
+        name = path.relative_to(root).as_posix()
+        owners = [room for room in rows if below(name, room)]
+        if not owners:
+            yield f"{name}: belongs to no room of the README's table"
+            continue
+        room = max(owners, key=len)
+        if rows[room] == ["anything"]:
+            continue
+        for bracket, header in INCLUDE.findall(path.read_text()):
+            target = "client/include/" + header if header.startswith("shearbus/") and ".pb." not in header else header
+            library = next((lib for lib, pattern in LIBRARIES.items() if re.fullmatch(pattern, target)), None)
+            if library:
+                allowed = library in rows[room]
+            elif bracket == "<" and not target.startswith("client/include/"):
+                allowed = bool(STANDARD.fullmatch(target))
+            else:
+                # A room of its own inside an allowed one (client/replay inside client) is not part of it.
+                owner = max((r for r in rows if below(target, r)), key=len, default="")
+                allowed = owner == room or any(below(target, entry) and len(owner) <= len(entry) for entry in rows[room])
+            if not allowed:
+                yield f"{name}: room {room} may not include {header} (allowed: {', '.join(rows[room])})"
+
+
+def top_level_faults(root):
+    for entry in root.iterdir():
+        if not entry.name.startswith(".") and entry.name not in TOP_LEVEL and not re.fullmatch(r"build.*|out", entry.name):
+            yield f"{entry.name}: the top level holds only {', '.join(sorted(TOP_LEVEL))} and dotfiles"
+
+
+def machine_faults(root):
+    for house in TOP_LEVEL:
+        for path in sorted([root / house] if (root / house).is_file() else (root / house).rglob("*")):
+            if path.is_file() and path.suffix not in {".png", ".pyc", ".bin"} and path.name != pathlib.Path(__file__).name:
+                for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+                    if MACHINE.search(line):
+                        yield f"{path.relative_to(root)}:{number}: names a machine or leaves a loose end: {line.strip()[:80]}"
+
+
+def unbuilt_faults(root, compile_commands):
+    built = {pathlib.Path(entry["file"]).resolve() for entry in compile_commands}
+    for house in (*SOURCES, "tests"):
+        for path in sorted((root / house).rglob("*.cpp")):
+            if path.resolve() not in built:
+                yield f"{path.relative_to(root)}: no target builds it"
+
+
+def faults(root, compile_commands):
+    yield from include_faults(root, table((root / "README.md").read_text()))
+    yield from top_level_faults(root)
+    yield from machine_faults(root)
+    yield from unbuilt_faults(root, compile_commands)
+
+
+def self_test():
+    """A tree with one breach of every rule must give exactly those faults."""
+    with tempfile.TemporaryDirectory() as scratch:
+        root = pathlib.Path(scratch)
+        for house in ("proto", "server/physics/layer", "server/service", "client", "hydro_stub", "tests", "deploy", "extra"):
+            (root / house).mkdir(parents=True)
+        (root / "README.md").write_text("## Who may include whom\n\n| room | may include |\n|---|---|\n| server/physics | Eigen |\n"
+                                        "| server/service | server/physics/material |\n| tests | anything |\n")
+        (root / "CMakeLists.txt").write_text("# from " + "/ho" + "me/someone/shearbus\n")
+        (root / "server/physics/layer/heat.cpp").write_text('#include <zmq.hpp>\n#include <vector>\n#include <Eigen/Core>\n'
+                                                            '#include "server/physics/layer/grid.hpp"\n')
+        (root / "server/service/handle.cpp").write_text('#include "server/physics/material/material.hpp"\n'
+                                                        '#include "server/physics/layer/grid.hpp"\n')
+        (root / "client/stray.cpp").write_text("")
+        built = [{"file": str(root / f)} for f in ("server/physics/layer/heat.cpp", "server/service/handle.cpp")]
+        found = "\n".join(faults(root, built))
+        expected = ["may not include zmq.hpp", "service may not include server/physics/layer/grid.hpp", "extra: the top level",
+                    "CMakeLists.txt:1: names a machine", "stray.cpp: belongs to no room", "stray.cpp: no target builds it"]
+        missed = [e for e in expected if e not in found]
+        return [f"self-test: rule did not fire: {m}" for m in missed] + (
+            [] if len(found.splitlines()) == len(expected) else [f"self-test: expected {len(expected)} faults, found:\n{found}"])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parents[2])
+    parser.add_argument("--build", type=pathlib.Path, help="build directory with compile_commands.json")
+    parser.add_argument("--self-test", action="store_true")
+    options = parser.parse_args()
+    found = self_test() if options.self_test else list(
+        faults(options.root, json.loads((options.build / "compile_commands.json").read_text())))
+    print("\n".join(found) if found else "the tree is as designed")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
