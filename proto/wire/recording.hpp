@@ -37,7 +37,9 @@ class HistoryWriter {
   HistoryWriter& operator=(HistoryWriter&&) noexcept;
   ~HistoryWriter();  // of a writer that was not closed: removes the partial file
 
-  void begin_row(double time_s);                                         // end of the step; increasing
+  // End of the step, increasing. The length is for hosts whose dt is not, to the last bit, the difference of two times;
+  // all rows have it or none.
+  void begin_row(double time_s, std::optional<double> dt_s = std::nullopt);
   void set(std::size_t quantity, std::span<const double> values);        // index into `quantities`
   void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime or outcome
   void end_row();                                                        // every quantity has been set
@@ -62,8 +64,10 @@ class HistoryReader {
 
   std::size_t steps() const;
   std::size_t nodes() const;
-  double start_time_s() const;                         // attribute t0 of /time, 0 when absent
-  const std::vector<double>& times_s() const;          // end of each step; strictly increasing, checked
+  double start_time_s() const;                 // attribute t0 of /time, 0 when absent
+  const std::vector<double>& times_s() const;  // end of each step; strictly increasing, checked
+  const std::vector<double>& dt_s()
+      const;  // of each step: /dt [T] when there (checked against /time), else differences
   const std::vector<std::uint64_t>& node_ids() const;  // unique, checked
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;                    // [N], finite, checked
@@ -74,5 +78,8 @@ class HistoryReader {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// "xxh3-64:" and 16 hexadecimal digits of a file's bytes: what `xxhsum -H3` prints.
+std::string hash_of_file(const std::filesystem::path& file);
 
 }  // namespace shearbus::wire

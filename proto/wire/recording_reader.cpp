@@ -1,6 +1,9 @@
+#include <xxhash.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <system_error>
 #include <unordered_map>
 
@@ -66,6 +69,7 @@ struct HistoryReader::Impl {
   File handle;
   double start_time = 0.0;
   std::vector<double> times;
+  std::vector<double> dts;
   std::vector<std::uint64_t> node_ids;
   std::unordered_map<std::string, Series> series;
 
@@ -85,6 +89,7 @@ struct HistoryReader::Impl {
   void read_all(const std::string& name, hid_t dataset, hid_t memory_type, void* values) const;
   void read_start_time(hid_t time);
   void read_times();
+  void read_dts();
   void read_node_ids();
   Series& open_series(const std::string& name);
   void read_rows(const std::string& name, Series& one, std::size_t step) const;
@@ -108,6 +113,7 @@ void HistoryReader::Impl::open() {
            "Was it cut short, or is it still being written?");
   handle = File(opened);
   read_times();
+  read_dts();
   read_node_ids();
 }
 
@@ -179,6 +185,26 @@ void HistoryReader::Impl::read_times() {
     fail("time", fmt::format("[{}] is {} s, not after [{}] = {} s", i, times[i], i - 1, before),
          "Times must increase.");
   }
+}
+
+void HistoryReader::Impl::read_dts() {
+  dts.resize(times.size());
+  for (std::size_t i = 0; i < times.size(); ++i) dts[i] = times[i] - (i == 0 ? start_time : times[i - 1]);
+  if (!has("dt")) return;
+  const Dataset dataset = open_dataset("dt");
+  std::vector<double> given(length("dt", dataset, "T", kMaxSteps));
+  if (given.size() != times.size()) fail("dt", fmt::format("has {} values, /time {}", given.size(), times.size()), "");
+  read_all("dt", dataset, H5T_NATIVE_DOUBLE, given.data());
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    // What a sum of steps loses to rounding, with room for a host that keeps its time in single precision.
+    const double allowed = 1e-6 * (dts[i] + std::abs(times[i]));
+    if (!(given[i] > 0 && std::abs(given[i] - dts[i]) <= allowed))
+      fail("dt",
+           fmt::format("[{}] is {} s; the step from {} to {} s takes {} s", i, given[i], times[i] - dts[i], times[i],
+                       dts[i]),
+           "Leave /dt out to use the differences of /time.");
+  }
+  dts = std::move(given);
 }
 
 void HistoryReader::Impl::read_node_ids() {
@@ -297,6 +323,9 @@ double HistoryReader::start_time_s() const {
 const std::vector<double>& HistoryReader::times_s() const {
   return impl_->times;
 }
+const std::vector<double>& HistoryReader::dt_s() const {
+  return impl_->dts;
+}
 const std::vector<std::uint64_t>& HistoryReader::node_ids() const {
   return impl_->node_ids;
 }
@@ -357,6 +386,17 @@ std::optional<std::string> HistoryReader::meta(std::string_view name_view) const
   if (H5Iget_type(group) == H5I_GROUP && H5Lexists(group, name.c_str(), H5P_DEFAULT) > 0)
     return self.read_text(Dataset(self.check(H5Dopen2(group, name.c_str(), H5P_DEFAULT), "cannot open a text")), false);
   return std::nullopt;
+}
+
+std::string hash_of_file(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) refuse(file, "cannot be read");
+  const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(), XXH3_freeState);
+  XXH3_64bits_reset(state.get());
+  std::vector<char> block(1 << 20);
+  while (stream.read(block.data(), static_cast<std::streamsize>(block.size())) || stream.gcount() > 0)
+    XXH3_64bits_update(state.get(), block.data(), static_cast<std::size_t>(stream.gcount()));
+  return fmt::format("xxh3-64:{:016x}", XXH3_64bits_digest(state.get()));
 }
 
 }  // namespace shearbus::wire

@@ -66,10 +66,12 @@ struct HistoryWriter::Impl {
   fs::path partial;
   File handle;
   Dataset time;
+  Dataset dt;  // only where the rows have it
   std::vector<Series> series;
   std::size_t nodes = 0;
   std::size_t rows_per_chunk = 1;
   std::vector<double> waiting_times;
+  std::vector<double> waiting_dts;
   double last_time = 0.0;
   std::size_t rows_written = 0;
   bool row_open = false;
@@ -86,7 +88,7 @@ struct HistoryWriter::Impl {
 
   // Datasets first: a file whose objects are open stays open.
   herr_t release() {
-    herr_t worst = time.close();
+    herr_t worst = std::min(time.close(), dt.close());
     for (Series& one : series) worst = std::min({worst, one.dataset.close(), one.type.close()});
     return std::min(worst, handle.close());
   }
@@ -199,6 +201,7 @@ void HistoryWriter::Impl::write_waiting_rows() {
   const std::size_t rows = waiting_times.size();
   if (rows == 0) return;
   append(time, H5T_NATIVE_DOUBLE, waiting_times.data(), rows, false);
+  if (dt >= 0) append(dt, H5T_NATIVE_DOUBLE, waiting_dts.data(), rows, false);
   for (Series& one : series) {
     if (one.bytes)
       append(one.dataset, one.type, one.codes.data(), rows, true);
@@ -209,6 +212,7 @@ void HistoryWriter::Impl::write_waiting_rows() {
   }
   rows_written += rows;
   waiting_times.clear();
+  waiting_dts.clear();
 }
 
 HistoryWriter::Impl::Series& HistoryWriter::Impl::in_open_row(std::size_t quantity, std::size_t count, bool bytes) {
@@ -267,13 +271,21 @@ HistoryWriter::HistoryWriter(HistoryWriter&&) noexcept = default;
 HistoryWriter& HistoryWriter::operator=(HistoryWriter&&) noexcept = default;
 HistoryWriter::~HistoryWriter() = default;
 
-void HistoryWriter::begin_row(double time_s) {
+void HistoryWriter::begin_row(double time_s, std::optional<double> dt_s) {
+  const Quiet quiet;
   Impl& self = *impl_;
   if (self.row_open) refuse(self.file, "a row begins inside a row", "Call end_row first.");
   if (!std::isfinite(time_s) || time_s <= self.last_time)
     refuse(self.file, fmt::format("a row at {} s after one that ends at {} s", time_s, self.last_time),
            "Times must increase.", "time");
+  if (dt_s && self.rows_written + self.waiting_times.size() == 0) {
+    self.dt = self.create_dataset("dt", H5T_IEEE_F64LE, {0}, {kMaxRowsPerChunk}, true);
+    self.describe_dataset(self.dt, {"dt", "s", "length of the step as the host took it"});
+  }
+  if (dt_s.has_value() != (self.dt >= 0))
+    refuse(self.file, fmt::format("the row at {} s breaks the rule that all rows have a dt or none", time_s), {}, "dt");
   self.waiting_times.push_back(time_s);
+  if (dt_s) self.waiting_dts.push_back(*dt_s);
   self.last_time = time_s;
   self.row_open = true;
   for (Impl::Series& one : self.series) one.set = false;

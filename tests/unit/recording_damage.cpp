@@ -213,6 +213,19 @@ TEST(RecordingDamage, TimesMustIncreaseFromTheStart) {
               HasSubstr("t0 = nan"));
 }
 
+TEST(RecordingDamage, StepLengthsMustAgreeWithTimes) {
+  const auto with_dt = [](std::vector<double> dt) {
+    return Parts{.time = [dt](RawFile& f) {
+      f.put("time", {3}, {1, 2, 3});
+      f.put("dt", {dt.size()}, dt);
+    }};
+  };
+  EXPECT_EQ(error_of(with_dt({1, 1, 1})), "no error");
+  EXPECT_THAT(error_of(with_dt({1, 1})), HasSubstr("/dt has 2 values, /time 3"));
+  EXPECT_THAT(error_of(with_dt({1, 1.1, 1})), HasSubstr("/dt[1] is 1.1 s; the step from 1 to 2 s takes 1 s"));
+  EXPECT_THAT(error_of(with_dt({1, kNan, 1})), HasSubstr("/dt[1] is nan"));
+}
+
 TEST(RecordingDamage, NoStepsOrNoNodesIsRefused) {
   EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put("time", {0}, {}); }}), HasSubstr("/time has no values"));
   EXPECT_THAT(error_of({.node_id = [](RawFile& f) { f.put("node_id", {0}, {}, H5T_NATIVE_INT); }}),
@@ -321,8 +334,9 @@ TEST(RecordingDamage, FlippedBitOfTimesIsCaughtByItsChecksum) {
   EXPECT_THAT(error_of_reading(path), HasSubstr("/time cannot be read"));
 }
 
-// A single flipped bit anywhere in a small file: an error, or the same numbers (a byte that nobody reads), never other ones.
-// HDF5 loses track of what it opened half-way in such files and may say "infinite loop closing library" at exit: harmless.
+// A single flipped bit anywhere in a small file: an error, or the same numbers (a byte that nobody reads), never other
+// ones. HDF5 loses track of what it opened half-way in such files and may say "infinite loop closing library" at exit:
+// harmless.
 TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   const Scratch scratch;
   const fs::path path = written(scratch, 3);

@@ -106,6 +106,48 @@ TEST(Recording, MetaKeepsShortAndLongTexts) {
   EXPECT_EQ(reader.meta("absent"), std::nullopt);
 }
 
+TEST(Recording, StepLengthsAreTheHostsOwn) {
+  const Scratch scratch;
+  const double dt = 1e-9 / 3;
+  {
+    HistoryWriter writer(scratch / "history.h5", some_ids(1), {}, {}, 5e-6);
+    double time = 5e-6;
+    for (int step = 0; step < 1000; ++step) {
+      time += dt;
+      writer.begin_row(time, dt);
+      writer.end_row();
+    }
+    EXPECT_THROW(writer.begin_row(time + dt), Error);
+    writer.close();
+  }
+  const HistoryReader reader(scratch / "history.h5");
+  EXPECT_THAT(reader.dt_s(), testing::Each(dt));
+  EXPECT_NE(reader.times_s()[500] - reader.times_s()[499], dt);  // what /dt is for
+}
+
+TEST(Recording, StepLengthsAreDifferencesOfTimesOtherwise) {
+  const Scratch scratch;
+  {
+    HistoryWriter writer(scratch / "history.h5", some_ids(1), {}, {}, 1.0);
+    for (const double time : {1.5, 2.5, 4.5}) {
+      writer.begin_row(time);
+      writer.end_row();
+    }
+    writer.close();
+  }
+  EXPECT_THAT(HistoryReader(scratch / "history.h5").dt_s(), ElementsAre(0.5, 1.0, 2.0));
+}
+
+TEST(Recording, HashOfFileIsThatOfXxhsum) {
+  const Scratch scratch;
+  std::ofstream(scratch / "empty").close();
+  EXPECT_EQ(hash_of_file(scratch / "empty"), "xxh3-64:2d06800538d394c2");  // XXH3's published value of nothing
+  std::ofstream(scratch / "large") << std::string(3'000'000, 'a');
+  std::ofstream(scratch / "other") << std::string(2'999'999, 'a') + "b";
+  EXPECT_NE(hash_of_file(scratch / "large"), hash_of_file(scratch / "other"));
+  EXPECT_THROW(hash_of_file(scratch / "absent"), Error);
+}
+
 TEST(Recording, StaticValuesAreReadPerNode) {
   const Scratch scratch;
   HistoryWriter writer(scratch / "history.h5", some_ids(3), kQuantities, {});
