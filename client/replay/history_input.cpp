@@ -10,10 +10,10 @@ namespace shearbus::replay {
 HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop)
     : history_(history), force_driven_(scene.strategy == wire::Strategy::kForceDriven) {
   if (closed_loop && !force_driven_)
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven.",
-                                     scene.name),
-                 .remedy = "Leave --closed-loop out: the history imposes the jump."});
+    throw Error(
+        {.code = Code::kInvalidValue,
+         .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven", scene.name),
+         .remedy = "Leave --closed-loop out: the history imposes the jump."});
   need(Field::kPressure, "pressure");
   if (force_driven_) {
     need(Field::kStressMinus, "stress_minus");
@@ -74,12 +74,13 @@ void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
   const char* const other = force_driven_ ? "velocity_driven" : "force_driven";
   const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_minus")
                                                   : history_.has("stress_minus") && history_.has("mass_minus");
-  throw Error({.code = Code::kInvalidValue,
-               .text = fmt::format("the history does not fit scene \"{}\": strategy {} also needs {}.", scene.name,
-                                   force_driven_ ? "force_driven" : "velocity_driven", fmt::join(missing_, ", ")),
-               .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
-                                              : "See client/replay/README.md for what a history holds.",
-               .field = "strategy"});
+  throw Error(
+      {.code = Code::kInvalidValue,
+       .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks", scene.name,
+                           force_driven_ ? "force_driven" : "velocity_driven", fmt::join(missing_, ", ")),
+       .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
+                                      : "See client/replay/README.md for what a history holds.",
+       .field = "strategy"});
 }
 
 void HistoryInput::prepare(Batch& request) const {

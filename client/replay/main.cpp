@@ -13,9 +13,7 @@ constexpr int kUsageError = 2;
 
 void describe(CLI::App& app, shearbus::replay::Options& options) {
   app.set_version_flag("--version", options.version);
-  app.add_option("history", options.history, "HDF5 file of the macroscopic history")
-      ->required()
-      ->type_name("HISTORY.h5");
+  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->required()->type_name("");
   app.add_option("--scene", options.scene, "scene to replay it through")->required()->type_name("SCENE.toml");
   app.add_option("--out", options.out,
                  "HDF5 file for the answers; a file of that name is replaced once the run has succeeded")
@@ -25,7 +23,9 @@ void describe(CLI::App& app, shearbus::replay::Options& options) {
   app.add_flag("--check", options.check, "read every value, compare with the scene, open a session; replay nothing");
   app.add_flag("--closed-loop", options.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
-  app.add_flag("!--no-progress", options.progress, "no progress line on the terminal");
+  app.add_flag_callback(
+      "--no-progress", [&options] { options.progress = false; }, "no progress line on the terminal");
+  app.footer("What a history holds and how to make one: client/replay/README.md");
 }
 
 }  // namespace

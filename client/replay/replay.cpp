@@ -130,7 +130,7 @@ void refuse_to_write_over_the_history(const Options& options) {
   std::error_code ignored;
   if (fs::equivalent(options.history, options.out, ignored))
     throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("--out {} is the history itself.", options.out.string()),
+                 .text = fmt::format("--out {} is the history itself", options.out.string()),
                  .remedy = "Name another file."});
 }
 

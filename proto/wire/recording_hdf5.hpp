@@ -73,7 +73,7 @@ inline std::string reason() {
 [[noreturn]] inline void refuse(const std::filesystem::path& file, const std::string& what,
                                 const std::string& remedy = {}, const std::string& dataset = {}) {
   throw Error({.code = Code::kInvalidValue,
-               .text = fmt::format("{}: {}{}", file.string(), what, remedy.empty() ? "" : "."),
+               .text = fmt::format("{}: {}", file.string(), what),
                .remedy = remedy,
                .field = dataset});
 }

@@ -1,4 +1,5 @@
 """The numbers a replay gives: the paper's velocity-driven case (server/physics/MODEL.md, exact solutions), loops, restarts."""
+import subprocess
 import unittest
 
 import h5py
@@ -118,6 +119,24 @@ class Results(ReplayTest):
         self.assertTrue(np.all(driven["shear_stress"][-1] > zero["shear_stress"][-1]))
         note = self.result()["text"]  # layer_shear has no use for it
         self.assertIn("/soft_shear_rate is not used", note)
+
+
+class Elsewhere(ReplayTest):
+    def test_a_server_elsewhere_gives_the_same_bits(self):
+        self.write(**velocity_history(steps=20, nodes=3))
+        inside = self.result()
+        endpoint = f"ipc://{self.path}/bus"
+        command = [support.PROGRAMS["server"], "--bind", endpoint]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+            try:
+                outside = self.result("--server", endpoint)
+                again = self.result("--server", endpoint)  # a new session: nothing is left of the first
+            finally:
+                server.terminate()
+                server.wait(timeout=30)
+        for name in ("shear_stress", "sliding_velocity", "interface_temperature", "regime", "outcome", "friction_heat"):
+            np.testing.assert_array_equal(inside[name], outside[name], name)
+            np.testing.assert_array_equal(inside[name], again[name], name)
 
 
 class Loops(ReplayTest):

@@ -150,7 +150,7 @@ class BadInput(ReplayTest):
 
     def test_stopped_run_leaves_nothing(self):
         self.example("constant", "--steps", "2000000")
-        command = [support.PROGRAM, str(self.history), "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--out", str(self.out)]
+        command = [support.PROGRAMS["replay"], str(self.history), "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--out", str(self.out)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
             partial = self.path / "result.h5.partial"
             deadline = time.monotonic() + 60

@@ -1,4 +1,5 @@
-"""What the replay tests share: the program's place, a scratch directory, histories, and a run."""
+"""What the replay tests share: the programs, a scratch directory, histories, and a run."""
+import argparse
 import pathlib
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import h5py
 import numpy as np
 
 EXAMPLES = pathlib.Path(__file__).resolve().parents[2] / "client" / "examples"
-PROGRAM = None
+PROGRAMS = {"replay": None, "server": None, "hydro": None}
 
 
 class ReplayTest(unittest.TestCase):
@@ -21,7 +22,7 @@ class ReplayTest(unittest.TestCase):
         self.out = self.path / "result.h5"
 
     def replay(self, *arguments, history=None, scene=EXAMPLES / "paper_velocity_driven_graded.toml", out=True):
-        command = [PROGRAM, str(history or self.history), "--scene", str(scene)]
+        command = [PROGRAMS["replay"], str(history or self.history), "--scene", str(scene)]
         command += ["--out", str(self.out)] if out else []
         return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
 
@@ -72,9 +73,11 @@ def force_history(steps=5, nodes=3, **changes):
     return parts | changes
 
 
-def main(arguments=None):
-    """replay_*.py PROGRAM [unittest options]"""
-    global PROGRAM
-    arguments = list(sys.argv if arguments is None else arguments)
-    PROGRAM = arguments.pop(1)
-    unittest.main(module="__main__", argv=arguments)
+def main():
+    """replay_*.py --replay PROGRAM [--server PROGRAM] [--hydro PROGRAM] [unittest options]"""
+    parser = argparse.ArgumentParser()
+    for program in PROGRAMS:
+        parser.add_argument(f"--{program}")
+    known, rest = parser.parse_known_args()
+    PROGRAMS.update(vars(known))
+    unittest.main(module="__main__", argv=[sys.argv[0], *rest])
