@@ -1,4 +1,4 @@
-// Messages to frames and back. codec.cpp and scene_file.cpp are the only files that see protobuf.
+// Messages to frames and back. Protobuf is seen by .cpp files of this room only.
 #pragma once
 
 #include <cstddef>
@@ -11,12 +11,14 @@
 namespace shearbus::wire {
 
 // The header frame of a message; the payload frame is message.batch.bytes(), sent only where the batch has columns.
+// Throws Error{kLimit} for what no peer would take, Error{kInvalidScene} for a scene that cannot be said.
 std::string encode_header(const Request& request);
 std::string encode_header(const Reply& reply);
 
-// Frames to a message. `frames` holds the header and, where the header declares one, the payload; see Batch::over for how
-// long the payload's bytes must live. Throws Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum or kShape}; what
-// could be read of request_id, session_id and sequence before the fault is left in `message`, so that an answer finds its way.
+// Frames to a message. `frames` holds the header and, where the header declares one, the payload; see Batch::over for
+// how long the payload's bytes must live. Throws Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum, kShape or
+// kUnsupported}; what could be read of request_id, session_id and sequence before the fault is left in `message`, so
+// that an answer finds its way. Numbers are not judged here: NaN, a negative dt and the like arrive as they were sent.
 void decode(std::span<const std::span<const std::byte>> frames, Request& message);
 void decode(std::span<const std::span<const std::byte>> frames, Reply& message);
 

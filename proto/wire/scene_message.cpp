@@ -1,0 +1,178 @@
+#include "proto/wire/scene_message.hpp"
+
+#include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
+
+#include <string_view>
+
+#include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
+#include "shearbus/v1/scene.pb.h"
+
+namespace shearbus::wire {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+// The message with every absent scalar that has a default set to it, in the tables that are present.
+void fill_defaults(Message& message) {
+  const auto& reflection = *message.GetReflection();
+  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = message.GetDescriptor()->field(i);
+    if (field->is_repeated()) continue;
+    const bool present = reflection.HasField(message, field);
+    if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+      if (present) fill_defaults(*reflection.MutableMessage(&message, field));
+      continue;
+    }
+    const v1::Rule& rule = field->options().GetExtension(v1::rule);
+    if (present) continue;
+    if (rule.has_default_number() && field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE)
+      reflection.SetDouble(&message, field, rule.default_number());
+    else if (rule.has_default_number() && field->cpp_type() == FieldDescriptor::CPPTYPE_UINT32)
+      reflection.SetUInt32(&message, field, static_cast<std::uint32_t>(rule.default_number()));
+  }
+}
+
+[[noreturn]] void refuse(std::string field, std::string_view what) {
+  std::string text = fmt::format("{} {}", field, what);
+  throw Error({.code = Code::kInvalidScene, .text = std::move(text), .field = std::move(field)});
+}
+
+const std::string& checked(const std::string& text, const char* field) {
+  if (!is_utf8(text)) refuse(field, "is not UTF-8 text");
+  return text;
+}
+
+void body_to_message(const Body& body, const std::string& table, v1::Body& message) {
+  message.set_material(checked(body.material, (table + ".material").c_str()));
+  const auto& reflection = *message.GetReflection();
+  for (const auto& [name, value] : body.given) {
+    const FieldDescriptor* field = message.GetDescriptor()->FindFieldByName(name);
+    const std::string path = fmt::format("{}.{}", table, as_utf8(name, 64));
+    if (!field || field->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE) refuse(path, "is not a constant of a material");
+    if (reflection.HasField(message, field)) refuse(path, "is given twice");
+    reflection.SetDouble(&message, field, value);
+  }
+}
+
+Body body_from_message(const v1::Body& message) {
+  Body body{.material = message.material(), .given = {}};
+  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = message.GetDescriptor()->field(i);
+    if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && message.GetReflection()->HasField(message, field))
+      body.given.emplace_back(field->name(), message.GetReflection()->GetDouble(message, field));
+  }
+  return body;
+}
+
+void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
+  message.set_interface_law(static_cast<v1::InterfaceLaw>(hydro.interface_law));
+  message.set_end_time_s(hydro.end_time_s);
+  if (hydro.dt_s) message.set_dt_s(*hydro.dt_s);
+  message.set_cfl(hydro.cfl);
+  if (hydro.shear_column) {
+    const ShearColumn& column = *hydro.shear_column;
+    v1::ShearColumn& to = *message.mutable_shear_column();
+    to.set_length_m(column.length_m);
+    to.set_zones(column.zones);
+    to.set_far_end(static_cast<v1::FarEnd>(column.far_end));
+    const auto copy = [](const std::vector<double>& from, auto* list) { list->Add(from.begin(), from.end()); };
+    copy(column.velocity_jump_m_per_s, to.mutable_velocity_jump_m_per_s());
+    copy(column.initial_temperature_k, to.mutable_initial_temperature_k());
+    copy(column.pressure_pa, to.mutable_pressure_pa());
+    copy(column.pressure_time_s, to.mutable_pressure_time_s());
+  }
+  v1::CoulombTresca& law = *message.mutable_coulomb_tresca();
+  law.set_friction_coefficient_at_rest(hydro.coulomb_tresca.friction_coefficient_at_rest);
+  law.set_friction_coefficient_fast(hydro.coulomb_tresca.friction_coefficient_fast);
+  law.set_velocity_decay_s_per_m(hydro.coulomb_tresca.velocity_decay_s_per_m);
+  law.set_yield_fraction(hydro.coulomb_tresca.yield_fraction);
+}
+
+// An enum of the message as a value; `fallback` is what its rule calls the default.
+template <typename Enum, typename Wire>
+Enum enum_or(Wire wire, Enum fallback) {
+  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
+}
+
+Hydro hydro_from_message(const v1::Hydro& message) {
+  Hydro hydro;
+  hydro.interface_law = enum_or(message.interface_law(), hydro.interface_law);
+  hydro.end_time_s = message.end_time_s();
+  if (message.has_dt_s()) hydro.dt_s = message.dt_s();
+  hydro.cfl = message.cfl();
+  if (message.has_shear_column()) {
+    const v1::ShearColumn& from = message.shear_column();
+    ShearColumn& column = hydro.shear_column.emplace();
+    column.length_m = from.length_m();
+    column.zones = from.zones();
+    column.far_end = enum_or(from.far_end(), column.far_end);
+    column.velocity_jump_m_per_s.assign(from.velocity_jump_m_per_s().begin(), from.velocity_jump_m_per_s().end());
+    column.initial_temperature_k.assign(from.initial_temperature_k().begin(), from.initial_temperature_k().end());
+    column.pressure_pa.assign(from.pressure_pa().begin(), from.pressure_pa().end());
+    column.pressure_time_s.assign(from.pressure_time_s().begin(), from.pressure_time_s().end());
+  }
+  hydro.coulomb_tresca = {.friction_coefficient_at_rest = message.coulomb_tresca().friction_coefficient_at_rest(),
+                          .friction_coefficient_fast = message.coulomb_tresca().friction_coefficient_fast(),
+                          .velocity_decay_s_per_m = message.coulomb_tresca().velocity_decay_s_per_m(),
+                          .yield_fraction = message.coulomb_tresca().yield_fraction()};
+  return hydro;
+}
+
+}  // namespace
+
+void to_message(const Scene& scene, v1::Scene& message) {
+  message.Clear();
+  message.set_name(checked(scene.name, "name"));
+  message.set_source(checked(scene.source, "source"));
+  message.set_strategy(static_cast<v1::Strategy>(scene.strategy));
+  body_to_message(scene.soft, "soft", *message.mutable_soft());
+  body_to_message(scene.hard, "hard", *message.mutable_hard());
+  v1::Layer& layer = *message.mutable_layer();
+  layer.set_thickness_m(scene.layer.thickness_m);
+  layer.set_cells(scene.layer.cells);
+  layer.set_grading(scene.layer.grading);
+  layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
+  layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
+  v1::VelocityDriven& driven = *message.mutable_velocity_driven();
+  driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
+  if (scene.velocity_driven.friction_coefficient)
+    driven.set_friction_coefficient(*scene.velocity_driven.friction_coefficient);
+  if (scene.interface) {
+    message.mutable_interface()->set_friction_coefficient(scene.interface->friction_coefficient);
+    message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
+  }
+  if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
+}
+
+Scene from_message(const v1::Scene& given) {
+  v1::Scene message = given;
+  message.mutable_layer();
+  if (message.has_hydro()) message.mutable_hydro()->mutable_coulomb_tresca();
+  fill_defaults(message);
+
+  Scene scene;
+  scene.name = message.name();
+  scene.source = message.source();
+  scene.strategy = static_cast<Strategy>(message.strategy());
+  scene.soft = body_from_message(message.soft());
+  scene.hard = body_from_message(message.hard());
+  scene.layer = {.thickness_m = message.layer().thickness_m(),
+                 .cells = message.layer().cells(),
+                 .grading = message.layer().grading(),
+                 .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
+                 .initial_temperature_k = message.layer().initial_temperature_k()};
+  scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
+  if (message.velocity_driven().has_friction_coefficient())
+    scene.velocity_driven.friction_coefficient = message.velocity_driven().friction_coefficient();
+  if (message.has_interface())
+    scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
+                                .yield_strength_pa = message.interface().yield_strength_pa()};
+  if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
+  return scene;
+}
+
+}  // namespace shearbus::wire

@@ -1,0 +1,21 @@
+// Text as the wire carries it: valid UTF-8 of bounded length; and the nearest known word to a mistyped one.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace shearbus::wire {
+
+bool is_utf8(std::string_view text);
+
+// `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes` ("..." tells that
+// it was).
+std::string as_utf8(std::string_view text, std::size_t max_bytes);
+
+// The candidate a typist may have meant: smallest edit distance (a swap of neighbours counts once), at most a third of
+// the longer word and at least one letter in common; empty where none is near.
+std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);
+
+}  // namespace shearbus::wire

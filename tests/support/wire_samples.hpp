@@ -1,0 +1,159 @@
+// One message of every kind with every field set, and frames as a socket would hand them out.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "proto/wire/codec.hpp"
+
+namespace shearbus::wire::samples {
+
+using Bytes = std::vector<std::byte>;
+
+inline Bytes to_bytes(std::string_view text) {
+  Bytes bytes(text.size());
+  std::memcpy(bytes.data(), text.data(), text.size());
+  return bytes;
+}
+
+// The frames of one message, owned.
+struct Frames {
+  std::vector<Bytes> frames;
+
+  std::vector<std::span<const std::byte>> views() const { return {frames.begin(), frames.end()}; }
+};
+
+template <typename Message>
+Frames frames_of(const Message& message) {
+  Frames result{{to_bytes(encode_header(message))}};
+  if (!message.batch.columns().empty()) {
+    const auto bytes = message.batch.bytes();
+    result.frames.emplace_back(bytes.begin(), bytes.end());
+  }
+  return result;
+}
+
+inline SessionId session_id() {
+  return {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 255};
+}
+
+inline Scene scene() {
+  Scene scene;
+  scene.name = "sample";
+  scene.source = "made up \xC3\xA9";
+  scene.strategy = Strategy::kForceDriven;
+  scene.soft = {.material = "aluminium_dlp", .given = {{"yield_strength_pa", 210e6}, {"hardening_exponent", 0.1}}};
+  scene.hard = {.material = "steel_dlp", .given = {}};
+  scene.layer = {.thickness_m = 200e-6,
+                 .cells = 60,
+                 .grading = 1.08,
+                 .far_boundary = FarBoundary::kHalfSpace,
+                 .initial_temperature_k = 310.0};
+  scene.velocity_driven = {.drive = Drive::kInterfaceSlip, .friction_coefficient = 0.2};
+  scene.interface = Interface{.friction_coefficient = 0.3, .yield_strength_pa = 200e6};
+  return scene;
+}
+
+template <typename Message, typename Body>
+Message enveloped(Body body) {
+  Message message;
+  message.request_id = 0x0123456789abcdef;
+  message.session_id = session_id();
+  message.sequence = 42;
+  message.epoch = 7;
+  message.body = std::move(body);
+  return message;
+}
+
+inline Batch step_columns(std::size_t nodes) {
+  const Field fields[] = {Field::kNodeId, Field::kVelocityJump, Field::kPressure};
+  Batch batch = Batch::of(fields, nodes);
+  for (std::size_t i = 0; i < nodes; ++i) {
+    batch.u64(Field::kNodeId)[i] = 4711 + i;
+    batch.f64(Field::kVelocityJump)[i] = 100.0 - 0.1 * static_cast<double>(i);
+    batch.f64(Field::kPressure)[i] = 11.2e9 + static_cast<double>(i);
+  }
+  return batch;
+}
+
+inline Batch answer_columns(std::size_t nodes) {
+  const Field fields[] = {Field::kShearStress, Field::kRegime, Field::kInterfaceTemperature, Field::kOutcome};
+  Batch batch = Batch::of(fields, nodes);
+  for (std::size_t i = 0; i < nodes; ++i) {
+    batch.f64(Field::kShearStress)[i] = -1.5e8 - static_cast<double>(i);
+    batch.u8(Field::kRegime)[i] = static_cast<std::uint8_t>(i % 5);
+    batch.f64(Field::kInterfaceTemperature)[i] = 300.0 + 0.3 * static_cast<double>(i);
+    batch.u8(Field::kOutcome)[i] = i % 3 == 0 ? kSubstepped : kOutcomeOk;
+  }
+  return batch;
+}
+
+inline std::vector<std::pair<std::string, Request>> requests() {
+  std::vector<std::pair<std::string, Request>> all;
+  const auto add = [&](const char* name, auto body, Batch batch = {}) {
+    all.emplace_back(name, enveloped<Request>(std::move(body)));
+    all.back().second.batch = std::move(batch);
+  };
+  add("hello", Hello{.oldest_major = 1, .newest_major = 3, .client_name = "sample client"});
+  const Field opening[] = {Field::kNodeId, Field::kInitialTemperature};
+  Batch nodes = Batch::of(opening, 3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    nodes.u64(Field::kNodeId)[i] = 1ULL << (20 * i);
+    nodes.f64(Field::kInitialTemperature)[i] = 300.0 + static_cast<double>(i);
+  }
+  add("open_session", OpenSession{.scene = scene(), .session_id = session_id()}, std::move(nodes));
+  add("downscale",
+      Downscale{.dt_s = 1e-9,
+                .time_s = 42e-9,
+                .step = 42,
+                .attempt = 2,
+                .mode = Mode::kTrial,
+                .commit_previous = true,
+                .wanted = {Field::kShearStress, Field::kOutcome}},
+      step_columns(3));
+  add("commit", Commit{});
+  add("rollback", Rollback{});
+  add("close_session", CloseSession{.reason = "done"});
+  add("server_status", ServerStatusQuery{});
+  return all;
+}
+
+inline std::vector<std::pair<std::string, Reply>> replies() {
+  std::vector<std::pair<std::string, Reply>> all;
+  const auto add = [&](const char* name, auto body) -> Reply& {
+    all.emplace_back(name, enveloped<Reply>(std::move(body)));
+    return all.back().second;
+  };
+  add("welcome", Welcome{.protocol_major = 1,
+                         .protocol_minor = 0,
+                         .server_version = "0.1.0",
+                         .limits = {1, 2, 3, 4},
+                         .capabilities = {"trial", "mask"},
+                         .durability = "none"});
+  add("session_opened",
+      SessionOpened{.effective_scene = scene(), .bytes_per_node = 16384, .warnings = {"thin layer", "weak hard side"}});
+  Reply& upscale =
+      add("upscale", Upscale{.nodes = 5, .state_version = 6, .solver_ns = 7, .service_ns = 8, .flagged_nodes = 2});
+  upscale.batch = answer_columns(5);
+  upscale.replayed = true;
+  add("committed", Committed{.state_version = 9});
+  add("rolled_back", RolledBack{.state_version = 10});
+  add("session_closed", SessionClosed{.requests = 11, .node_steps = 12, .solver_ns = 13});
+  add("server_status", ServerStatus{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, "0.1.0"});
+  Reply& refusal = add("refusal", std::monostate{});
+  refusal.status = {.code = Code::kInvalidValue,
+                    .text = "pressure_pa of node 7 is nan, expected a finite number",
+                    .remedy = "Mend the host's pressure.",
+                    .field = "pressure_pa",
+                    .node_ids = {7, 1ULL << 63},
+                    .last_sequence = 41};
+  return all;
+}
+
+}  // namespace shearbus::wire::samples
