@@ -8,8 +8,10 @@
 //   result.shear_stress_pa(); ...
 //
 // Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text), kUnreachable,
-// kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply. A client and its
-// sessions belong to one thread; different clients are independent. SI units.
+// kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply. After
+// kUnknownOutcome the same call with the same values is the same request: if it has run, it is not run again, and its reply
+// comes. A different call is refused with kSequenceReused if the lost one has run; the session then goes on from there.
+// A client and its sessions belong to one thread; different clients are independent. SI units.
 #pragma once
 
 #include <chrono>
@@ -69,7 +71,6 @@ class StepResult {
 
  private:
   friend class Session;
-  std::vector<std::byte> header_frame_;
   std::shared_ptr<void> payload_frame_;  // the received frame, kept while columns point into it
   wire::Reply reply_;
   std::chrono::nanoseconds round_trip_{0};
@@ -120,6 +121,7 @@ class Client {
 
  private:
   std::shared_ptr<Connection> connection_;
+  wire::Welcome welcome_;
 };
 
 }  // namespace shearbus
