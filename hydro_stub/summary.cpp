@@ -107,7 +107,8 @@ std::string Summary::text() const {
     line("0.99 T_melt", fmt::format("not reached ({:.1f} K)", melting_threshold_));
   }
   const auto [least, most] = std::ranges::minmax_element(slip_);
-  line("slip distance", fmt::format("{:.6g} to {:.6g} µm", *least * 1e6, *most * 1e6));
+  line("slip distance", columns_ == 1 ? fmt::format("{:.6g} µm", *least * 1e6)
+                                      : fmt::format("{:.6g} to {:.6g} µm", *least * 1e6, *most * 1e6));
   std::string shares;
   for (const std::size_t r : {1U, 2U, 3U, 4U, 0U}) {
     shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", kRegimeNames[r],
