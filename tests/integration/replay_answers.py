@@ -139,6 +139,26 @@ class Elsewhere(ReplayTest):
             np.testing.assert_array_equal(inside[name], again[name], name)
 
 
+class Recorded(ReplayTest):
+    """What a hydrocode recorded, sent again, gives the hydrocode's own answers."""
+
+    def test_replay_of_a_coupled_run_gives_its_bits(self):
+        problems = EXAMPLES.parents[1] / "hydro_stub" / "problems"
+        for problem in ("two_half_spaces", "release_and_reclose"):
+            with self.subTest(problem):
+                scene = problems / f"{problem}.toml"
+                subprocess.run([support.PROGRAMS["hydro"], str(scene), "--out", str(self.path / problem), "--no-plot"],
+                               check=True, capture_output=True, timeout=240)
+                recording = self.path / problem / "history.h5"
+                with h5py.File(recording) as file:
+                    coupled = {name: file[name][()] for name in file if name != "meta"}
+                    (self.path / "effective.toml").write_text(file["meta/scene"].asstr()[()])
+                for again in (scene, self.path / "effective.toml"):
+                    replayed = self.result(history=recording, scene=again)
+                    for name in ("shear_stress", "sliding_velocity", "interface_temperature", "velocity_jump_new", "regime"):
+                        np.testing.assert_array_equal(coupled[name], replayed[name], name)
+
+
 class Loops(ReplayTest):
     scene = EXAMPLES / "force_driven.toml"
 

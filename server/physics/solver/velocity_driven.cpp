@@ -89,7 +89,7 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
   const double all_at_vertex_0 = soft.yield_strength * hardened * g_ad / kSqrt3;
   double beyond = all_at_vertex_0 * (1.0 + kConverged);
   if (state.heating > 0.0) beyond = std::min(beyond, (soft.melting_temperature - T_ad0) / (state.heating * B0));
-  if (soft.hardening_coefficient > 0.0 && beyond < state.hi) {
+  if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
     state.hi = beyond;
     state.bound = Bound::kNotAnAnswer;
   }
