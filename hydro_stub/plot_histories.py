@@ -91,16 +91,20 @@ class History:
 
 
 def panels_of(histories):
-    """(history, title, columns) for each panel column: the pressures of a file, file after file."""
+    """(history, title, columns) for each panel column: pressure after pressure, the files side by side in each."""
+    groups = [history.groups() for history in histories]
+    most = max(1, MOST_PANELS // len(histories))
+    chosen = []
+    for own in groups:
+        kept = np.unique(np.linspace(0, len(own) - 1, min(most, len(own))).round().astype(int))
+        chosen.append([own[i] for i in kept])
     panels = []
-    for history in histories:
-        groups = history.groups()
-        if len(groups) * len(histories) > MOST_PANELS:
-            keep = max(1, MOST_PANELS // len(histories))
-            groups = [groups[i] for i in np.unique(np.linspace(0, len(groups) - 1, keep).round().astype(int))]
-        for title, columns in groups:
-            panels.append((history, "\n".join(t for t in (history.law, title) if t), columns))
-    return panels
+    for rank in range(max(len(own) for own in chosen)):
+        for history, own in zip(histories, chosen):
+            if rank < len(own):
+                title, columns = own[rank]
+                panels.append((history, "\n".join(t for t in (history.law, title) if t), columns))
+    return panels, sum(map(len, groups)) - len(panels)
 
 
 def legend_beside(axis, handles, title):
@@ -109,7 +113,7 @@ def legend_beside(axis, handles, title):
 
 
 def draw_histories(histories, title, target):
-    panels = panels_of(histories)
+    panels, left_out = panels_of(histories)
     quantities = list(QUANTITIES)
     if any(h.pressure_varies for h in histories):
         quantities.append(("pressure", "pressure (GPa)", 1e-9))
@@ -133,7 +137,7 @@ def draw_histories(histories, title, target):
             else:
                 if columns.size > chosen.size:
                     banded = True
-                    axis.fill_between(history.time, values[:, columns].min(axis=1), values[:, columns].max(axis=1), color="0.9", lw=0)
+                    axis.fill_between(history.time, values[:, columns].min(axis=1), values[:, columns].max(axis=1), color="0.93", lw=0)
                 for c in chosen:
                     axis.plot(history.time, values[:, c], color=colour(history.jump[c]), lw=1.3)
                     drawn.add(round(float(history.jump[c]), 1))
@@ -143,22 +147,23 @@ def draw_histories(histories, title, target):
                 axis.set_ylabel(label)
             axis.grid(color="0.92", lw=0.6)
             axis.set_axisbelow(True)
-            axis.margins(x=0)
+            axis.set_xlim(0.0, history.time[-1])
         axes[0, p].set_title(name)
         axes[-1, p].set_xlabel("time (µs)")
     handles = [Line2D([], [], color=colour(v), lw=1.6, label=f"{v:g} m/s") for v in sorted(drawn)]
     if banded:
-        handles.append(Patch(color="0.9", label="range of all columns"))
+        handles.append(Patch(color="0.93", label="range of all columns"))
     if any(h.melting_temperature for h in histories):
         handles.append(Line2D([], [], color="#7a0019", lw=0.9, ls="--", label="melting"))
     legend_beside(axes[0, -1], handles, "initial jump")
     figure.suptitle(title)
     figure.savefig(target, dpi=150)
     plt.close(figure)
+    return left_out
 
 
 def draw_regimes(histories, title, target):
-    panels = panels_of(histories)
+    panels, _ = panels_of(histories)
     figure, axes = plt.subplots(1, len(panels), sharey=True, squeeze=False, figsize=(1.6 + 3.4 * len(panels), 4.4), layout="constrained")
     colours = ListedColormap([c for _, c in REGIMES])
     norm = BoundaryNorm(np.arange(len(REGIMES) + 1) - 0.5, len(REGIMES))
@@ -167,6 +172,7 @@ def draw_regimes(histories, title, target):
         regular = columns.size > 1 and np.all(np.diff(jumps) > 0)
         rows = jumps if regular else np.arange(columns.size)
         axis.pcolormesh(history.time, rows, history.regime[:, columns].T, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+        axis.set_xlim(0.0, history.time[-1])
         axis.set_title(name)
         axis.set_xlabel("time (µs)")
         axis.set_ylabel("initial jump (m/s)" if regular else "column, by initial jump")
@@ -180,7 +186,7 @@ def draw_regimes(histories, title, target):
 
 def main():
     parser = argparse.ArgumentParser(description="Draws histories of shearbus-hydro, several side by side.")
-    parser.add_argument("histories", nargs="+", type=pathlib.Path, help="HDF5 files")
+    parser.add_argument("histories", nargs="+", type=pathlib.Path, help="HDF5 files, or directories with a history.h5")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
     options = parser.parse_args()
     plt.rcParams.update({"font.size": 9.5, "axes.titlesize": 10, "figure.titlesize": 12, "axes.spines.top": False,
@@ -188,14 +194,14 @@ def main():
     histories = []
     for path in options.histories:
         try:
-            histories.append(History(path))
+            histories.append(History(path / "history.h5" if path.is_dir() else path))
         except (OSError, ValueError, KeyError) as error:
             print(f"plot_histories: {path}: {error}", file=sys.stderr)
             return 1
     options.out.mkdir(parents=True, exist_ok=True)
     title = " / ".join(dict.fromkeys(h.scene.get("name", h.path.stem) for h in histories))
-    draw_histories(histories, title, options.out / "histories.png")
-    print(f"  pictures                {options.out / 'histories.png'}")
+    left_out = draw_histories(histories, title, options.out / "histories.png")
+    print(f"  pictures                {options.out / 'histories.png'}" + (f" ({left_out} panels left out)" if left_out else ""))
     if all(h.regime is not None for h in histories) and any(h.regime.shape[1] > MOST_LINES for h in histories):
         draw_regimes(histories, title, options.out / "regimes.png")
         print(f"                          {options.out / 'regimes.png'}")
