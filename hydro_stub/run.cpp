@@ -122,7 +122,7 @@ void plot(const std::filesystem::path& out) {
   std::string directory = out.string();
   const std::array<char*, 6> arguments = {python.data(), script.data(),    history.data(),
                                           flag.data(),   directory.data(), nullptr};
-  std::fflush(stdout);  // what was printed so far stands before what the script prints
+  static_cast<void>(std::fflush(stdout));  // what was printed so far stands before what the script prints
   pid_t child = 0;
   const int refused = ::posix_spawn(&child, python.c_str(), nullptr, nullptr, arguments.data(), environ);
   if (refused != 0) throw std::system_error(refused, std::generic_category(), "cannot start " + python);
