@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
   try {
     run(options);
   } catch (const std::exception& fault) {
-    std::fprintf(stderr, "shearbus-server: %s\n", fault.what());
+    fmt::print(stderr, "shearbus-server: {}\n", fault.what());
     return kExitFault;
   }
   return 0;
