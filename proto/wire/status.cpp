@@ -38,7 +38,7 @@ const char* name(Code code) {
 std::string describe(const Status& status) {
   std::string line = fmt::format("{}: {}", name(status.code), status.text);
   if (!status.node_ids.empty()) line += fmt::format(" [nodes {}]", fmt::join(status.node_ids, ", "));
-  if (!status.remedy.empty()) line += " " + status.remedy;
+  if (!status.remedy.empty()) line += (line.ends_with('.') ? " " : ". ") + status.remedy;
   return line;
 }
 

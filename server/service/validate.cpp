@@ -130,11 +130,11 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
     refuse(Code::kUnknownNode, wire::name(Field::kNodeId),
            fmt::format("node {} is not of this session ({} of {} rows at fault)", rows.unknown.front(), rows.unknown.size(),
                        expected),
-           "Open the session with every node it will ever step.", std::move(rows.unknown));
+           "Open the session with every node it will ever step.", rows.unknown);
   if (!rows.duplicate.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
            fmt::format("node {} is given more than once in the step", rows.duplicate.front()),
-           "Send one row per node.", std::move(rows.duplicate));
+           "Send one row per node.", rows.duplicate);
   return rows;
 }
 
@@ -155,10 +155,9 @@ std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch) {
     refuse(Code::kLimit, wire::name(Field::kNodeId),
            fmt::format("{} nodes; a session holds at most {}", ids.size(), wire::kMaxNodesPerSession),
            "Split the nodes over several sessions.");
-  if (auto repeated = shard::NodeTable::repeated(ids); !repeated.empty())
+  if (const auto repeated = shard::NodeTable::repeated(ids); !repeated.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
-           fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
-           std::move(repeated));
+           fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.", repeated);
   return ids;
 }
 

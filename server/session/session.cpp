@@ -13,9 +13,9 @@ Verdict Session::triage(std::uint64_t sequence, std::uint64_t hash) const {
   const std::string found = "sequence " + std::to_string(sequence);
   const std::string last = std::to_string(last_sequence_);
   const bool open = kept_reply_ != nullptr;
-  const std::uint64_t next = open ? last_sequence_ + 1 : 0;
-  if (sequence == next) return {};
-  if (sequence > next)
+  const bool is_next = open ? sequence > last_sequence_ && sequence - last_sequence_ == 1 : sequence == 0;
+  if (is_next) return {};
+  if (!open || sequence > last_sequence_)
     return reject(wire::Code::kSequenceGap, found + " after " + last + ": requests in between are missing",
                   "Number requests 1, 2, 3, ... and wait for each reply.");
   if (sequence < last_sequence_)

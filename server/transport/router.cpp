@@ -54,7 +54,11 @@ zmq::message_t message_of(const OutFrame& frame) {
 // libzmq would unlink a path in use and take it over, leaving the first server deaf.
 class Router::PathLock {
  public:
-  explicit PathLock(const std::string& path) {
+  explicit PathLock(const std::string& path) : path_(path) {
+    struct stat existing {};
+    if (::lstat(path.c_str(), &existing) == 0 && !S_ISSOCK(existing.st_mode))
+      throw std::runtime_error("ipc://" + path + " is a file or directory, not a socket: listening there would delete it; "
+                               "choose another path");
     const std::string lock = path + ".lock";
     file_ = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (file_ < 0)
@@ -69,17 +73,22 @@ class Router::PathLock {
       throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(fault));
     }
   }
-  PathLock(PathLock&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
+  PathLock(PathLock&& other) noexcept : path_(std::move(other.path_)), file_(std::exchange(other.file_, -1)) {}
   PathLock& operator=(PathLock&& other) noexcept {
+    std::swap(path_, other.path_);
     std::swap(file_, other.file_);
     return *this;
   }
-  // The file stays: removing it would race with a server that has just opened it.
+  // libzmq leaves the socket's name behind; while the lock is held nobody else's can be there. The lock file stays: removing
+  // it would race with a server that has just opened it.
   ~PathLock() {
-    if (file_ >= 0) ::close(file_);
+    if (file_ < 0) return;
+    ::unlink(path_.c_str());
+    ::close(file_);
   }
 
  private:
+  std::string path_;
   int file_ = -1;
 };
 

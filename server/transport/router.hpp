@@ -66,7 +66,7 @@ class Router {
   void send(zmq::message_t& peer, const std::vector<OutFrame>& frames);
 
   RouterOptions options_;
-  std::vector<PathLock> locks_;  // outlive the context: closing it unlinks the paths
+  std::vector<PathLock> locks_;  // outlive the context, which may hold sockets there
   zmq::context_t context_;
   zmq::socket_t socket_;
   RouterCounters counters_;

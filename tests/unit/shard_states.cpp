@@ -47,11 +47,11 @@ StepInputs inputs_of(const wire::Batch& batch) {
 
 class Fixture {
  public:
-  Fixture(Strategy strategy, std::size_t nodes, unsigned threads = 1, std::size_t nodes_per_task = 512)
-      : strategy(strategy),
+  Fixture(Strategy of, std::size_t nodes, unsigned threads = 1, std::size_t nodes_per_task = 512)
+      : strategy(of),
         ids(support::node_ids(nodes)),
         pool(threads),
-        shard(physics::Model(service::scene_model(support::scene_of(strategy)).options), ids,
+        shard(physics::Model(service::scene_model(support::scene_of(of)).options), ids,
               std::vector<double>(nodes, 300.0), pool, {.nodes_per_task = nodes_per_task}) {}
 
   // One step of some nodes (all when empty), left as a trial.
