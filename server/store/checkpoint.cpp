@@ -83,8 +83,7 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
   put_number(group, "state_version", session.state_version);
-  // As bytes: an attribute holds 64 kB, a scene may hold more.
-  put_numbers(group, "scene_toml", std::vector<char>(session.scene.begin(), session.scene.end()), session.scene.size());
+  put_text_dataset(group, "scene_toml", session.scene);  // an attribute could hold 64 kB only
   put_numbers(group, "node_id", session.node_ids, session.node_ids.size());
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);
@@ -105,8 +104,7 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
   if (!session.open) return session;
   session.state_version = number_of(group, "state_version");
-  const auto scene = numbers_of<char>(group, "scene_toml");
-  session.scene.assign(scene.begin(), scene.end());
+  session.scene = text_in_dataset(group, "scene_toml");
   session.node_ids = numbers_of<std::uint64_t>(group, "node_id");
   session.committed = states_of(group, "committed");
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");

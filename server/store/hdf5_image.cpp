@@ -94,6 +94,24 @@ void put_text(const Handle& object, const std::string& name, const std::string& 
   check(H5Awrite(attribute.get(), type.get(), text.c_str()), "write attribute " + name);
 }
 
+void put_text_dataset(const Handle& group, const std::string& name, const std::string& text) {
+  const Handle type = text_type(text.empty() ? 1 : text.size());
+  const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
+  const Handle dataset(H5Dcreate2(group.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                       H5Dclose, "make dataset " + name);
+  check(H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()), "write dataset " + name);
+}
+
+std::string text_in_dataset(const Handle& group, const std::string& name) {
+  const Handle dataset(H5Dopen2(group.get(), name.c_str(), H5P_DEFAULT), H5Dclose, "find dataset " + name);
+  const Handle type(H5Dget_type(dataset.get()), H5Tclose, "type dataset " + name);
+  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0) throw Hdf5Error("read text from dataset " + name);
+  std::string text(H5Tget_size(type.get()), '\0');
+  check(H5Dread(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), "read dataset " + name);
+  text.resize(text.find_last_not_of('\0') + 1);
+  return text;
+}
+
 void put_number(const Handle& object, const std::string& name, std::uint64_t value) {
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
   const Handle attribute(H5Acreate2(object.get(), name.c_str(), H5T_STD_U64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose,

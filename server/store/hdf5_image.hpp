@@ -66,6 +66,8 @@ bool has_child(const Handle& parent, const std::string& name);
 std::vector<std::string> children_of(const Handle& group);  // ascending
 
 void put_text(const Handle& object, const std::string& name, const std::string& text);
+void put_text_dataset(const Handle& group, const std::string& name, const std::string& text);  // of any length
+std::string text_in_dataset(const Handle& group, const std::string& name);
 void put_number(const Handle& object, const std::string& name, std::uint64_t value);
 std::string text_of(const Handle& object, const std::string& name);
 std::uint64_t number_of(const Handle& object, const std::string& name);

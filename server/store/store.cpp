@@ -112,12 +112,13 @@ std::uint64_t Store::restore_newest(const Found& found, Recovery& recovery) {
 
 void Store::replay_segments(const Found& found, std::uint64_t base, Recovery& recovery) {
   next_index_ = base;
+  std::string torn;  // the segment whose last record is not whole
   for (const std::uint64_t number : found.segments) {
     const std::string file = segment_name(number);
     const std::vector<std::byte> bytes = storage_.read(file);
     const Segment segment = read_segment(bytes, file);
-    const bool last = number == found.segments.back();
-    if (segment.torn && !last) throw DamagedFile(file + ": it ends in the middle of a record, and another segment follows it");
+    if (!torn.empty() && !segment.records.empty())
+      throw DamagedFile(torn + ": it ends in the middle of a record, and " + file + " goes on");
     if (segment.sound_bytes == 0) {
       storage_.remove(file);  // its making was cut short: it never held a record
       continue;
@@ -133,6 +134,7 @@ void Store::replay_segments(const Found& found, std::uint64_t base, Recovery& re
       ++counters_.replayed;
     }
     if (segment.torn) {
+      torn = file;
       log(file + ": cut after its last whole record; a request that was never answered was being written");
       const auto opened = storage_.open(file);
       opened->truncate(segment.sound_bytes);
@@ -161,10 +163,10 @@ void Store::set_aside(const Found& found) {
 }
 
 void Store::start_segment() {
-  journal_ = std::make_unique<JournalWriter>(storage_, next_segment_, options_.epoch, next_index_,
+  const std::uint64_t number = next_segment_++;  // also where it fails: a file of that name may exist then
+  journal_ = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
                                              options_.durability == Durability::kPower);
-  segments_.push_back({next_segment_, next_index_});
-  ++next_segment_;
+  segments_.push_back({number, next_index_});
 }
 
 void Store::append(const Record& record) {

@@ -80,7 +80,9 @@ TEST(Checkpoint, ComesBackAsItWent) {
     EXPECT_EQ(a.state_version, b.state_version);
     EXPECT_TRUE(same(a.committed, b.committed));
     ASSERT_EQ(a.trial.has_value(), b.trial.has_value());
-    if (a.trial) EXPECT_TRUE(same(*a.trial, *b.trial));
+    if (a.trial) {
+      EXPECT_TRUE(same(*a.trial, *b.trial));
+    }
   }
 }
 
