@@ -14,7 +14,8 @@
 namespace shearbus::server {
 namespace {
 
-constexpr const char* kEndpoint = "inproc://shearbus";  // each embedded server has a context, so a name space, of its own
+constexpr const char* kEndpoint =
+    "inproc://shearbus";  // each embedded server has a context, so a name space, of its own
 
 // The host's signals are the host's: threads started while this lives take none.
 class SignalsBlocked {
@@ -80,7 +81,11 @@ Embedded::Embedded(Embedded&&) noexcept = default;
 Embedded& Embedded::operator=(Embedded&&) noexcept = default;
 Embedded::~Embedded() = default;
 
-const std::string& Embedded::endpoint() const { return impl_->endpoint; }
-void* Embedded::context() const { return impl_->server.context(); }
+const std::string& Embedded::endpoint() const {
+  return impl_->endpoint;
+}
+void* Embedded::context() const {
+  return impl_->server.context();
+}
 
 }  // namespace shearbus::server

@@ -77,19 +77,23 @@ int block_stop_signals() {
 void run(const ServerOptions& options) {
   const int stop_fd = block_stop_signals();
   start_log(options);
-  spdlog::info("shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, insecure plaintext {}, log level {}",
-               SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
-               options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
-               options.insecure_plaintext, options.log_level);
+  spdlog::info(
+      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, insecure plaintext {}, log level "
+      "{}",
+      SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
+      options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
+      options.insecure_plaintext, options.log_level);
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
                             .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
     for (const std::string& endpoint : options.endpoints) spdlog::info("listening on {}", server.bind(endpoint));
     server.run(stop_fd);
     const auto status = server.status();
-    spdlog::info("stopping: {} requests ({} refused, {} repeated), {} node-steps, {} sessions were open, {} answers undeliverable",
-                 status.requests, status.refused, status.replayed, status.node_steps, status.sessions,
-                 server.transport().peer_gone + server.transport().peer_full);
+    spdlog::info(
+        "stopping: {} requests ({} refused, {} repeated), {} node-steps, {} sessions were open, {} answers "
+        "undeliverable",
+        status.requests, status.refused, status.replayed, status.node_steps, status.sessions,
+        server.transport().peer_gone + server.transport().peer_full);
   }
   spdlog::info("stopped");
   ::close(stop_fd);
@@ -98,7 +102,9 @@ void run(const ServerOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"The subgrid friction server of shearbus: it owns the shear layers of interface nodes and steps them for clients."};
+  CLI::App app{
+      "The subgrid friction server of shearbus: it owns the shear layers of interface nodes and steps them for "
+      "clients."};
   ServerOptions options;
   add_options(app, options);
   try {

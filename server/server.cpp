@@ -14,7 +14,8 @@
 namespace shearbus::server {
 namespace {
 
-constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // more requests than this cannot wait without being sent again
+constexpr std::size_t kRefusedAtStop =
+    4 * wire::kMaxSessions;  // more requests than this cannot wait without being sent again
 
 std::uint64_t monotonic_ns() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
@@ -32,7 +33,9 @@ std::uint64_t three_quarters_of_memory() {
   return pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 4 * 3;
 }
 
-unsigned thread_count(unsigned wanted) { return wanted != 0 ? wanted : std::max(1U, std::thread::hardware_concurrency()); }
+unsigned thread_count(unsigned wanted) {
+  return wanted != 0 ? wanted : std::max(1U, std::thread::hardware_concurrency());
+}
 
 service::ServiceOptions service_options(const ServerOptions& options, const Log& log) {
   return {.epoch = random_epoch(),

@@ -56,17 +56,20 @@ void status(const Options& options) {
   if (options.json) {
     fmt::print(
         "{{\"server_version\": \"{}\", \"uptime_s\": {:.3f}, \"threads\": {}, \"sessions\": {}, \"nodes\": {}, "
-        "\"state_bytes\": {}, \"requests\": {}, \"refused\": {}, \"replayed\": {}, \"node_steps\": {}, \"solver_s\": {:.6f}}}\n",
-        escaped(s.server_version), 1e-9 * static_cast<double>(s.uptime_ns), s.threads, s.sessions, s.nodes, s.state_bytes,
-        s.requests, s.refused, s.replayed, s.node_steps, 1e-9 * static_cast<double>(s.solver_ns));
+        "\"state_bytes\": {}, \"requests\": {}, \"refused\": {}, \"replayed\": {}, \"node_steps\": {}, \"solver_s\": "
+        "{:.6f}}}\n",
+        escaped(s.server_version), 1e-9 * static_cast<double>(s.uptime_ns), s.threads, s.sessions, s.nodes,
+        s.state_bytes, s.requests, s.refused, s.replayed, s.node_steps, 1e-9 * static_cast<double>(s.solver_ns));
     return;
   }
   const auto line = [](const char* what, const std::string& value) { fmt::print("{:<12} {}\n", what, value); };
-  line("server", fmt::format("{} ({} threads), up {:.0f} s", s.server_version, s.threads, 1e-9 * static_cast<double>(s.uptime_ns)));
+  line("server", fmt::format("{} ({} threads), up {:.0f} s", s.server_version, s.threads,
+                             1e-9 * static_cast<double>(s.uptime_ns)));
   line("sessions", fmt::format("{} with {} nodes, {:.1f} MB of states", s.sessions, s.nodes,
                                static_cast<double>(s.state_bytes) / (1 << 20)));
   line("requests", fmt::format("{} ({} refused, {} repeated)", s.requests, s.refused, s.replayed));
-  const double per_step_ns = s.node_steps == 0 ? 0.0 : static_cast<double>(s.solver_ns) / static_cast<double>(s.node_steps);
+  const double per_step_ns =
+      s.node_steps == 0 ? 0.0 : static_cast<double>(s.solver_ns) / static_cast<double>(s.node_steps);
   line("node-steps", fmt::format("{} in {:.3f} s of solver time ({:.0f} ns each)", s.node_steps,
                                  1e-9 * static_cast<double>(s.solver_ns), per_step_ns));
 }
@@ -89,7 +92,9 @@ void check(const Options& options) {
   }
 }
 
-void reference() { fmt::print("{}", shearbus::wire::scene_reference()); }
+void reference() {
+  fmt::print("{}", shearbus::wire::scene_reference());
+}
 
 }  // namespace
 

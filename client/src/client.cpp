@@ -26,14 +26,17 @@ template <typename Body>
 Body& body_of(Received& received) {
   Body* body = std::get_if<Body>(&received.reply.body);
   if (body == nullptr)
-    throw Error({.code = Code::kUnexpectedReply,
-                 .text = fmt::format("the reply to request {} is of another kind than the request", received.reply.request_id),
-                 .remedy = "Client and server do not agree on the protocol; tell the maintainers."});
+    throw Error(
+        {.code = Code::kUnexpectedReply,
+         .text = fmt::format("the reply to request {} is of another kind than the request", received.reply.request_id),
+         .remedy = "Client and server do not agree on the protocol; tell the maintainers."});
   return *body;
 }
 
 // The same columns, for the length of a call.
-wire::Batch view_of(const wire::Batch& batch) { return wire::Batch::over(batch.columns(), batch.bytes()); }
+wire::Batch view_of(const wire::Batch& batch) {
+  return wire::Batch::over(batch.columns(), batch.bytes());
+}
 
 }  // namespace
 
@@ -58,8 +61,8 @@ struct Session::Impl {
     return request;
   }
 
-  // Sends the session's next request. Only an answered one counts. One without an answer keeps its id, so that the same call
-  // again has the same bytes and the server knows it.
+  // Sends the session's next request. Only an answered one counts. One without an answer keeps its id, so that the same
+  // call again has the same bytes and the server knows it.
   Received exchange(wire::Request request) {
     if (request.request_id == 0) request.request_id = connection->next_request_id();
     try {
@@ -160,11 +163,21 @@ wire::SessionClosed Session::close() {
   return body_of<wire::SessionClosed>(received);
 }
 
-void Session::want(std::vector<Field> columns) { impl_->wanted = std::move(columns); }
-const Scene& Session::effective_scene() const { return impl_->opened.effective_scene; }
-const std::vector<std::string>& Session::warnings() const { return impl_->opened.warnings; }
-std::uint64_t Session::bytes_per_node() const { return impl_->opened.bytes_per_node; }
-const std::vector<std::uint64_t>& Session::node_ids() const { return impl_->node_ids; }
+void Session::want(std::vector<Field> columns) {
+  impl_->wanted = std::move(columns);
+}
+const Scene& Session::effective_scene() const {
+  return impl_->opened.effective_scene;
+}
+const std::vector<std::string>& Session::warnings() const {
+  return impl_->opened.warnings;
+}
+std::uint64_t Session::bytes_per_node() const {
+  return impl_->opened.bytes_per_node;
+}
+const std::vector<std::uint64_t>& Session::node_ids() const {
+  return impl_->node_ids;
+}
 
 Client::Client(ClientOptions options) : connection_(std::make_shared<Connection>(std::move(options))) {
   wire::Request request;
@@ -189,7 +202,9 @@ Client::Client(Client&&) noexcept = default;
 Client& Client::operator=(Client&&) noexcept = default;
 Client::~Client() = default;
 
-const wire::Welcome& Client::welcome() const { return welcome_; }
+const wire::Welcome& Client::welcome() const {
+  return welcome_;
+}
 
 Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options) {
   const auto temperatures = options.initial_temperature_k;

@@ -44,7 +44,9 @@ void check_endpoint(const ClientOptions& options) {
 
 }  // namespace
 
-void Connection::CloseSocket::operator()(void* socket) const { zmq_close(socket); }
+void Connection::CloseSocket::operator()(void* socket) const {
+  zmq_close(socket);
+}
 void Connection::CloseContext::operator()(void* context) const {
   while (zmq_ctx_term(context) != 0 && zmq_errno() == EINTR) {
   }
@@ -144,7 +146,8 @@ bool Connection::receive(std::uint64_t request_id, Clock::time_point until, Rece
                    .remedy = "Is it a shearbus server of this version?"});
     }
     // A server that could not read a request's id answers with 0.
-    if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok())) continue;
+    if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
+      continue;
     received.payload_frame = frames[1];
     return true;
   }

@@ -29,9 +29,9 @@ class Connection {
   const ClientOptions& options() const { return options_; }
   std::uint64_t next_request_id();  // never 0
 
-  // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without one.
-  // Throws Error: the reply's status where it is not OK, kUnreachable where the request never left, kUnknownOutcome where it
-  // left and nothing came back before the deadline.
+  // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without
+  // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left,
+  // kUnknownOutcome where it left and nothing came back before the deadline.
   Received call(const wire::Request& request, std::chrono::milliseconds deadline);
 
   // Sends without waiting for anything, if that can be done now.
@@ -54,7 +54,7 @@ class Connection {
 
   ClientOptions options_;
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
-  std::unique_ptr<void, CloseSocket> socket_;        // null after a timeout: a late reply must not be taken for another's
+  std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
   std::uint64_t last_request_id_ = 0;
 };
 

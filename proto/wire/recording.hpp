@@ -1,9 +1,10 @@
 // Histories on disk: HDF5 files that a person opens with h5py. The layout is in recording.md beside this file.
 //
-//   /time [T] s, /node_id [N], /<name> [T,N] with attribute `units`, /meta with attributes format, created, scene (TOML text), ...
+//   /time [T] s, /node_id [N], /<name> [T,N] with attribute `units`, /meta with attributes format, created, scene (TOML
+//   text), ...
 //
-// Everything throws wire::Error{kInvalidValue} with file and dataset in the text; a writer works on FILE.partial and renames
-// it when closed, so that an interrupted run leaves no file that looks whole.
+// Everything throws wire::Error{kInvalidValue} with file and dataset in the text; a writer works on FILE.partial and
+// renames it when closed, so that an interrupted run leaves no file that looks whole.
 #pragma once
 
 #include <cstdint>
@@ -19,29 +20,33 @@
 namespace shearbus::wire {
 
 struct Quantity {
-  std::string name;        // dataset
-  std::string units;       // UDUNITS text
-  std::string long_name;   // one line
-  bool is_regime = false;  // uint8 with the enum legend of Regime instead of float64
+  std::string name;         // dataset
+  std::string units;        // UDUNITS text
+  std::string long_name;    // one line
+  bool is_regime = false;   // uint8 with the enum legend of Regime instead of float64
+  bool is_outcome = false;  // uint8 with the bits of Outcome instead of float64
 };
 
 class HistoryWriter {
  public:
-  // `meta` becomes attributes of /meta beside format, version, created and units_system. Rows are buffered to chunks of
-  // about 256 KiB a dataset.
+  // `meta` goes into /meta beside format, version, created and units_system: one line as an attribute, a longer text
+  // (the scene) as a scalar dataset. Rows are buffered to chunks of at most 512 KiB a dataset.
   HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
-                const std::map<std::string, std::string>& meta);
+                const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;
   HistoryWriter& operator=(HistoryWriter&&) noexcept;
   ~HistoryWriter();  // of a writer that was not closed: removes the partial file
 
-  void begin_row(double time_s);
+  // End of the step, increasing. The length is for hosts whose dt is not, to the last bit, the difference of two times;
+  // all rows have it or none.
+  void begin_row(double time_s, std::optional<double> dt_s = std::nullopt);
   void set(std::size_t quantity, std::span<const double> values);        // index into `quantities`
-  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime
-  void end_row();
+  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime or outcome
+  void end_row();                                                        // every quantity has been set
 
   // A dataset of shape [N] or any other length, e.g. masses.
   void add_static(const Quantity& quantity, std::span<const double> values);
+  // Everything is on the disk, under the final name (which replaces a file of that name), when this returns.
   void close(const std::map<std::string, std::string>& closing_meta = {});
 
  private:
@@ -59,17 +64,22 @@ class HistoryReader {
 
   std::size_t steps() const;
   std::size_t nodes() const;
-  double start_time_s() const;                             // attribute t0 of /time, 0 when absent
-  const std::vector<double>& times_s() const;              // end of each step; strictly increasing, checked
-  const std::vector<std::uint64_t>& node_ids() const;      // unique, checked
+  double start_time_s() const;                 // attribute t0 of /time, 0 when absent
+  const std::vector<double>& times_s() const;  // end of each step; strictly increasing, checked
+  const std::vector<double>& dt_s()
+      const;  // of each step: /dt [T] when there (checked against /time), else differences
+  const std::vector<std::uint64_t>& node_ids() const;  // unique, checked
   bool has(std::string_view name) const;
-  std::vector<double> per_node(std::string_view name) const;                       // [N], finite, checked
-  void row(std::string_view name, std::size_t step, std::span<double> values);     // of a [T,N] dataset; finite, checked
+  std::vector<double> per_node(std::string_view name) const;                    // [N], finite, checked
+  void row(std::string_view name, std::size_t step, std::span<double> values);  // of a [T,N] dataset; finite, checked
   std::optional<std::string> meta(std::string_view name) const;
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// "xxh3-64:" and 16 hexadecimal digits of a file's bytes: what `xxhsum -H3` prints.
+std::string hash_of_file(const std::filesystem::path& file);
 
 }  // namespace shearbus::wire

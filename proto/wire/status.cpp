@@ -7,30 +7,54 @@ namespace shearbus::wire {
 
 const char* name(Code code) {
   switch (code) {
-    case Code::kUnspecified: return "UNSPECIFIED";
-    case Code::kOk: return "OK";
-    case Code::kBadFraming: return "BAD_FRAMING";
-    case Code::kMalformed: return "MALFORMED";
-    case Code::kVersion: return "VERSION";
-    case Code::kLimit: return "LIMIT";
-    case Code::kChecksum: return "CHECKSUM";
-    case Code::kShape: return "SHAPE";
-    case Code::kUnsupported: return "UNSUPPORTED";
-    case Code::kUnknownSession: return "UNKNOWN_SESSION";
-    case Code::kStaleSequence: return "STALE_SEQUENCE";
-    case Code::kSequenceGap: return "SEQUENCE_GAP";
-    case Code::kSequenceReused: return "SEQUENCE_REUSED";
-    case Code::kEpoch: return "EPOCH";
-    case Code::kNothingToCommit: return "NOTHING_TO_COMMIT";
-    case Code::kInvalidScene: return "INVALID_SCENE";
-    case Code::kInvalidValue: return "INVALID_VALUE";
-    case Code::kUnknownNode: return "UNKNOWN_NODE";
-    case Code::kDuplicateNode: return "DUPLICATE_NODE";
-    case Code::kShuttingDown: return "SHUTTING_DOWN";
-    case Code::kInternal: return "INTERNAL";
-    case Code::kUnreachable: return "UNREACHABLE";
-    case Code::kUnknownOutcome: return "UNKNOWN_OUTCOME";
-    case Code::kUnexpectedReply: return "UNEXPECTED_REPLY";
+    case Code::kUnspecified:
+      return "UNSPECIFIED";
+    case Code::kOk:
+      return "OK";
+    case Code::kBadFraming:
+      return "BAD_FRAMING";
+    case Code::kMalformed:
+      return "MALFORMED";
+    case Code::kVersion:
+      return "VERSION";
+    case Code::kLimit:
+      return "LIMIT";
+    case Code::kChecksum:
+      return "CHECKSUM";
+    case Code::kShape:
+      return "SHAPE";
+    case Code::kUnsupported:
+      return "UNSUPPORTED";
+    case Code::kUnknownSession:
+      return "UNKNOWN_SESSION";
+    case Code::kStaleSequence:
+      return "STALE_SEQUENCE";
+    case Code::kSequenceGap:
+      return "SEQUENCE_GAP";
+    case Code::kSequenceReused:
+      return "SEQUENCE_REUSED";
+    case Code::kEpoch:
+      return "EPOCH";
+    case Code::kNothingToCommit:
+      return "NOTHING_TO_COMMIT";
+    case Code::kInvalidScene:
+      return "INVALID_SCENE";
+    case Code::kInvalidValue:
+      return "INVALID_VALUE";
+    case Code::kUnknownNode:
+      return "UNKNOWN_NODE";
+    case Code::kDuplicateNode:
+      return "DUPLICATE_NODE";
+    case Code::kShuttingDown:
+      return "SHUTTING_DOWN";
+    case Code::kInternal:
+      return "INTERNAL";
+    case Code::kUnreachable:
+      return "UNREACHABLE";
+    case Code::kUnknownOutcome:
+      return "UNKNOWN_OUTCOME";
+    case Code::kUnexpectedReply:
+      return "UNEXPECTED_REPLY";
   }
   return "?";
 }

@@ -23,7 +23,8 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
 }
 
 physics::FarBoundary far_boundary_of(wire::FarBoundary boundary) {
-  return boundary == wire::FarBoundary::kHalfSpace ? physics::FarBoundary::kHalfSpace : physics::FarBoundary::kInsulated;
+  return boundary == wire::FarBoundary::kHalfSpace ? physics::FarBoundary::kHalfSpace
+                                                   : physics::FarBoundary::kInsulated;
 }
 
 physics::Drive drive_of(wire::Drive drive) {

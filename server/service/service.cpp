@@ -127,7 +127,8 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
   address();
   const std::uint64_t started_ns = options_.now_ns();
   if (shutting_down_)
-    throw Error({.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
+    throw Error(
+        {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
 
   if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
     check_no_payload(request);
@@ -141,17 +142,19 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
   }
   check_epoch(request);
   const std::uint64_t hash = wire::hash_of(frames);
-  if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, request, hash, reply);
+  if (const auto* open = std::get_if<wire::OpenSession>(&request.body))
+    return open_session(*open, request, hash, reply);
   return answer_in_session(request, hash, started_ns, reply);
 }
 
 void Service::check_epoch(const wire::Request& request) const {
   if (request.epoch != 0 && request.epoch != options_.epoch)
-    throw Error({.code = Code::kEpoch,
-                 .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted and "
-                                     "holds none of the earlier states",
-                                     request.epoch, options_.epoch),
-                 .remedy = "Open a new session and start again from the host's last restart point."});
+    throw Error(
+        {.code = Code::kEpoch,
+         .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted and "
+                             "holds none of the earlier states",
+                             request.epoch, options_.epoch),
+         .remedy = "Open a new session and start again from the host's last restart point."});
 }
 
 void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
@@ -209,13 +212,13 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wir
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
   member->scene = std::move(made.effective);
-  member->shard = std::make_unique<shard::Shard>(std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()),
-                                                 temperatures, pool_,
-                                                 shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  member->shard = std::make_unique<shard::Shard>(
+      std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()), temperatures, pool_,
+      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
   member->conversation.complete(0, hash, reply);
   const shard::Shard& shard = *member->shard;
-  log(fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id), printable(member->scene.name),
-                  shard.nodes().size(), shard::Shard::bytes_per_node(shard.model())));
+  log(fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
+                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model())));
   const std::uint64_t state_bytes = shard.state_bytes();
   members_.emplace(open.session_id, std::move(member));
   ++metrics_.sessions;
@@ -258,7 +261,8 @@ Service::ReplyPtr Service::answer_in_session(const wire::Request& request, std::
   check_no_payload(request);
   if (std::holds_alternative<wire::Commit>(request.body)) {
     if (!member.shard->has_trial())
-      throw Error({.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
+      throw Error(
+          {.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
     member.shard->commit();
     reply->body = wire::Committed{.state_version = member.shard->state_version()};
   } else if (std::holds_alternative<wire::Rollback>(request.body)) {

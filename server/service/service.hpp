@@ -1,4 +1,5 @@
-// Bytes in, bytes out: the whole server but its socket. One thread at a time. Same requests, same clock, same epoch: same bytes.
+// Bytes in, bytes out: the whole server but its socket. One thread at a time. Same requests, same clock, same epoch:
+// same bytes.
 #pragma once
 
 #include <cstddef>
@@ -30,13 +31,13 @@ struct ReplyFrames {
 };
 
 struct ServiceOptions {
-  std::uint64_t epoch = 1;                       // of this incarnation of the server; not 0
+  std::uint64_t epoch = 1;  // of this incarnation of the server; not 0
   std::string server_version;
   std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // of all sessions' states together
   std::size_t max_sessions = wire::kMaxSessions;
   std::size_t nodes_per_task = 512;
-  std::function<std::uint64_t()> now_ns;         // a clock that never goes back
-  std::function<void(const std::string&)> log;   // a line when a session opens or closes; may be empty
+  std::function<std::uint64_t()> now_ns;        // a clock that never goes back
+  std::function<void(const std::string&)> log;  // a line when a session opens or closes; may be empty
 };
 
 class Service {
@@ -44,8 +45,8 @@ class Service {
   Service(ServiceOptions options, shard::TaskPool& pool);
   ~Service();
 
-  // The answer to one request. Never throws. Empty only when the request was run and its answer found no memory: the client
-  // will repeat it and be answered then.
+  // The answer to one request. Never throws. Empty only when the request was run and its answer found no memory: the
+  // client will repeat it and be answered then.
   std::optional<ReplyFrames> handle(Frames frames) noexcept;
 
   // From here on every request is refused with SHUTTING_DOWN.
@@ -54,8 +55,8 @@ class Service {
   wire::ServerStatus status() const;
 
  private:
-  // A session and the states it owns. A closed one stays for a while without states: it knows a repeated goodbye, and a late
-  // copy of its opening cannot bring it back.
+  // A session and the states it owns. A closed one stays for a while without states: it knows a repeated goodbye, and a
+  // late copy of its opening cannot bring it back.
   struct Member;
   using Members = std::map<wire::SessionId, std::unique_ptr<Member>>;
   using ReplyPtr = std::shared_ptr<wire::Reply>;
@@ -79,8 +80,8 @@ class Service {
   shard::TaskPool& pool_;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
-  Members members_;                       // open and closed
-  std::deque<wire::SessionId> closed_;    // oldest first
+  Members members_;                     // open and closed
+  std::deque<wire::SessionId> closed_;  // oldest first
   wire::ServerStatus metrics_;
 };
 

@@ -20,7 +20,8 @@ using wire::Field;
 
 namespace {
 
-// What a column may hold. The bounds are far outside physics on purpose: they catch wrong units and unset memory, no model.
+// What a column may hold. The bounds are far outside physics on purpose: they catch wrong units and unset memory, no
+// model.
 struct Range {
   Field field;
   double lowest;
@@ -77,14 +78,16 @@ std::string join_names(const std::array<std::span<const Field>, N>& lists) {
   return names;
 }
 
-bool contains(std::span<const Field> list, Field field) { return std::find(list.begin(), list.end(), field) != list.end(); }
+bool contains(std::span<const Field> list, Field field) {
+  return std::find(list.begin(), list.end(), field) != list.end();
+}
 
 void check_first_components(const wire::Batch& batch) {
   for (const wire::Column& column : batch.columns())
     if (column.component != 0)
       refuse(Code::kUnsupported, wire::name(column.field),
-             fmt::format("column {} has component {}; this server knows one tangential component", wire::name(column.field),
-                         column.component),
+             fmt::format("column {} has component {}; this server knows one tangential component",
+                         wire::name(column.field), column.component),
              "Send component 0 only.");
 }
 
@@ -128,13 +131,13 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
              "Give every column one value per row.");
   if (!rows.unknown.empty())
     refuse(Code::kUnknownNode, wire::name(Field::kNodeId),
-           fmt::format("node {} is not of this session ({} of {} rows at fault)", rows.unknown.front(), rows.unknown.size(),
-                       expected),
+           fmt::format("node {} is not of this session ({} of {} rows at fault)", rows.unknown.front(),
+                       rows.unknown.size(), expected),
            "Open the session with every node it will ever step.", rows.unknown);
   if (!rows.duplicate.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
-           fmt::format("node {} is given more than once in the step", rows.duplicate.front()),
-           "Send one row per node.", rows.duplicate);
+           fmt::format("node {} is given more than once in the step", rows.duplicate.front()), "Send one row per node.",
+           rows.duplicate);
   return rows;
 }
 
@@ -157,7 +160,8 @@ std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch) {
            "Split the nodes over several sessions.");
   if (const auto repeated = shard::NodeTable::repeated(ids); !repeated.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
-           fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.", repeated);
+           fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
+           repeated);
   return ids;
 }
 
@@ -168,16 +172,18 @@ std::vector<double> check_initial_temperatures(const wire::Batch& batch, const w
   if (!batch.has(Field::kInitialTemperature)) {
     const double value = effective.layer.initial_temperature_k;
     if (!solid(value))
-      refuse(Code::kInvalidScene, "layer.initial_temperature_k",
-             fmt::format("layer.initial_temperature_k is {}; expected above 0 and below {} K, where the soft body melts", value,
-                         melting_temperature),
-             "The layer starts solid.");
+      refuse(
+          Code::kInvalidScene, "layer.initial_temperature_k",
+          fmt::format("layer.initial_temperature_k is {}; expected above 0 and below {} K, where the soft body melts",
+                      value, melting_temperature),
+          "The layer starts solid.");
     return std::vector<double>(ids.size(), value);
   }
   const auto given = batch.f64(Field::kInitialTemperature);
   if (given.size() != ids.size())
     refuse(Code::kShape, wire::name(Field::kInitialTemperature),
-           fmt::format("column initial_temperature_k has {} values; expected {} (one per node_id)", given.size(), ids.size()),
+           fmt::format("column initial_temperature_k has {} values; expected {} (one per node_id)", given.size(),
+                       ids.size()),
            "Give every column one value per row.");
   check_values(Field::kInitialTemperature, given,
                fmt::format("above 0 and below {} K, where the soft body melts", melting_temperature), solid,

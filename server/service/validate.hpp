@@ -1,4 +1,5 @@
-// What a request must be before physics sees a number of it. Everything throws wire::Error that names column, nodes and value.
+// What a request must be before physics sees a number of it. Everything throws wire::Error that names column, nodes and
+// value.
 #pragma once
 
 #include <cstdint>

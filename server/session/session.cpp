@@ -7,8 +7,9 @@ namespace shearbus::session {
 
 Verdict Session::triage(std::uint64_t sequence, std::uint64_t hash) const {
   const auto reject = [&](wire::Code code, std::string text, std::string remedy) {
-    return Verdict{Triage::kReject,
-                   {.code = code, .text = std::move(text), .remedy = std::move(remedy), .last_sequence = last_sequence_}};
+    return Verdict{
+        Triage::kReject,
+        {.code = code, .text = std::move(text), .remedy = std::move(remedy), .last_sequence = last_sequence_}};
   };
   const std::string found = "sequence " + std::to_string(sequence);
   const std::string last = std::to_string(last_sequence_);

@@ -1,8 +1,8 @@
-// The memory of one session's conversation: which request comes next, and the reply to the last one. It decides whether a
-// request is run, answered again from memory, or refused; it knows nothing of what requests do.
+// The memory of one session's conversation: which request comes next, and the reply to the last one. It decides whether
+// a request is run, answered again from memory, or refused; it knows nothing of what requests do.
 //
-// A client has one request in flight. It numbers them 1, 2, 3, ... (0 is the opening) and repeats one, byte for byte, until
-// it has the answer. So one kept reply is enough for every request to run at most once, however often it arrives:
+// A client has one request in flight. It numbers them 1, 2, 3, ... (0 is the opening) and repeats one, byte for byte,
+// until it has the answer. So one kept reply is enough for every request to run at most once, however often it arrives:
 //
 //   sequence == last + 1              process
 //   sequence == last, same bytes      resend the kept reply

@@ -6,7 +6,8 @@ namespace shearbus::shard {
 
 NodeTable::NodeTable(std::vector<std::uint64_t> node_ids) : ids_(std::move(node_ids)) {
   by_id_.reserve(ids_.size());
-  for (std::size_t slot = 0; slot < ids_.size(); ++slot) by_id_.emplace_back(ids_[slot], static_cast<std::uint32_t>(slot));
+  for (std::size_t slot = 0; slot < ids_.size(); ++slot)
+    by_id_.emplace_back(ids_[slot], static_cast<std::uint32_t>(slot));
   std::sort(by_id_.begin(), by_id_.end());
 }
 

@@ -11,10 +11,10 @@ namespace shearbus::shard {
 
 // Where rows of a request belong, or what is wrong with them.
 struct Rows {
-  bool all = false;                        // every node, in opening order; the lists are empty then
-  std::vector<std::uint32_t> slots;        // of each row
-  std::vector<std::uint64_t> unknown;      // ids that are not of this table, in row order
-  std::vector<std::uint64_t> duplicate;    // ids that came before in the same request
+  bool all = false;                      // every node, in opening order; the lists are empty then
+  std::vector<std::uint32_t> slots;      // of each row
+  std::vector<std::uint64_t> unknown;    // ids that are not of this table, in row order
+  std::vector<std::uint64_t> duplicate;  // ids that came before in the same request
   bool ok() const { return unknown.empty() && duplicate.empty(); }
 };
 

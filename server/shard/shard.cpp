@@ -52,7 +52,8 @@ Shard::Shard(physics::Model model, std::vector<std::uint64_t> node_ids, std::spa
   for (std::size_t tile = 0; tile < num_tiles(); ++tile) {
     double temperature[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const std::size_t slot = std::min(tile * kLanes + lane, nodes_.size() - 1);  // lanes beyond the last node repeat it
+      const std::size_t slot =
+          std::min(tile * kLanes + lane, nodes_.size() - 1);  // lanes beyond the last node repeat it
       temperature[lane] = initial_temperature[slot];
     }
     model_.initialise(buffer(tile, 0), temperature);
@@ -99,7 +100,8 @@ std::uint64_t Shard::step(const Rows& rows, const physics::StepOperators& operat
   std::atomic<std::uint64_t> flagged{0};
   const auto step_range = [&](std::size_t first, std::size_t last) {
     std::uint64_t flagged_here = 0;
-    for (std::size_t i = first; i < last; ++i) flagged_here += step_tile(touched_[i], rows.all, operators, inputs, outputs);
+    for (std::size_t i = first; i < last; ++i)
+      flagged_here += step_tile(touched_[i], rows.all, operators, inputs, outputs);
     flagged.fetch_add(flagged_here, std::memory_order_relaxed);
   };
   const std::size_t tasks = num_rows / std::max<std::size_t>(options_.nodes_per_task, 1);

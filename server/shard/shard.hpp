@@ -1,5 +1,5 @@
-// The states of one session's nodes, committed and trial, and the stepping of them. A shard knows node ids and slots; it knows
-// no bytes, no sessions and no clock.
+// The states of one session's nodes, committed and trial, and the stepping of them. A shard knows node ids and slots;
+// it knows no bytes, no sessions and no clock.
 #pragma once
 
 #include <array>
@@ -63,8 +63,9 @@ class Shard {
   // The operators of a step length: factorised at its first use, kept for the next kOperatorsKept lengths.
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
-  // Steps the nodes of `rows` from their committed states and leaves the answer as the trial, in place of any trial before it.
-  // Nodes that are not in `rows` keep their states. Returns the number of nodes whose outcome is not 0. Throws nothing.
+  // Steps the nodes of `rows` from their committed states and leaves the answer as the trial, in place of any trial
+  // before it. Nodes that are not in `rows` keep their states. Returns the number of nodes whose outcome is not 0.
+  // Throws nothing.
   std::uint64_t step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
                      const StepOutputs& outputs);
 
@@ -101,9 +102,9 @@ class Shard {
   TaskPool& pool_;
   ShardOptions options_;
   std::unique_ptr<double[], AlignedDelete> states_;  // [tile][2][TileLayout::doubles]
-  std::vector<std::uint8_t> committed_;              // of each tile: which of its two buffers holds the committed states
-  std::vector<std::uint32_t> touched_;               // tiles of the trial
-  std::vector<std::uint32_t> row_of_slot_;           // of the step at hand; kNoRow elsewhere
+  std::vector<std::uint8_t> committed_;     // of each tile: which of its two buffers holds the committed states
+  std::vector<std::uint32_t> touched_;      // tiles of the trial
+  std::vector<std::uint32_t> row_of_slot_;  // of the step at hand; kNoRow elsewhere
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 

@@ -25,8 +25,8 @@ class TaskPool {
   using Task = std::function<void(std::size_t first, std::size_t last)>;
 
   // Calls task(first, last) on ranges of at most `grain` that cover 0..count, on the calling thread and at most
-  // `max_threads - 1` others; returns when every range is done. Which thread takes which range is not defined. The first
-  // exception of a task stops the handing out of ranges and is thrown here. One caller at a time.
+  // `max_threads - 1` others; returns when every range is done. Which thread takes which range is not defined. The
+  // first exception of a task stops the handing out of ranges and is thrown here. One caller at a time.
   void run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task);
 
  private:

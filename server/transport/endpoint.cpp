@@ -8,8 +8,9 @@ namespace shearbus::transport {
 namespace {
 
 [[noreturn]] void refuse(std::string_view text, const std::string& fault) {
-  throw std::invalid_argument("endpoint \"" + std::string(text) + "\": " + fault +
-                              "; expected tcp://ADDRESS:PORT or ipc://PATH, for example ipc:///run/user/1000/shearbus/bus");
+  throw std::invalid_argument(
+      "endpoint \"" + std::string(text) + "\": " + fault +
+      "; expected tcp://ADDRESS:PORT or ipc://PATH, for example ipc:///run/user/1000/shearbus/bus");
 }
 
 bool is_port(std::string_view port) {
@@ -28,7 +29,8 @@ Endpoint parse_tcp(Endpoint endpoint, std::string_view address) {
   endpoint.port = address.substr(colon + 1);
   if (!is_port(endpoint.port)) refuse(endpoint.text, "has port \"" + endpoint.port + "\", not a number up to 65535");
   // By number only, 127.a.b.c: a name such as 127.example.org may be anywhere.
-  const bool four_numbers = std::all_of(host.begin(), host.end(), [](char c) { return (c >= '0' && c <= '9') || c == '.'; });
+  const bool four_numbers =
+      std::all_of(host.begin(), host.end(), [](char c) { return (c >= '0' && c <= '9') || c == '.'; });
   endpoint.loopback = host == "localhost" || host == "::1" || (four_numbers && host.starts_with("127."));
   return endpoint;
 }

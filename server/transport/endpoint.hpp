@@ -1,4 +1,5 @@
-// Where a server may listen. libzmq knows more transports than these; a name of another is refused before it gets there.
+// Where a server may listen. libzmq knows more transports than these; a name of another is refused before it gets
+// there.
 #pragma once
 
 #include <string>

@@ -57,7 +57,8 @@ class Router::PathLock {
   explicit PathLock(const std::string& path) : path_(path) {
     struct stat existing {};
     if (::lstat(path.c_str(), &existing) == 0 && !S_ISSOCK(existing.st_mode))
-      throw std::runtime_error("ipc://" + path + " is a file or directory, not a socket: listening there would delete it; "
+      throw std::runtime_error("ipc://" + path +
+                               " is a file or directory, not a socket: listening there would delete it; "
                                "choose another path");
     const std::string lock = path + ".lock";
     file_ = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
@@ -79,8 +80,8 @@ class Router::PathLock {
     std::swap(file_, other.file_);
     return *this;
   }
-  // libzmq leaves the socket's name behind; while the lock is held nobody else's can be there. The lock file stays: removing
-  // it would race with a server that has just opened it.
+  // libzmq leaves the socket's name behind; while the lock is held nobody else's can be there. The lock file stays:
+  // removing it would race with a server that has just opened it.
   ~PathLock() {
     if (file_ < 0) return;
     ::unlink(path_.c_str());
@@ -155,7 +156,8 @@ void Router::answer_waiting(const Handler& handler, std::size_t limit) {
 bool Router::answer_one(const Handler& handler) {
   zmq::message_t peer;
   if (!receive(peer)) return false;
-  // One frame more than is allowed is kept, so that the handler sees that there were too many; the rest is dropped as it comes.
+  // One frame more than is allowed is kept, so that the handler sees that there were too many; the rest is dropped as
+  // it comes.
   std::array<zmq::message_t, kMaxFrames + 1> frames;
   std::size_t count = 0;
   bool more = peer.more();
@@ -168,7 +170,8 @@ bool Router::answer_one(const Handler& handler) {
   ++counters_.received;
 
   std::array<std::span<const std::byte>, kMaxFrames + 1> views;
-  for (std::size_t i = 0; i < count; ++i) views[i] = {static_cast<const std::byte*>(frames[i].data()), frames[i].size()};
+  for (std::size_t i = 0; i < count; ++i)
+    views[i] = {static_cast<const std::byte*>(frames[i].data()), frames[i].size()};
   const std::vector<OutFrame> answer = handler(Frames(views.data(), count));
   if (!answer.empty()) send(peer, answer);
   return true;
@@ -196,7 +199,15 @@ void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
   messages.reserve(frames.size());
   for (const OutFrame& frame : frames) messages.push_back(message_of(frame));
 
-  if (!send_frame(peer, true)) {
+  bool accepted = send_frame(peer, true);
+  if (!accepted && zmq_errno() == EAGAIN) {
+    // The peer may have read long ago: libzmq looks for word of that only now and then, and a full queue that is not
+    // asked to wait is reported without looking. Asking for events makes it look. Without this about one answer in a
+    // hundred was lost.
+    static_cast<void>(socket_.get(zmq::sockopt::events));
+    accepted = send_frame(peer, true);
+  }
+  if (!accepted) {
     const bool gone = zmq_errno() == EHOSTUNREACH;
     ++(gone ? counters_.peer_gone : counters_.peer_full);
     if (options_.log) options_.log(gone ? "an answer found its peer gone" : "an answer found its peer not reading");

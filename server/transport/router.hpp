@@ -1,5 +1,5 @@
-// The only server socket: a ROUTER that takes messages of bytes to a handler and the answers back. It knows nothing of what
-// the bytes mean. It belongs to one thread, which may be another than the one that made it.
+// The only server socket: a ROUTER that takes messages of bytes to a handler and the answers back. It knows nothing of
+// what the bytes mean. It belongs to one thread, which may be another than the one that made it.
 #pragma once
 
 #include <cstddef>
@@ -46,8 +46,8 @@ class Router {
 
   void* context() { return context_.handle(); }  // to reach inproc endpoints
 
-  // Returns the endpoint as bound (with its port where "*" was given). Throws std::invalid_argument for an endpoint that must
-  // not be bound, std::runtime_error where it cannot be.
+  // Returns the endpoint as bound (with its port where "*" was given). Throws std::invalid_argument for an endpoint
+  // that must not be bound, std::runtime_error where it cannot be.
   std::string bind(const std::string& endpoint);
 
   // Answers requests until `stop_fd` is readable. A request that is being answered is answered to the end.

@@ -1,5 +1,5 @@
-// Faults and abuse over real sockets. After each the server answers at once, and the states of a bystander are, bit for bit,
-// those of a server that nobody troubled.
+// Faults and abuse over real sockets. After each the server answers at once, and the states of a bystander are, bit for
+// bit, those of a server that nobody troubled.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -39,7 +39,8 @@ wire::Request opening(std::uint8_t session, std::span<const std::uint64_t> nodes
   return request;
 }
 
-wire::Request step_request(std::uint8_t session, std::uint64_t sequence, std::span<const std::uint64_t> nodes = kNodes) {
+wire::Request step_request(std::uint8_t session, std::uint64_t sequence,
+                           std::span<const std::uint64_t> nodes = kNodes) {
   wire::Request request;
   request.request_id = 100 + sequence;
   request.session_id = some_id(session);
@@ -72,8 +73,12 @@ class Faults : public testing::Test {
     const auto& a = bystander_.advance(request, {.dt_s = 1e-9});
     const auto& b = twin_.advance(request, {.dt_s = 1e-9});
     ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0);
-    ASSERT_EQ(std::memcmp(a.interface_temperature_k().data(), b.interface_temperature_k().data(), kNodes.size() * sizeof(double)), 0);
-    ASSERT_EQ(std::memcmp(a.velocity_jump_new_m_per_s().data(), b.velocity_jump_new_m_per_s().data(), kNodes.size() * sizeof(double)), 0);
+    ASSERT_EQ(std::memcmp(a.interface_temperature_k().data(), b.interface_temperature_k().data(),
+                          kNodes.size() * sizeof(double)),
+              0);
+    ASSERT_EQ(std::memcmp(a.velocity_jump_new_m_per_s().data(), b.velocity_jump_new_m_per_s().data(),
+                          kNodes.size() * sizeof(double)),
+              0);
   }
 
   wire::ServerStatus status() {
@@ -157,9 +162,14 @@ TEST_F(Faults, WrongNumbersOfFramesAreBadFraming) {
 TEST_F(Faults, GarbageIsMalformed) {
   RawDealer dealer(server_.endpoint());
   const auto good = RawDealer::frames_of(opening(1));
-  const std::vector<std::vector<std::string>> bodies = {
-      {""}, {"GET / HTTP/1.1\r\n\r\n"}, {std::string(1000, '\xff')}, {std::string(1000, '\0')}, {good[0].substr(0, good[0].size() / 2), good[1]},
-      {good[0] + good[0], good[1]}, {good[0] + "x", good[1]}, {"", good[0], good[1]}};
+  const std::vector<std::vector<std::string>> bodies = {{""},
+                                                        {"GET / HTTP/1.1\r\n\r\n"},
+                                                        {std::string(1000, '\xff')},
+                                                        {std::string(1000, '\0')},
+                                                        {good[0].substr(0, good[0].size() / 2), good[1]},
+                                                        {good[0] + good[0], good[1]},
+                                                        {good[0] + "x", good[1]},
+                                                        {"", good[0], good[1]}};
   for (const auto& body : bodies) {
     dealer.send(body);
     const auto status = dealer.receive_status();
@@ -249,10 +259,12 @@ TEST_F(Faults, StrayBytesNeverReachTheServer) {
   const std::uint64_t before = status().requests;
   const std::vector<std::string> strays = {
       "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
-      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),  // TLS hello
-      std::string("\x01\x00\x06\x00hello", 9),                                                // ZMTP 1.0
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // TLS hello
+      std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
       std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
-      std::string(100'000, '\0'), std::string(100'000, '\xff'), "\r\n"};
+      std::string(100'000, '\0'),
+      std::string(100'000, '\xff'),
+      "\r\n"};
   for (const char* scheme : {"ipc", "tcp"})
     for (const std::string& stray : strays) {
       RawStream stream(server_.endpoint(scheme));
@@ -279,7 +291,8 @@ TEST_F(Faults, AClientThatLeftMidRequestHasItsStepRunOnce) {
     gone.send(opening(1));
     ASSERT_TRUE(gone.receive_status()->ok());
     gone.send(step_request(1, 1));
-    while (status().node_steps < static_cast<std::uint64_t>(steps_ + 1) * kNodes.size()) std::this_thread::sleep_for(1ms);
+    while (status().node_steps < static_cast<std::uint64_t>(steps_ + 1) * kNodes.size())
+      std::this_thread::sleep_for(1ms);
   }
   foreign_node_steps_ = kNodes.size();
   RawDealer back(server_.endpoint());

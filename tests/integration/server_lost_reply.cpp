@@ -24,8 +24,7 @@ const std::vector<std::uint64_t> kNodes = support::node_ids(10);
 // Passes messages on; drops the next requests or replies on demand.
 class LossyBus {
  public:
-  explicit LossyBus(const std::string& server)
-      : front_(context_, zmq::socket_type::router) {
+  explicit LossyBus(const std::string& server) : front_(context_, zmq::socket_type::router) {
     front_.set(zmq::sockopt::linger, 0);
     front_.bind("tcp://127.0.0.1:*");
     endpoint_ = front_.get(zmq::sockopt::last_endpoint);
@@ -107,9 +106,7 @@ class LostReply : public testing::Test {
  protected:
   LostReply() : bus_(server_.endpoint()), direct_(server_.client()) {}
 
-  ClientOptions options() const {
-    return {.endpoint = bus_.endpoint(), .reply_deadline = 3s, .retry_after = 150ms};
-  }
+  ClientOptions options() const { return {.endpoint = bus_.endpoint(), .reply_deadline = 3s, .retry_after = 150ms}; }
   static Batch columns(int step) { return support::step_columns(Strategy::kForceDriven, kNodes, step); }
 
   RunningServer server_;
@@ -128,7 +125,8 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
     losses += bus_.replies_to_lose + bus_.requests_to_lose;
     const auto& a = session.advance(columns(step), {.dt_s = 1e-9});
     const auto& b = twin.advance(columns(step), {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0) << step;
+    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
+        << step;
     ASSERT_EQ(a.upscale().state_version, static_cast<std::uint64_t>(step + 1));
   }
   const auto status = direct_.server_status();

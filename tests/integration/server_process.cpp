@@ -70,7 +70,8 @@ TEST(ServerProgram, AClientThatStopsReadingDoesNotHoldUpTheExit) {
       Client client({.endpoint = scratch.ipc()});
       const auto nodes = support::node_ids(2000);
       Session session = client.open(support::force_scene(), nodes);
-      for (int step = 0;; ++step) session.advance(support::step_columns(Strategy::kForceDriven, nodes, step), {.dt_s = 1e-9});
+      for (int step = 0;; ++step)
+        session.advance(support::step_columns(Strategy::kForceDriven, nodes, step), {.dt_s = 1e-9});
     } catch (...) {
     }
     ::_exit(0);
@@ -95,7 +96,8 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
     try {
       Client client({.endpoint = scratch.ipc()});
       Session session = client.open(support::force_scene(), kNodes);
-      for (int step = 0;; ++step) session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
+      for (int step = 0;; ++step)
+        session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
     } catch (...) {
     }
     ::_exit(0);
@@ -113,7 +115,8 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
     }
     const auto& a = session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
     const auto& b = twin.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0) << step;
+    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
+        << step;
   }
   // States are precious: nobody has said goodbye, so they are kept.
   EXPECT_EQ(client.server_status().sessions, 2u);
@@ -164,8 +167,11 @@ TEST(ServerProgram, WhatMustNotBeBoundIsRefusedWithAReason) {
 }
 
 TEST(ServerProgram, WrongUsageExitsWithTwo) {
-  const std::vector<std::vector<std::string>> wrong = {
-      {}, {"--bind"}, {"--bind", "ipc:///tmp/x", "--threads", "-1"}, {"--bind", "ipc:///tmp/x", "--log-level", "loud"}, {"--nonsense"}};
+  const std::vector<std::vector<std::string>> wrong = {{},
+                                                       {"--bind"},
+                                                       {"--bind", "ipc:///tmp/x", "--threads", "-1"},
+                                                       {"--bind", "ipc:///tmp/x", "--log-level", "loud"},
+                                                       {"--nonsense"}};
   for (const auto& arguments : wrong) {
     ServerProcess server(arguments);
     EXPECT_EQ(server.process().exit_code(5s), 2) << server.log();
@@ -177,7 +183,23 @@ TEST(ServerProgram, TheSocketIsForItsOwnerOnly) {
   ServerProcess server({"--bind", scratch.ipc()});
   ASSERT_TRUE(server.ready()) << server.log();
   const auto permissions = std::filesystem::status(scratch.path() / "bus").permissions();
-  EXPECT_EQ(permissions & (std::filesystem::perms::group_all | std::filesystem::perms::others_all), std::filesystem::perms::none);
+  EXPECT_EQ(permissions & (std::filesystem::perms::group_all | std::filesystem::perms::others_all),
+            std::filesystem::perms::none);
+}
+
+// A short queue per peer must not be mistaken for a full one: then an answer is dropped and the client waits for its
+// retry.
+TEST(ServerProgram, NoAnswerIsLostToAClientThatReads) {
+  for (int round = 0; round < 5; ++round) {
+    const ScratchDirectory scratch;
+    ServerProcess server({"--bind", scratch.ipc()});
+    ASSERT_TRUE(server.ready()) << server.log();
+    Client client({.endpoint = scratch.ipc()});
+    Session session = client.open(support::force_scene(), kNodes);
+    for (int step = 0; step < 200; ++step)
+      session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
+    EXPECT_EQ(client.server_status().replayed, 0u);
+  }
 }
 
 TEST(ServerProgram, NothingIsLoggedPerStep) {
@@ -229,11 +251,13 @@ TEST(ControlTool, CheckPointsIntoTheFile) {
     return support::Process({SHEARBUS_BINARY_DIR "/bin/shearbus-ctl", "check", file.string()}, output).exit_code(20s);
   };
   const std::string head = "name = \"x\"\nstrategy = \"velocity_driven\"\n";
-  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"), 0) << support::text_of(output);
+  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"), 0)
+      << support::text_of(output);
   EXPECT_NE(support::text_of(output).find("melting_temperature_k"), std::string::npos);
   EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminum_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"), 1);
   EXPECT_NE(support::text_of(output).find(file.string() + ":4:"), std::string::npos) << support::text_of(output);
-  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n[layer]\ncels = 3\n"), 1);
+  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n[layer]\ncels = 3\n"),
+            1);
   EXPECT_NE(support::text_of(output).find("did you mean"), std::string::npos) << support::text_of(output);
 }
 

@@ -87,7 +87,9 @@ TEST_P(RoundTrip, PermutedAndSplitBatchesGiveEachNodeTheSameBits) {
       for (std::size_t row = 0; row < some.size(); ++row) {
         const std::size_t i = some[row] - ids[0];
         ASSERT_EQ(std::memcmp(&answer.shear_stress_pa()[row], &expected.shear_stress_pa()[i], sizeof(double)), 0);
-        ASSERT_EQ(std::memcmp(&answer.interface_temperature_k()[row], &expected.interface_temperature_k()[i], sizeof(double)), 0);
+        ASSERT_EQ(
+            std::memcmp(&answer.interface_temperature_k()[row], &expected.interface_temperature_k()[i], sizeof(double)),
+            0);
         ASSERT_EQ(answer.regime()[row], expected.regime()[i]);
       }
     }
@@ -104,7 +106,8 @@ TEST_P(RoundTrip, TrialRollbackTrialCommitIsAdvance) {
     const auto expected = bits_of(direct.advance(support::step_columns(GetParam(), ids, step), {.dt_s = 1e-9}));
     hesitant.trial(support::step_columns(GetParam(), ids, step + 40), {.dt_s = 2e-9});
     hesitant.rollback();
-    ASSERT_EQ(bits_of(hesitant.trial(support::step_columns(GetParam(), ids, step), {.dt_s = 1e-9, .attempt = 1})), expected);
+    ASSERT_EQ(bits_of(hesitant.trial(support::step_columns(GetParam(), ids, step), {.dt_s = 1e-9, .attempt = 1})),
+              expected);
     EXPECT_EQ(hesitant.commit(), static_cast<std::uint64_t>(step + 1));
   }
 }

@@ -24,7 +24,8 @@ namespace shearbus::support {
 
 class RawDealer {
  public:
-  explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000) : socket_(context_, zmq::socket_type::dealer) {
+  explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000)
+      : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
     socket_.set(zmq::sockopt::rcvhwm, receive_hwm);
     socket_.connect(endpoint);
@@ -39,7 +40,8 @@ class RawDealer {
   static std::vector<std::string> frames_of(const wire::Request& request) {
     std::vector<std::string> frames = {wire::encode_header(request)};
     const auto payload = request.batch.bytes();
-    if (!request.batch.columns().empty()) frames.emplace_back(reinterpret_cast<const char*>(payload.data()), payload.size());
+    if (!request.batch.columns().empty())
+      frames.emplace_back(reinterpret_cast<const char*>(payload.data()), payload.size());
     return frames;
   }
 
@@ -61,7 +63,8 @@ class RawDealer {
     const auto frames = receive(timeout);
     if (frames.empty()) return std::nullopt;
     std::vector<std::span<const std::byte>> views;
-    for (const zmq::message_t& frame : frames) views.emplace_back(static_cast<const std::byte*>(frame.data()), frame.size());
+    for (const zmq::message_t& frame : frames)
+      views.emplace_back(static_cast<const std::byte*>(frame.data()), frame.size());
     wire::Reply reply;
     wire::decode(views, reply);
     return reply.status;

@@ -45,18 +45,26 @@ inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t firs
 inline double input_of(wire::Field field, std::uint64_t id, int step) {
   const double a = static_cast<double>(id % 17) / 17.0;
   switch (field) {
-    case wire::Field::kVelocityJump: return (id % 5 == 4 ? -1.0 : 1.0) * (0.5 + 150.0 * a);
-    case wire::Field::kPressure: return (id + static_cast<std::uint64_t>(step)) % 7 == 6 ? -1e8 : 5e9 + 8e9 * a;
-    case wire::Field::kStressMinus: return 1e8 + 2e8 * a;
-    case wire::Field::kStressPlus: return 2e8 - 1e8 * a;
-    case wire::Field::kMassMinus: return 0.0135 * (1.0 + a);
-    case wire::Field::kMassPlus: return 0.0395 * (1.0 + a);
-    default: return 0.0;
+    case wire::Field::kVelocityJump:
+      return (id % 5 == 4 ? -1.0 : 1.0) * (0.5 + 150.0 * a);
+    case wire::Field::kPressure:
+      return (id + static_cast<std::uint64_t>(step)) % 7 == 6 ? -1e8 : 5e9 + 8e9 * a;
+    case wire::Field::kStressMinus:
+      return 1e8 + 2e8 * a;
+    case wire::Field::kStressPlus:
+      return 2e8 - 1e8 * a;
+    case wire::Field::kMassMinus:
+      return 0.0135 * (1.0 + a);
+    case wire::Field::kMassPlus:
+      return 0.0395 * (1.0 + a);
+    default:
+      return 0.0;
   }
 }
 
 // The columns of a step; rows follow `ids`. `with_ids` adds the node_id column.
-inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step, bool with_ids = false) {
+inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step,
+                                bool with_ids = false) {
   std::vector<wire::Field> fields;
   if (with_ids) fields.push_back(wire::Field::kNodeId);
   const auto required = wire::columns_of(strategy).required;
@@ -69,6 +77,8 @@ inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::ui
   return batch;
 }
 
-inline std::vector<std::byte> bytes_of(const wire::Batch& batch) { return {batch.bytes().begin(), batch.bytes().end()}; }
+inline std::vector<std::byte> bytes_of(const wire::Batch& batch) {
+  return {batch.bytes().begin(), batch.bytes().end()};
+}
 
 }  // namespace shearbus::support

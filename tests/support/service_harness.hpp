@@ -1,4 +1,5 @@
-// A service without a socket: requests and replies pass through the codec as they would on the wire. The clock is a counter.
+// A service without a socket: requests and replies pass through the codec as they would on the wire. The clock is a
+// counter.
 #pragma once
 
 #include <cstdint>
@@ -47,7 +48,8 @@ struct ServiceHarness {
     return session_id;
   }
 
-  static wire::Request opening(const wire::Scene& scene, std::span<const std::uint64_t> nodes, std::uint8_t session = 1) {
+  static wire::Request opening(const wire::Scene& scene, std::span<const std::uint64_t> nodes,
+                               std::uint8_t session = 1) {
     wire::Request request;
     request.request_id = 1;
     request.body = wire::OpenSession{.scene = scene, .session_id = id(session)};

@@ -18,7 +18,9 @@ using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(11);
 
-wire::Batch columns(Strategy strategy, int step) { return support::step_columns(strategy, kNodes, step); }
+wire::Batch columns(Strategy strategy, int step) {
+  return support::step_columns(strategy, kNodes, step);
+}
 
 class ServiceOf : public testing::TestWithParam<Strategy> {
  protected:
@@ -125,7 +127,10 @@ TEST_P(ServiceOf, WrongSequencesRunNothingAndSayWhereTheSessionStands) {
   const struct {
     std::uint64_t sequence;
     Code code;
-  } cases[] = {{3, Code::kSequenceReused}, {2, Code::kStaleSequence}, {0, Code::kStaleSequence}, {5, Code::kSequenceGap},
+  } cases[] = {{3, Code::kSequenceReused},
+               {2, Code::kStaleSequence},
+               {0, Code::kStaleSequence},
+               {5, Code::kSequenceGap},
                {~0ULL, Code::kSequenceGap}};
   for (const auto& c : cases) {
     const Answer answer = harness.ask(ServiceHarness::step(c.sequence, columns(50)));
@@ -133,7 +138,8 @@ TEST_P(ServiceOf, WrongSequencesRunNothingAndSayWhereTheSessionStands) {
     EXPECT_EQ(answer.reply.status.last_sequence, 3u);
     EXPECT_TRUE(answer.reply.batch.columns().empty());
   }
-  EXPECT_EQ(harness.ask(ServiceHarness::step(4, columns(4))).payload(), twin.ask(ServiceHarness::step(4, columns(4))).payload());
+  EXPECT_EQ(harness.ask(ServiceHarness::step(4, columns(4))).payload(),
+            twin.ask(ServiceHarness::step(4, columns(4))).payload());
 }
 
 TEST_P(ServiceOf, RefusedRequestLeavesItsSequenceFree) {
@@ -274,7 +280,8 @@ TEST_P(ServiceOf, AFaultInsideTheServerIsAReplyAndChangesNothing) {
   const Answer fault = harness.ask(ServiceHarness::step(1, columns(1)));
   EXPECT_EQ(fault.code(), Code::kInternal);
   EXPECT_NE(fault.reply.status.text.find("the clock stands still"), std::string::npos);
-  EXPECT_EQ(harness.ask(ServiceHarness::step(1, columns(1))).payload(), twin.ask(ServiceHarness::step(1, columns(1))).payload());
+  EXPECT_EQ(harness.ask(ServiceHarness::step(1, columns(1))).payload(),
+            twin.ask(ServiceHarness::step(1, columns(1))).payload());
 }
 
 TEST(Service, RequestsForAnEarlierServerAreToldOfTheRestart) {

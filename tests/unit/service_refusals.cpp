@@ -29,10 +29,15 @@ struct Case {
   std::function<wire::Request()> request;  // with sequence 2
 };
 
-wire::Batch good(Strategy strategy, bool with_ids = false) { return support::step_columns(strategy, kNodes, 2, with_ids); }
+wire::Batch good(Strategy strategy, bool with_ids = false) {
+  return support::step_columns(strategy, kNodes, 2, with_ids);
+}
 
 Case value(Strategy strategy, Field field, double bad) {
-  return {std::string(wire::name(field)) + "=" + std::to_string(bad), Code::kInvalidValue, wire::name(field), {103, 117},
+  return {std::string(wire::name(field)) + "=" + std::to_string(bad),
+          Code::kInvalidValue,
+          wire::name(field),
+          {103, 117},
           [=] {
             auto batch = good(strategy);
             batch.f64(field)[3] = bad;
@@ -49,7 +54,8 @@ Case dt(double bad) {
           }};
 }
 
-Case shape(std::string name, Code code, Field field, std::function<wire::Batch()> batch, std::vector<std::uint64_t> nodes = {}) {
+Case shape(std::string name, Code code, Field field, std::function<wire::Batch()> batch,
+           std::vector<std::uint64_t> nodes = {}) {
   return {std::move(name), code, wire::name(field), std::move(nodes), [=] { return ServiceHarness::step(2, batch()); }};
 }
 
@@ -66,7 +72,8 @@ wire::Batch with(Strategy strategy, Field added) {
   fields.push_back(added);
   wire::Batch batch = wire::Batch::of(fields, kNodes.size());
   for (const Field field : required)
-    for (std::size_t row = 0; row < kNodes.size(); ++row) batch.f64(field)[row] = support::input_of(field, kNodes[row], 2);
+    for (std::size_t row = 0; row < kNodes.size(); ++row)
+      batch.f64(field)[row] = support::input_of(field, kNodes[row], 2);
   return batch;
 }
 
@@ -91,7 +98,8 @@ std::vector<Case> force_driven_cases() {
   for (const Field field : {Field::kMassMinus, Field::kMassPlus})
     for (const double bad : {0.0, -1.0, 5e-324}) cases.push_back(value(Strategy::kForceDriven, field, bad));
   for (const double bad : {0.0, -1e-9, 1.5, kNan, kInf, 5e-324}) cases.push_back(dt(bad));
-  cases.push_back(shape("missing", Code::kShape, Field::kMassPlus, [] { return without(Strategy::kForceDriven, Field::kMassPlus); }));
+  cases.push_back(shape("missing", Code::kShape, Field::kMassPlus,
+                        [] { return without(Strategy::kForceDriven, Field::kMassPlus); }));
   cases.push_back(shape("surplus", Code::kShape, Field::kSoftShearRate,
                         [] { return with(Strategy::kForceDriven, Field::kSoftShearRate); }));
   cases.push_back(shape("reply column", Code::kShape, Field::kShearStress,
@@ -99,20 +107,21 @@ std::vector<Case> force_driven_cases() {
   cases.push_back(shape("plastic rate", Code::kUnsupported, Field::kSoftPlasticStrainRate,
                         [] { return with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate); }));
   cases.push_back(shape("uneven", Code::kShape, Field::kVelocityJump, uneven));
-  cases.push_back(shape("too few rows", Code::kShape, Field::kVelocityJump, [] {
-    return support::step_columns(Strategy::kForceDriven, std::span(kNodes).first(19), 2);
-  }));
+  cases.push_back(shape("too few rows", Code::kShape, Field::kVelocityJump,
+                        [] { return support::step_columns(Strategy::kForceDriven, std::span(kNodes).first(19), 2); }));
   cases.push_back(shape("no payload", Code::kShape, Field::kVelocityJump, [] { return wire::Batch(); }));
   cases.push_back(shape("unknown node", Code::kUnknownNode, Field::kNodeId, [] { return ids_with(5, 4711); }, {4711}));
-  cases.push_back(shape("duplicate node", Code::kDuplicateNode, Field::kNodeId, [] { return ids_with(5, 100); }, {100}));
+  cases.push_back(
+      shape("duplicate node", Code::kDuplicateNode, Field::kNodeId, [] { return ids_with(5, 100); }, {100}));
   cases.push_back({"second component", Code::kUnsupported, "velocity_jump_m_per_s", {}, [] {
                      static const wire::Batch whole = good(Strategy::kForceDriven);
                      auto columns = whole.columns();
                      columns.front().component = 1;
                      return ServiceHarness::step(2, wire::Batch::over(columns, whole.bytes()));
                    }});
-  cases.push_back({"unspecified mode", Code::kUnsupported, "mode", {},
-                   [] { return ServiceHarness::step(2, good(Strategy::kForceDriven), wire::Mode::kUnspecified); }});
+  cases.push_back({"unspecified mode", Code::kUnsupported, "mode", {}, [] {
+                     return ServiceHarness::step(2, good(Strategy::kForceDriven), wire::Mode::kUnspecified);
+                   }});
   cases.push_back({"infinite time", Code::kInvalidValue, "time_s", {}, [] {
                      auto request = ServiceHarness::step(2, good(Strategy::kForceDriven));
                      std::get<wire::Downscale>(request.body).time_s = kInf;
@@ -187,7 +196,8 @@ TEST(Refusals, AtMostSixteenNodesAreNamed) {
   const Answer answer = harness.ask(ServiceHarness::step(1, std::move(batch)));
   EXPECT_EQ(answer.reply.status.node_ids, support::node_ids(16));
   EXPECT_NE(answer.reply.status.text.find("40 of 40"), std::string::npos);
-  EXPECT_NE(answer.reply.status.text.find("pressure_pa of node 100 is nan"), std::string::npos) << answer.reply.status.text;
+  EXPECT_NE(answer.reply.status.text.find("pressure_pa of node 100 is nan"), std::string::npos)
+      << answer.reply.status.text;
 }
 
 TEST(Refusals, ShearRateIsTakenByInterfaceSlip) {
@@ -221,22 +231,25 @@ wire::Batch opening_columns(std::vector<std::uint64_t> ids, std::vector<double> 
 
 TEST(Refusals, OpeningsAreRefusedWhole) {
   using wire::OpenSession;
-  const auto scene_damage = [](auto change) {
-    return [=](wire::Request&, wire::Scene& scene) { change(scene); };
-  };
+  const auto scene_damage = [](auto change) { return [=](wire::Request&, wire::Scene& scene) { change(scene); }; };
   const std::vector<OpeningCase> cases = {
-      {"unknown material", Code::kInvalidScene, "soft.material", scene_damage([](auto& s) { s.soft.material = "aluminum_dlp"; })},
-      {"unknown hard material", Code::kInvalidScene, "hard.material", scene_damage([](auto& s) { s.hard.material = "mithril"; })},
-      {"negative strength", Code::kInvalidScene, "soft.yield_strength_pa",
-       scene_damage([](auto& s) { s.soft.given = {{"yield_strength_pa", -1.0}}; })},
-      {"NaN constant", Code::kInvalidScene, "hard.density_kg_per_m3",
-       scene_damage([](auto& s) { s.hard.given = {{"density_kg_per_m3", kNan}}; })},
+      {"unknown material", Code::kInvalidScene, "soft.material",
+       scene_damage([](auto& s) { s.soft.material = "aluminum_dlp"; })},
+      {"unknown hard material", Code::kInvalidScene, "hard.material",
+       scene_damage([](auto& s) { s.hard.material = "mithril"; })},
+      {"negative strength", Code::kInvalidScene, "soft.yield_strength_pa", scene_damage([](auto& s) {
+         s.soft.given = {{"yield_strength_pa", -1.0}};
+       })},
+      {"NaN constant", Code::kInvalidScene, "hard.density_kg_per_m3", scene_damage([](auto& s) {
+         s.hard.given = {{"density_kg_per_m3", kNan}};
+       })},
       {"no cells", Code::kInvalidScene, "layer.cells", scene_damage([](auto& s) { s.layer.cells = 0; })},
       {"too hot", Code::kInvalidScene, "layer.initial_temperature_k",
        scene_damage([](auto& s) { s.layer.initial_temperature_k = 1220.0; })},
       {"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
        scene_damage([](auto& s) { s.layer.initial_temperature_k = -3.0; })},
-      {"no strategy", Code::kInvalidScene, "strategy", scene_damage([](auto& s) { s.strategy = wire::Strategy::kUnspecified; })},
+      {"no strategy", Code::kInvalidScene, "strategy",
+       scene_damage([](auto& s) { s.strategy = wire::Strategy::kUnspecified; })},
       {"force-driven without interface", Code::kInvalidScene, "interface",
        scene_damage([](auto& s) { s.strategy = wire::Strategy::kForceDriven; })},
       {"no id", Code::kInvalidValue, "session_id",
@@ -244,15 +257,25 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
       {"no nodes", Code::kShape, "node_id", [](wire::Request& r, wire::Scene&) { r.batch = wire::Batch(); }},
       {"empty nodes", Code::kShape, "node_id", [](wire::Request& r, wire::Scene&) { r.batch = opening_columns({}); }},
       {"twice the same node", Code::kDuplicateNode, "node_id",
-       [](wire::Request& r, wire::Scene&) { r.batch = opening_columns({7, 8, 7}); }},
+       [](wire::Request& r, wire::Scene&) {
+         r.batch = opening_columns({7, 8, 7});
+       }},
       {"too many nodes", Code::kLimit, "node_id",
-       [](wire::Request& r, wire::Scene&) { r.batch = opening_columns(support::node_ids(wire::kMaxNodesPerSession + 1)); }},
+       [](wire::Request& r, wire::Scene&) {
+         r.batch = opening_columns(support::node_ids(wire::kMaxNodesPerSession + 1));
+       }},
       {"a molten node", Code::kInvalidValue, "initial_temperature_k",
-       [](wire::Request& r, wire::Scene&) { r.batch = opening_columns({7, 8}, {300, 1300}); }},
+       [](wire::Request& r, wire::Scene&) {
+         r.batch = opening_columns({7, 8}, {300, 1300});
+       }},
       {"a node below absolute zero", Code::kInvalidValue, "initial_temperature_k",
-       [](wire::Request& r, wire::Scene&) { r.batch = opening_columns({7, 8}, {-300, 300}); }},
+       [](wire::Request& r, wire::Scene&) {
+         r.batch = opening_columns({7, 8}, {-300, 300});
+       }},
       {"a foreign column", Code::kShape, "pressure_pa",
-       [](wire::Request& r, wire::Scene&) { r.batch = wire::Batch::of(std::vector{Field::kNodeId, Field::kPressure}, 2); }},
+       [](wire::Request& r, wire::Scene&) {
+         r.batch = wire::Batch::of(std::vector{Field::kNodeId, Field::kPressure}, 2);
+       }},
       {"a sequence", Code::kSequenceGap, "", [](wire::Request& r, wire::Scene&) { r.sequence = 4; }},
   };
   ServiceHarness harness;
@@ -269,7 +292,8 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
   EXPECT_TRUE(harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes)).reply.status.ok());
 }
 
-// Frames that are no request: counts 0, 1 (cut), 3, garbage, two headers in one, an empty header, and every truncation of a good one.
+// Frames that are no request: counts 0, 1 (cut), 3, garbage, two headers in one, an empty header, and every truncation
+// of a good one.
 TEST(Refusals, DamagedFramesAreAnsweredAndRunNothing) {
   ServiceHarness attacked, twin;
   for (ServiceHarness* h : {&attacked, &twin})

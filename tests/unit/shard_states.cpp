@@ -5,9 +5,9 @@
 #include <random>
 #include <vector>
 
+#include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 #include "tests/support/scenes.hpp"
-#include "server/service/scene_model.hpp"
 
 namespace shearbus::shard {
 namespace {
@@ -161,7 +161,8 @@ TEST_P(ShardOf, BitsDoNotDependOnBatchesOrTheirOrder) {
          {std::vector(order.begin(), order.begin() + cut), std::vector(order.begin() + cut, order.end())}) {
       const Outputs answer = split.advance(step, part);
       for (std::size_t row = 0; row < part.size(); ++row)
-        ASSERT_EQ(answer.row_bits(row), expected.row_bits(part[row] - whole.ids[0])) << "node " << part[row] << " step " << step;
+        ASSERT_EQ(answer.row_bits(row), expected.row_bits(part[row] - whole.ids[0]))
+            << "node " << part[row] << " step " << step;
     }
   }
   EXPECT_TRUE(same_bits(whole.states(), split.states()));

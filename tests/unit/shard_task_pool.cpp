@@ -18,7 +18,8 @@ TEST(TaskPool, EveryIndexIsVisitedOnce) {
         pool.run(count, grain, threads, [&](std::size_t first, std::size_t last) {
           for (std::size_t i = first; i < last; ++i) ++visits[i];
         });
-        for (std::size_t i = 0; i < count; ++i) ASSERT_EQ(visits[i], 1) << threads << " threads, grain " << grain << ", index " << i;
+        for (std::size_t i = 0; i < count; ++i)
+          ASSERT_EQ(visits[i], 1) << threads << " threads, grain " << grain << ", index " << i;
       }
   }
 }

@@ -1,0 +1,86 @@
+// What a hydrocode has to know of an interface law: one call a step for all interface nodes (here: columns).
+//
+// Signs: [V] = V_soft - V_hard; the shear stress s = sigma_xz is positive where it pulls the soft body back. SI units.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "proto/wire/messages.hpp"
+
+namespace shearbus::hydro {
+
+inline constexpr double kMeltingShare =
+    0.99;  // of T_melt: from here on an interface that yields is said to melt, as the service says
+
+// What the mesh says of the step t(n-1/2) -> t(n+1/2); one value per node.
+struct InterfaceInputs {
+  explicit InterfaceInputs(std::size_t nodes)
+      : velocity_jump(nodes),
+        pressure(nodes),
+        stress_minus(nodes),
+        stress_plus(nodes),
+        mass_minus(nodes),
+        mass_plus(nodes) {}
+
+  std::uint64_t step = 0;
+  double time = 0.0;                  // t(n+1/2)  [s]
+  double dt = 0.0;                    // [s]
+  std::vector<double> velocity_jump;  // [V] at n-1/2                               [m/s]
+  std::vector<double> pressure;       // at n, compression positive                 [Pa]
+  std::vector<double> stress_minus;   // at n, in the soft zone next to the interface  [Pa]
+  std::vector<double> stress_plus;    // at n, in the hard zone                     [Pa]
+  std::vector<double> mass_minus;     // of half the soft zone                      [kg/m2]
+  std::vector<double> mass_plus;      // of half the hard zone                      [kg/m2]
+};
+
+// What the law answers.
+struct InterfaceAnswer {
+  explicit InterfaceAnswer(std::size_t nodes)
+      : shear_stress(nodes),
+        velocity_jump_new(nodes),
+        sliding_velocity(nodes),
+        interface_temperature(nodes),
+        friction_heat(nodes),
+        regime(nodes) {}
+
+  std::vector<double> shear_stress;           // s, acting during the step        [Pa]
+  std::vector<double> velocity_jump_new;      // [V] at n+1/2, by (61) with s     [m/s]
+  std::vector<double> sliding_velocity;       // [v]                              [m/s]
+  std::vector<double> interface_temperature;  // at n+1/2                         [K]
+  std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
+  std::vector<std::uint8_t> regime;           // wire::Regime
+  std::uint64_t flagged = 0;  // nodes whose answer came with a remark (substepped, several roots, failed)
+};
+
+// Where the time of a law went; a law that computes in place spends it all in the solver.
+struct LawTime {
+  std::chrono::nanoseconds solver{0};
+  std::chrono::nanoseconds bus{0};
+};
+
+class InterfaceLaw {
+ public:
+  virtual ~InterfaceLaw() = default;
+  InterfaceLaw() = default;
+  InterfaceLaw(const InterfaceLaw&) = delete;
+  InterfaceLaw& operator=(const InterfaceLaw&) = delete;
+
+  virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
+  virtual LawTime time_spent() const = 0;
+};
+
+// (61) solved for the jump: [V]new = free_jump - s * compliance.
+struct FreeJump {
+  double jump;        // the jump at n+1/2 that no friction would leave  [m/s]
+  double compliance;  // dt (1/m_minus + 1/m_plus)                       [m/(s Pa)]
+};
+inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {
+  return {in.velocity_jump[i] + in.dt * (in.stress_minus[i] / in.mass_minus[i] + in.stress_plus[i] / in.mass_plus[i]),
+          in.dt * (1.0 / in.mass_minus[i] + 1.0 / in.mass_plus[i])};
+}
+
+}  // namespace shearbus::hydro

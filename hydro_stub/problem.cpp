@@ -1,0 +1,131 @@
+#include "hydro_stub/problem.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "proto/wire/limits.hpp"
+#include "proto/wire/status.hpp"
+
+namespace shearbus::hydro {
+namespace {
+
+[[noreturn]] void refuse(std::string field, std::string text, std::string remedy) {
+  throw wire::Error({.code = wire::Code::kInvalidScene,
+                     .text = std::move(text),
+                     .remedy = std::move(remedy),
+                     .field = std::move(field)});
+}
+
+physics::Material resolve(const wire::Body& body, const std::string& table) {
+  physics::MaterialResult result = physics::make_material(body.material, body.given);
+  if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
+  return result.material;
+}
+
+// A list with one value for all columns, or one for each.
+std::vector<double> per_column(const std::vector<double>& given, std::size_t columns, const char* field) {
+  if (given.size() == 1) return std::vector<double>(columns, given.front());
+  if (given.size() != columns) {
+    refuse(fmt::format("hydro.shear_column.{}", field),
+           fmt::format("{} has {} values, expected 1 or {} (the longest list says how many columns there are)", field,
+                       given.size(), columns),
+           "give one value for all columns or one for each");
+  }
+  return given;
+}
+
+PressureHistory pressure_history(const wire::ShearColumn& column, std::size_t columns) {
+  if (column.pressure_time_s.empty()) return {{}, per_column(column.pressure_pa, columns, "pressure_pa")};
+  if (column.pressure_time_s.size() != column.pressure_pa.size()) {
+    refuse("hydro.shear_column.pressure_time_s",
+           fmt::format("pressure_time_s has {} values, pressure_pa {}", column.pressure_time_s.size(),
+                       column.pressure_pa.size()),
+           "give one pressure for each time, or leave pressure_time_s out");
+  }
+  const auto disordered =
+      std::ranges::adjacent_find(column.pressure_time_s, [](double a, double b) { return !(a < b); });
+  if (disordered != column.pressure_time_s.end()) {
+    refuse("hydro.shear_column.pressure_time_s",
+           fmt::format("pressure_time_s must increase, found {} s followed by {} s", *disordered, *(disordered + 1)),
+           "sort the times and remove repeated ones");
+  }
+  return {column.pressure_time_s, column.pressure_pa};
+}
+
+BodyMesh mesh_of(const physics::Material& material, std::size_t columns, wire::FarEnd far_end) {
+  return {.columns = columns, .density = material.density, .shear_modulus = material.shear_modulus, .far_end = far_end};
+}
+
+// The hard body's zones take the soft zones' wave transit time, as many as fit best into the same length.
+void mesh_bodies(const wire::ShearColumn& column, Problem& problem) {
+  problem.soft.zones = column.zones;
+  problem.soft.zone_width = column.length_m / column.zones;
+  problem.hard.zone_width = problem.soft.transit_time() * problem.hard.wave_speed();
+  const double fit = std::round(column.length_m / problem.hard.zone_width);
+  problem.hard.zones = std::max<std::size_t>(2, static_cast<std::size_t>(fit));
+}
+
+void choose_steps(const wire::Hydro& hydro, Problem& problem) {
+  const double transit = problem.soft.transit_time();
+  const double limit = hydro.cfl * transit;
+  problem.dt = hydro.dt_s.value_or(limit);
+  problem.dt_reason = hydro.dt_s ? "the scene's dt_s" : fmt::format("cfl {:g} of the shear wave", hydro.cfl);
+  if (problem.dt > limit) {
+    refuse(
+        "hydro.dt_s",
+        fmt::format("dt_s = {:.9g} s is above the limit {:.9g} s (cfl {:g}; a shear wave crosses a zone in {:.9g} s)",
+                    problem.dt, limit, hydro.cfl, transit),
+        "lower dt_s, or leave it out: it then follows from cfl");
+  }
+  // Velocities stand at t = (k - 1/2) dt: the first such time at or after the end. The tolerance keeps a ratio that is
+  // whole but for rounding from costing a step.
+  const double exact = hydro.end_time_s / problem.dt + 0.5;
+  const double steps = std::max(1.0, std::ceil(exact - 1e-9));
+  constexpr double kMostSteps = 1e9;
+  if (!(steps <= kMostSteps)) {
+    refuse("hydro.end_time_s",
+           fmt::format("the run would take {:.3g} steps of {:.3g} s, at most {:g} are allowed", steps, problem.dt,
+                       kMostSteps),
+           "check end_time_s, dt_s and the zones");
+  }
+  problem.steps = static_cast<std::uint64_t>(steps);
+}
+
+}  // namespace
+
+Problem make_problem(const wire::Scene& scene) {
+  if (!scene.hydro) refuse("hydro", "the scene has no [hydro] table", "add [hydro] and [hydro.shear_column]");
+  if (!scene.hydro->shear_column) {
+    refuse("hydro.shear_column", "[hydro] names no problem", "add [hydro.shear_column]");
+  }
+  const wire::Hydro& hydro = *scene.hydro;
+  const wire::ShearColumn& column = *hydro.shear_column;
+
+  Problem problem;
+  problem.name = scene.name;
+  problem.columns = std::max(column.velocity_jump_m_per_s.size(), column.initial_temperature_k.size());
+  if (column.pressure_time_s.empty()) problem.columns = std::max(problem.columns, column.pressure_pa.size());
+  if (problem.columns > wire::kMaxNodesPerSession) {
+    refuse("hydro.shear_column",
+           fmt::format("{} columns, at most {} fit into a session", problem.columns, wire::kMaxNodesPerSession),
+           "run several scenes");
+  }
+  problem.initial_jump = per_column(column.velocity_jump_m_per_s, problem.columns, "velocity_jump_m_per_s");
+  problem.initial_temperature =
+      column.initial_temperature_k.empty()
+          ? std::vector<double>(problem.columns, scene.layer.initial_temperature_k)
+          : per_column(column.initial_temperature_k, problem.columns, "initial_temperature_k");
+  problem.pressure = pressure_history(column, problem.columns);
+
+  problem.soft_material = resolve(scene.soft, "soft");
+  problem.hard_material = resolve(scene.hard, "hard");
+  problem.soft = mesh_of(problem.soft_material, problem.columns, column.far_end);
+  problem.hard = mesh_of(problem.hard_material, problem.columns, column.far_end);
+  mesh_bodies(column, problem);
+  choose_steps(hydro, problem);
+  return problem;
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,35 @@
+// The problem `shear_column` of a scene: two elastic half-spaces that slide on each other, in one dimension, for N
+// independent columns at once.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "hydro_stub/pressure_history.hpp"
+#include "hydro_stub/shear_body.hpp"
+#include "proto/wire/scene.hpp"
+#include "server/physics/material/material.hpp"
+
+namespace shearbus::hydro {
+
+struct Problem {
+  std::string name;
+  std::size_t columns = 1;
+  physics::Material soft_material;
+  physics::Material hard_material;
+  BodyMesh soft;
+  BodyMesh hard;
+  double dt = 0.0;                          // [s]
+  std::string dt_reason;                    // what limits it
+  std::uint64_t steps = 0;                  // the first one is half a step: velocities go from 0 to dt/2
+  std::vector<double> initial_jump;         // V0 per column; the hard body is at rest  [m/s]
+  std::vector<double> initial_temperature;  // [K]
+  PressureHistory pressure;
+};
+
+// Throws wire::Error{kInvalidScene} that names the field at fault.
+Problem make_problem(const wire::Scene& scene);
+
+}  // namespace shearbus::hydro

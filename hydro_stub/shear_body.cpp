@@ -1,0 +1,115 @@
+#include "hydro_stub/shear_body.hpp"
+
+#include <cmath>
+
+namespace shearbus::hydro {
+namespace {
+
+// An outer node is half a zone whose free end carries no stress.
+void accelerate_free_end(ShearBody& body, double dt) {
+  const double scale = dt / body.mesh.half_zone_mass();
+  double* end = body.velocity_at(body.mesh.zones);
+  const double* inner = body.stress_at(body.mesh.zones - 1);
+  for (std::size_t i = 0; i < body.mesh.columns; ++i) end[i] -= scale * inner[i];
+}
+
+// The body goes on for ever behind a transmitting end: an outgoing wave has t = -Z (V - V_far), taken here at the
+// middle of the step, where the stress stands. With dt equal to the transit time of a zone this passes every wave
+// unchanged. With a smaller Courant number C a wave of frequency w is reflected by (cos(k dz/2) - cos(w dt/2)) / (cos(k
+// dz/2) + cos(w dt/2)), sin(w dt/2) = C sin(k dz/2): about (w dt)^2 (1 - 1/C^2) / 16.
+void accelerate_transmitting_end(ShearBody& body, double dt) {
+  const double mass = body.mesh.half_zone_mass();
+  const double impedance = body.mesh.impedance();
+  const double inverse = 1.0 / (mass / dt + 0.5 * impedance);
+  double* end = body.velocity_at(body.mesh.zones);
+  const double* inner = body.stress_at(body.mesh.zones - 1);
+  for (std::size_t i = 0; i < body.mesh.columns; ++i) {
+    const double old = end[i] - body.far_velocity[i];
+    const double next = ((mass / dt - 0.5 * impedance) * old - inner[i]) * inverse;
+    const double middle = 0.5 * (old + next);
+    const double traction = -impedance * middle;
+    end[i] = body.far_velocity[i] + next;
+    body.far_impulse[i] += traction * dt;
+    body.far_work[i] += traction * (body.far_velocity[i] + middle) * dt;
+  }
+}
+
+}  // namespace
+
+double BodyMesh::wave_speed() const {
+  return std::sqrt(shear_modulus / density);
+}
+double BodyMesh::impedance() const {
+  return std::sqrt(shear_modulus * density);
+}
+
+ShearBody::ShearBody(const BodyMesh& body_mesh, std::span<const double> velocity_of_columns)
+    : mesh(body_mesh),
+      velocity((body_mesh.zones + 1) * body_mesh.columns),
+      stress(body_mesh.zones * body_mesh.columns, 0.0),
+      far_velocity(velocity_of_columns.begin(), velocity_of_columns.end()),
+      far_impulse(body_mesh.columns, 0.0),
+      far_work(body_mesh.columns, 0.0) {
+  for (std::size_t j = 0; j <= mesh.zones; ++j) {
+    for (std::size_t i = 0; i < mesh.columns; ++i) velocity_at(j)[i] = velocity_of_columns[i];
+  }
+}
+
+void accelerate(ShearBody& body, double dt) {
+  const std::size_t columns = body.mesh.columns;
+  const double scale = dt / (body.mesh.density * body.mesh.zone_width);
+  for (std::size_t j = 1; j < body.mesh.zones; ++j) {
+    double* velocity = body.velocity_at(j);
+    const double* inner = body.stress_at(j - 1);
+    const double* outer = body.stress_at(j);
+    for (std::size_t i = 0; i < columns; ++i) velocity[i] += scale * (outer[i] - inner[i]);
+  }
+  if (body.mesh.far_end == wire::FarEnd::kFree) {
+    accelerate_free_end(body, dt);
+  } else {
+    accelerate_transmitting_end(body, dt);
+  }
+}
+
+void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction) {
+  const double scale = dt / body.mesh.half_zone_mass();
+  double* velocity = body.velocity_at(0);
+  const double* outer = body.stress_at(0);
+  for (std::size_t i = 0; i < body.mesh.columns; ++i) velocity[i] += scale * (outer[i] - traction[i]);
+}
+
+void strain(ShearBody& body, double dt) {
+  const std::size_t columns = body.mesh.columns;
+  const double scale = dt * body.mesh.shear_modulus / body.mesh.zone_width;
+  for (std::size_t j = 0; j < body.mesh.zones; ++j) {
+    double* stress = body.stress_at(j);
+    const double* inner = body.velocity_at(j);
+    const double* outer = body.velocity_at(j + 1);
+    for (std::size_t i = 0; i < columns; ++i) stress[i] += scale * (outer[i] - inner[i]);
+  }
+}
+
+double momentum(const ShearBody& body, std::size_t column) {
+  double sum = 0.0;
+  for (std::size_t j = 1; j < body.mesh.zones; ++j) sum += body.velocity_at(j)[column];
+  sum += 0.5 * (body.velocity_at(0)[column] + body.velocity_at(body.mesh.zones)[column]);
+  return body.mesh.density * body.mesh.zone_width * sum;
+}
+
+double energy(const ShearBody& body, std::size_t column, double dt) {
+  const double scale = dt * body.mesh.shear_modulus / body.mesh.zone_width;
+  const auto squared = [&](std::size_t node) {
+    return body.velocity_at(node)[column] * body.velocity_at(node)[column];
+  };
+  double kinetic = 0.5 * (squared(0) + squared(body.mesh.zones));
+  double elastic = 0.0;
+  for (std::size_t j = 0; j < body.mesh.zones; ++j) {
+    if (j > 0) kinetic += squared(j);
+    const double stress = body.stress_at(j)[column];
+    const double stress_old = stress - scale * (body.velocity_at(j + 1)[column] - body.velocity_at(j)[column]);
+    elastic += stress * stress_old;
+  }
+  return body.mesh.zone_width * (0.5 * body.mesh.density * kinetic + 0.5 * elastic / body.mesh.shear_modulus);
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,68 @@
+// One elastic body of many independent columns: plane shear waves along z on a staggered mesh, as in any Lagrangian
+// hydrocode of Wilkins' family. Velocities stand on nodes at half time levels, shear stresses in zones at whole ones:
+//
+//      V0      V1      V2            VN        n-1/2, n+1/2, ...
+//      o---x---o---x---o--- ... --x---o
+//         t0      t1            tN-1           n, n+1, ...
+//   interface                      far end
+//
+// A body is seen from the interface outward, so that both sides run through the same code: with zeta the distance from
+// the interface, rho dV/dt = dt/dzeta and dt/dt = G dV/dzeta; t is +sigma_xz in the soft body (zeta = z) and -sigma_xz
+// in the hard one (zeta = -z). Arrays are [node or zone][column], column fastest.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "proto/wire/scene.hpp"
+
+namespace shearbus::hydro {
+
+struct BodyMesh {
+  std::size_t columns = 1;
+  std::size_t zones = 2;
+  double zone_width = 0.0;     // [m]
+  double density = 0.0;        // [kg/m3]
+  double shear_modulus = 0.0;  // [Pa]
+  wire::FarEnd far_end = wire::FarEnd::kTransmitting;
+
+  double wave_speed() const;                                            // [m/s]
+  double impedance() const;                                             // rho c  [Pa s/m]
+  double transit_time() const { return zone_width / wave_speed(); }     // of one zone  [s]
+  double half_zone_mass() const { return 0.5 * density * zone_width; }  // per area  [kg/m2]
+};
+
+struct ShearBody {
+  ShearBody(const BodyMesh& body_mesh, std::span<const double> velocity_of_columns);
+
+  double* velocity_at(std::size_t node) { return velocity.data() + node * mesh.columns; }
+  const double* velocity_at(std::size_t node) const { return velocity.data() + node * mesh.columns; }
+  double* stress_at(std::size_t zone) { return stress.data() + zone * mesh.columns; }
+  const double* stress_at(std::size_t zone) const { return stress.data() + zone * mesh.columns; }
+
+  BodyMesh mesh;
+  std::vector<double> velocity;      // [zones+1][columns]  [m/s]
+  std::vector<double> stress;        // [zones][columns], outward  [Pa]
+  std::vector<double> far_velocity;  // of the undisturbed body behind a transmitting end  [m/s]
+  std::vector<double> far_impulse;   // that the far end has given the body  [Pa s]
+  std::vector<double> far_work;      // that the far end has done on the body  [J/m2]
+};
+
+// Velocities of all nodes but the interface's, over dt with the stresses of level n.
+void accelerate(ShearBody& body, double dt);
+
+// Velocity of the interface node: half a zone, pulled by its zone outward and by `traction` inward.
+void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction);
+
+// Stresses n -> n+1 with the velocities of n+1/2. The bulk stays elastic.
+void strain(ShearBody& body, double dt);
+
+// Momentum of one column  [Pa s].
+double momentum(const ShearBody& body, std::size_t column);
+
+// Energy of one column after strain(): kinetic at n+1/2 plus elastic as the product of the stresses at n and n+1. This
+// pair is what the leapfrog conserves to rounding  [J/m2].
+double energy(const ShearBody& body, std::size_t column, double dt);
+
+}  // namespace shearbus::hydro

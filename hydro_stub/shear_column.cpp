@@ -1,0 +1,116 @@
+#include "hydro_stub/shear_column.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "proto/wire/status.hpp"
+
+namespace shearbus::hydro {
+
+ShearColumn::ShearColumn(const Problem& problem)
+    : dt_(problem.dt),
+      pressure_(problem.pressure),
+      soft_(problem.soft, problem.initial_jump),
+      hard_(problem.hard, std::vector<double>(problem.columns, 0.0)),
+      inputs_(problem.columns),
+      answer_(problem.columns),
+      friction_work_(problem.columns, 0.0),
+      momentum_start_(problem.columns, 0.0),
+      energy_start_(problem.columns, 0.0),
+      traction_hard_(problem.columns, 0.0) {
+  for (std::size_t i = 0; i < problem.columns; ++i) {
+    inputs_.mass_minus[i] = soft_.mesh.half_zone_mass();
+    inputs_.mass_plus[i] = hard_.mesh.half_zone_mass();
+  }
+}
+
+// Time levels. The run starts at t = 0 with velocities and stresses of the same instant; the first step brings the
+// velocities to dt/2, from where they leap over the stresses:
+//     velocities   0 -> 1/2 -> 3/2 -> ...  dt        stresses   0 -> 1 -> 2 -> ...  dt
+// The half step matters: with it, and dt the transit time of a zone, a constant friction stress gives the exact jump of
+// two half-spaces from the first instant on; with a full one the jump would alternate about it for ever.
+void ShearColumn::advance(InterfaceLaw& law) {
+  if (inputs_.step == 0) {
+    for (std::size_t i = 0; i < inputs_.velocity_jump.size(); ++i) {
+      momentum_start_[i] = momentum(soft_, i) + momentum(hard_, i);
+      energy_start_[i] = energy(soft_, i, 0.0) + energy(hard_, i, 0.0);
+    }
+  }
+  // 1. what the interface feels: the adjoining zones' stresses, the jump, the pressure                 DLP (58)-(60)
+  gather_inputs();
+  // 2. what it answers: the shear stress of the step, and with it the new jump                         DLP (61)
+  law.advance(inputs_, answer_);
+  check_answer();
+  // 3. momentum: all other nodes, then the two sides of the interface, with equal and opposite tractions
+  accelerate(soft_, inputs_.dt);
+  accelerate(hard_, inputs_.dt);
+  apply_answer();
+  // 4. elastic stress                                                                                  DLP (62)
+  strain(soft_, dt_);
+  strain(hard_, dt_);
+}
+
+void ShearColumn::gather_inputs() {
+  const double level = static_cast<double>(inputs_.step) * dt_;  // of the stresses: n dt
+  inputs_.dt = step_length();
+  inputs_.time = level + 0.5 * dt_;
+  ++inputs_.step;
+  const double* soft_stress = soft_.stress_at(0);
+  const double* hard_stress = hard_.stress_at(0);
+  for (std::size_t i = 0; i < inputs_.velocity_jump.size(); ++i) {
+    inputs_.velocity_jump[i] = soft_.velocity_at(0)[i] - hard_.velocity_at(0)[i];
+    inputs_.pressure[i] = pressure_.at(level, i);
+    inputs_.stress_minus[i] = soft_stress[i];
+    inputs_.stress_plus[i] = -hard_stress[i];  // outward stress of the body at z < 0 is -sigma_xz
+  }
+}
+
+// A law that answers no number would only be noticed steps later and elsewhere.
+void ShearColumn::check_answer() const {
+  for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {
+    if (std::isfinite(answer_.shear_stress[i]) && std::isfinite(answer_.velocity_jump_new[i])) continue;
+    throw wire::Error(
+        {.code = wire::Code::kUnexpectedReply,
+         .text = fmt::format("the interface law answered shear stress {} Pa and jump {} m/s for node {} in step {}",
+                             answer_.shear_stress[i], answer_.velocity_jump_new[i], i, inputs_.step),
+         .remedy = "this is a fault of the law, not of the scene",
+         .field = "shear_stress_pa",
+         .node_ids = {i}});
+  }
+}
+
+void ShearColumn::apply_answer() {
+  const std::vector<double>& s = answer_.shear_stress;
+  for (std::size_t i = 0; i < s.size(); ++i) traction_hard_[i] = -s[i];
+  accelerate_interface(soft_, inputs_.dt, s);
+  accelerate_interface(hard_, inputs_.dt, traction_hard_);
+
+  const double mass_soft = soft_.mesh.half_zone_mass();
+  const double mass_hard = hard_.mesh.half_zone_mass();
+  double* soft_velocity = soft_.velocity_at(0);
+  double* hard_velocity = hard_.velocity_at(0);
+  for (std::size_t i = 0; i < s.size(); ++i) {
+    // Bodies that stick share one velocity, to the last bit: the difference of two momentum equations leaves a jump of
+    // rounding, of either sign.
+    if (answer_.velocity_jump_new[i] == 0.0) {
+      const double common = (mass_soft * soft_velocity[i] + mass_hard * hard_velocity[i]) / (mass_soft + mass_hard);
+      soft_velocity[i] = common;
+      hard_velocity[i] = common;
+    }
+    const double jump_new = soft_velocity[i] - hard_velocity[i];
+    friction_work_[i] += s[i] * 0.5 * (inputs_.velocity_jump[i] + jump_new) * inputs_.dt;
+  }
+}
+
+ShearColumn::Ledger ShearColumn::ledger(std::size_t column) const {
+  return {.momentum_start = momentum_start_[column],
+          .momentum_end = momentum(soft_, column) + momentum(hard_, column),
+          .impulse_of_far_ends = soft_.far_impulse[column] + hard_.far_impulse[column],
+          .energy_start = energy_start_[column],
+          .energy_end = energy(soft_, column, dt_) + energy(hard_, column, dt_),
+          .friction_work = friction_work_[column],
+          .work_of_far_ends = soft_.far_work[column] + hard_.far_work[column]};
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,345 @@
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+#include <system_error>
+
+#include "proto/wire/messages.hpp"
+#include "proto/wire/recording.hpp"
+#include "proto/wire/recording_hdf5.hpp"
+
+namespace shearbus::wire {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace hdf5;
+
+constexpr std::size_t kChunkElements = 65'536;     // 512 KiB of doubles
+constexpr std::size_t kMaxRowsPerChunk = 8'192;    // 64 KiB of doubles where there is one node
+constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
+
+constexpr std::array kRegimes = {std::pair{"OPEN", Regime::kOpen}, std::pair{"STICK", Regime::kStick},
+                                 std::pair{"COULOMB", Regime::kCoulomb}, std::pair{"TRESCA", Regime::kTresca},
+                                 std::pair{"MELTING", Regime::kMelting}};
+constexpr const char* kRegimeLegend = "0 open, 1 stick, 2 coulomb, 3 tresca, 4 melting";
+constexpr const char* kOutcomeLegend =
+    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 128 failed (the node kept its old state)";
+
+std::string now_iso_8601() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text.data();
+}
+
+// HDF5 issues no fsync of its own, on flush or on close.
+void sync_to_disk(const fs::path& path, const fs::path& named) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
+  const int error = errno;
+  if (descriptor >= 0) ::close(descriptor);
+  if (!synced) refuse(named, fmt::format("cannot sync to disk: {}", std::generic_category().message(error)));
+}
+
+}  // namespace
+
+struct HistoryWriter::Impl {
+  struct Series {
+    Quantity quantity;
+    bool bytes = false;
+    Type type;  // in the file
+    Dataset dataset;
+    std::vector<double> numbers;  // rows waiting to be written, one of the two
+    std::vector<std::uint8_t> codes;
+    bool set = false;  // in the open row
+  };
+
+  fs::path file;
+  fs::path partial;
+  File handle;
+  Dataset time;
+  Dataset dt;  // only where the rows have it
+  std::vector<Series> series;
+  std::size_t nodes = 0;
+  std::size_t rows_per_chunk = 1;
+  std::vector<double> waiting_times;
+  std::vector<double> waiting_dts;
+  double last_time = 0.0;
+  std::size_t rows_written = 0;
+  bool row_open = false;
+  bool created = false;
+  bool closed = false;
+
+  ~Impl() {
+    if (!created || closed) return;
+    const Quiet quiet;
+    release();
+    std::error_code ignored;
+    fs::remove(partial, ignored);
+  }
+
+  // Datasets first: a file whose objects are open stays open.
+  herr_t release() {
+    herr_t worst = std::min(time.close(), dt.close());
+    for (Series& one : series) worst = std::min({worst, one.dataset.close(), one.type.close()});
+    return std::min(worst, handle.close());
+  }
+
+  template <typename T>
+  T check(T returned, const char* what) const {
+    return checked(returned, file, what);
+  }
+
+  void create();
+  Properties chunked(std::initializer_list<hsize_t> chunk) const;
+  Dataset create_dataset(const std::string& name, hid_t type, std::initializer_list<hsize_t> size,
+                         std::initializer_list<hsize_t> chunk, bool grows) const;
+  void write_text(hid_t object, const std::string& name, const std::string& text) const;
+  void write_meta(const std::map<std::string, std::string>& meta) const;
+  void describe_dataset(hid_t dataset, const Quantity& quantity) const;
+  void append(hid_t dataset, hid_t memory_type, const void* values, std::size_t rows, bool per_node) const;
+  void create_series(Quantity quantity);
+  Series& in_open_row(std::size_t quantity, std::size_t count, bool bytes);
+  void write_waiting_rows();
+};
+
+void HistoryWriter::Impl::create() {
+  const Properties access(check(H5Pcreate(H5P_FILE_ACCESS), "cannot prepare"));
+  // The 1.10 format checksums its metadata: a flipped bit is an error instead of another number.
+  check(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), "cannot ask for the 1.10 format");
+  handle = File(check(H5Fcreate(partial.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), "cannot create"));
+  created = true;
+}
+
+Properties HistoryWriter::Impl::chunked(std::initializer_list<hsize_t> chunk) const {
+  Properties creation(check(H5Pcreate(H5P_DATASET_CREATE), "cannot prepare a dataset"));
+  check(H5Pset_chunk(creation, static_cast<int>(chunk.size()), chunk.begin()), "cannot set chunks");
+  check(H5Pset_shuffle(creation), "cannot set shuffle");
+  check(H5Pset_deflate(creation, 1), "cannot set gzip");
+  check(H5Pset_fletcher32(creation), "cannot set fletcher32");
+  return creation;
+}
+
+Dataset HistoryWriter::Impl::create_dataset(const std::string& name, hid_t type, std::initializer_list<hsize_t> size,
+                                            std::initializer_list<hsize_t> chunk, bool grows) const {
+  std::vector<hsize_t> most(size);
+  if (grows) most.front() = H5S_UNLIMITED;
+  const Space space(
+      check(H5Screate_simple(static_cast<int>(size.size()), size.begin(), most.data()), "cannot set a size"));
+  return Dataset(check(H5Dcreate2(handle, name.c_str(), type, space, H5P_DEFAULT, chunked(chunk), H5P_DEFAULT),
+                       "cannot create a dataset"));
+}
+
+void HistoryWriter::Impl::write_text(hid_t object, const std::string& name, const std::string& text) const {
+  const Type type(check(H5Tcopy(H5T_C_S1), "cannot prepare a text"));
+  check(H5Tset_size(type, H5T_VARIABLE), "cannot prepare a text");
+  check(H5Tset_cset(type, H5T_CSET_UTF8), "cannot prepare a text");
+  const Space scalar(check(H5Screate(H5S_SCALAR), "cannot prepare a text"));
+  const char* const start = text.c_str();
+  if (text.find('\n') == std::string::npos && text.size() <= kMaxAttributeBytes) {
+    const Attribute attribute(
+        check(H5Acreate2(object, name.c_str(), type, scalar, H5P_DEFAULT, H5P_DEFAULT), "cannot create an attribute"));
+    check(H5Awrite(attribute, type, &start), "cannot write an attribute");
+  } else {
+    const Dataset dataset(check(H5Dcreate2(object, name.c_str(), type, scalar, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                                "cannot create a text"));
+    check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, &start), "cannot write a text");
+  }
+}
+
+void HistoryWriter::Impl::write_meta(const std::map<std::string, std::string>& meta) const {
+  const Group group(check(H5Gopen2(handle, "meta", H5P_DEFAULT), "cannot open /meta"));
+  for (const auto& [name, text] : meta) write_text(group, name, text);
+}
+
+void HistoryWriter::Impl::describe_dataset(hid_t dataset, const Quantity& quantity) const {
+  write_text(dataset, "units", quantity.units);
+  write_text(dataset, "long_name", quantity.long_name);
+  if (quantity.is_regime) write_text(dataset, "legend", kRegimeLegend);
+  if (quantity.is_outcome) write_text(dataset, "legend", kOutcomeLegend);
+}
+
+void HistoryWriter::Impl::create_series(Quantity quantity) {
+  Series one;
+  one.bytes = quantity.is_regime || quantity.is_outcome;
+  if (quantity.is_regime) {
+    one.type = Type(check(H5Tenum_create(H5T_STD_U8LE), "cannot create the regime type"));
+    for (const auto& [name, value] : kRegimes)
+      check(H5Tenum_insert(one.type, name, &value), "cannot create the regime type");
+  } else {
+    one.type = Type(check(H5Tcopy(one.bytes ? H5T_STD_U8LE : H5T_IEEE_F64LE), "cannot create a type"));
+  }
+  one.dataset =
+      create_dataset(quantity.name, one.type, {0, nodes}, {rows_per_chunk, std::min(nodes, kChunkElements)}, true);
+  describe_dataset(one.dataset, quantity);
+  one.quantity = std::move(quantity);
+  series.push_back(std::move(one));
+}
+
+void HistoryWriter::Impl::append(hid_t dataset, hid_t memory_type, const void* values, std::size_t rows,
+                                 bool per_node) const {
+  const int rank = per_node ? 2 : 1;
+  const hsize_t size[2] = {rows_written + rows, nodes};
+  const hsize_t start[2] = {rows_written, 0};
+  const hsize_t count[2] = {rows, nodes};
+  check(H5Dset_extent(dataset, size), "cannot grow a dataset");
+  const Space space(check(H5Dget_space(dataset), "cannot grow a dataset"));
+  check(H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, count, nullptr), "cannot select rows");
+  const Space memory(check(H5Screate_simple(rank, count, nullptr), "cannot select rows"));
+  check(H5Dwrite(dataset, memory_type, memory, space, H5P_DEFAULT, values), "cannot write rows");
+}
+
+void HistoryWriter::Impl::write_waiting_rows() {
+  const std::size_t rows = waiting_times.size();
+  if (rows == 0) return;
+  append(time, H5T_NATIVE_DOUBLE, waiting_times.data(), rows, false);
+  if (dt >= 0) append(dt, H5T_NATIVE_DOUBLE, waiting_dts.data(), rows, false);
+  for (Series& one : series) {
+    if (one.bytes)
+      append(one.dataset, one.type, one.codes.data(), rows, true);
+    else
+      append(one.dataset, H5T_NATIVE_DOUBLE, one.numbers.data(), rows, true);
+    one.numbers.clear();
+    one.codes.clear();
+  }
+  rows_written += rows;
+  waiting_times.clear();
+  waiting_dts.clear();
+}
+
+HistoryWriter::Impl::Series& HistoryWriter::Impl::in_open_row(std::size_t quantity, std::size_t count, bool bytes) {
+  if (!row_open) refuse(file, "values outside a row", "Call begin_row first.");
+  Series& one = series.at(quantity);
+  const std::string& name = one.quantity.name;
+  if (one.bytes != bytes)
+    refuse(file,
+           fmt::format("/{} takes {}, given {}", name, one.bytes ? "uint8" : "float64", bytes ? "uint8" : "float64"),
+           {}, name);
+  if (count != nodes) refuse(file, fmt::format("/{} takes {} values a row, given {}", name, nodes, count), {}, name);
+  if (one.set) refuse(file, fmt::format("/{} is set twice in one row", name), {}, name);
+  one.set = true;
+  return one;
+}
+
+HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
+                             const std::map<std::string, std::string>& meta, double start_time_s)
+    : impl_(std::make_unique<Impl>()) {
+  const Quiet quiet;
+  Impl& self = *impl_;
+  self.file = std::move(file);
+  self.nodes = node_ids.size();
+  if (self.nodes == 0) refuse(self.file, "a history of no nodes", "Name at least one node.");
+  self.rows_per_chunk = std::clamp<std::size_t>(kChunkElements / self.nodes, 1, kMaxRowsPerChunk);
+  self.last_time = start_time_s;
+  const fs::path directory = self.file.parent_path();
+  if (!directory.empty() && !fs::is_directory(directory))
+    refuse(self.file, fmt::format("there is no directory {}", directory.string()), "Create it, or write elsewhere.");
+  self.partial = self.file;
+  self.partial += ".partial";
+  self.create();
+
+  self.time = self.create_dataset("time", H5T_IEEE_F64LE, {0}, {kMaxRowsPerChunk}, true);
+  self.describe_dataset(self.time, {"time", "s", "end of the step"});
+  {
+    const Space scalar(self.check(H5Screate(H5S_SCALAR), "cannot create t0"));
+    const Attribute t0(
+        self.check(H5Acreate2(self.time, "t0", H5T_IEEE_F64LE, scalar, H5P_DEFAULT, H5P_DEFAULT), "cannot create t0"));
+    self.check(H5Awrite(t0, H5T_NATIVE_DOUBLE, &start_time_s), "cannot write t0");
+  }
+  const Dataset ids =
+      self.create_dataset("node_id", H5T_STD_U64LE, {self.nodes}, {std::min(self.nodes, kChunkElements)}, false);
+  self.describe_dataset(ids, {"node_id", "1", "the host's number of the interface node"});
+  self.check(H5Dwrite(ids, H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, node_ids.data()), "cannot write /node_id");
+  for (Quantity& quantity : quantities) self.create_series(std::move(quantity));
+
+  const Group group(
+      self.check(H5Gcreate2(self.handle, "meta", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), "cannot create /meta"));
+  self.write_meta(
+      {{"format", "shearbus-history"}, {"version", "1"}, {"created", now_iso_8601()}, {"units_system", "SI"}});
+  self.write_meta(meta);
+}
+
+HistoryWriter::HistoryWriter(HistoryWriter&&) noexcept = default;
+HistoryWriter& HistoryWriter::operator=(HistoryWriter&&) noexcept = default;
+HistoryWriter::~HistoryWriter() = default;
+
+void HistoryWriter::begin_row(double time_s, std::optional<double> dt_s) {
+  const Quiet quiet;
+  Impl& self = *impl_;
+  if (self.row_open) refuse(self.file, "a row begins inside a row", "Call end_row first.");
+  if (!std::isfinite(time_s) || time_s <= self.last_time)
+    refuse(self.file, fmt::format("a row at {} s after one that ends at {} s", time_s, self.last_time),
+           "Times must increase.", "time");
+  if (dt_s && self.rows_written + self.waiting_times.size() == 0) {
+    self.dt = self.create_dataset("dt", H5T_IEEE_F64LE, {0}, {kMaxRowsPerChunk}, true);
+    self.describe_dataset(self.dt, {"dt", "s", "length of the step as the host took it"});
+  }
+  if (dt_s.has_value() != (self.dt >= 0))
+    refuse(self.file, fmt::format("the row at {} s breaks the rule that all rows have a dt or none", time_s), {}, "dt");
+  self.waiting_times.push_back(time_s);
+  if (dt_s) self.waiting_dts.push_back(*dt_s);
+  self.last_time = time_s;
+  self.row_open = true;
+  for (Impl::Series& one : self.series) one.set = false;
+}
+
+void HistoryWriter::set(std::size_t quantity, std::span<const double> values) {
+  Impl::Series& one = impl_->in_open_row(quantity, values.size(), false);
+  one.numbers.insert(one.numbers.end(), values.begin(), values.end());
+}
+
+void HistoryWriter::set(std::size_t quantity, std::span<const std::uint8_t> values) {
+  Impl::Series& one = impl_->in_open_row(quantity, values.size(), true);
+  one.codes.insert(one.codes.end(), values.begin(), values.end());
+}
+
+void HistoryWriter::end_row() {
+  const Quiet quiet;
+  Impl& self = *impl_;
+  if (!self.row_open) refuse(self.file, "a row ends that never began", "Call begin_row first.");
+  for (const Impl::Series& one : self.series)
+    if (!one.set)
+      refuse(self.file, fmt::format("/{} has no values in the row at {} s", one.quantity.name, self.last_time), {},
+             one.quantity.name);
+  self.row_open = false;
+  if (self.waiting_times.size() == self.rows_per_chunk) self.write_waiting_rows();
+}
+
+void HistoryWriter::add_static(const Quantity& quantity, std::span<const double> values) {
+  const Quiet quiet;
+  Impl& self = *impl_;
+  if (values.empty()) refuse(self.file, fmt::format("/{} has no values", quantity.name), {}, quantity.name);
+  const Dataset dataset = self.create_dataset(quantity.name, H5T_IEEE_F64LE, {values.size()},
+                                              {std::min(values.size(), kChunkElements)}, false);
+  self.describe_dataset(dataset, quantity);
+  self.check(H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()),
+             "cannot write a dataset");
+}
+
+void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta) {
+  const Quiet quiet;
+  Impl& self = *impl_;
+  if (self.row_open) refuse(self.file, "closed inside a row", "Call end_row first.");
+  self.write_waiting_rows();
+  self.write_meta(closing_meta);
+  // On a full disk the flush fails and H5Fclose returns success: the flush is the one to ask.
+  self.check(H5Fflush(self.handle, H5F_SCOPE_LOCAL), "cannot write to the disk");
+  self.check(self.release(), "cannot close");
+  sync_to_disk(self.partial, self.file);
+  std::error_code error;
+  fs::rename(self.partial, self.file, error);
+  if (error) refuse(self.file, fmt::format("cannot give the finished file its name: {}", error.message()));
+  self.closed = true;
+  const fs::path directory = self.file.parent_path();
+  sync_to_disk(directory.empty() ? fs::path(".") : directory, self.file);
+}
+
+}  // namespace shearbus::wire
