@@ -8,6 +8,7 @@
 #include <cstring>
 #include <random>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 #include <zmq.hpp>
@@ -64,6 +65,15 @@ Connection::~Connection() = default;
 std::uint64_t Connection::next_request_id() {
   if (++last_request_id_ == 0) ++last_request_id_;
   return last_request_id_;
+}
+
+std::chrono::milliseconds Connection::left_since(Clock::time_point started) const {
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(started + options_.reply_deadline - Clock::now());
+  return std::max(left, std::chrono::milliseconds(1));
+}
+
+void Connection::pause(std::chrono::milliseconds time) {
+  std::this_thread::sleep_for(time);
 }
 
 void Connection::connect() {

@@ -29,6 +29,15 @@ class Connection {
   const ClientOptions& options() const { return options_; }
   std::uint64_t next_request_id();  // never 0
 
+  // Of a call that may take several exchanges: what is left of its deadline.
+  using Clock = std::chrono::steady_clock;
+  static Clock::time_point now() { return Clock::now(); }
+  std::chrono::milliseconds left_since(Clock::time_point started) const;
+  static void pause(std::chrono::milliseconds time);
+
+  bool durable() const { return durable_; }  // the server's sessions outlive it, says its welcome
+  void set_durable(bool durable) { durable_ = durable; }
+
   // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without
   // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left,
   // kUnknownOutcome where it left and nothing came back before the deadline.
@@ -38,7 +47,6 @@ class Connection {
   void say(const wire::Request& request) noexcept;
 
  private:
-  using Clock = std::chrono::steady_clock;
   struct CloseSocket {
     void operator()(void* socket) const;
   };
@@ -56,6 +64,7 @@ class Connection {
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
   std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
   std::uint64_t last_request_id_ = 0;
+  bool durable_ = false;
 };
 
 }  // namespace shearbus

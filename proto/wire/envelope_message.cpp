@@ -59,7 +59,8 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kNothingToCommit, v1::CODE_NOTHING_TO_COMMIT) &&
               same(Code::kInvalidScene, v1::CODE_INVALID_SCENE) && same(Code::kInvalidValue, v1::CODE_INVALID_VALUE) &&
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
-              same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL));
+              same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
+              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -93,6 +94,7 @@ void put(const Hello& from, v1::RequestHeader& header) {
 void put(const OpenSession& from, v1::RequestHeader& header) {
   put_scene(from.scene, *header.mutable_open_session()->mutable_scene());
   header.mutable_open_session()->set_session_id(id_bytes(from.session_id));
+  header.mutable_open_session()->set_resume_token(id_bytes(from.resume_token));
 }
 void put(const Downscale& from, v1::RequestHeader& header) {
   v1::Downscale& to = *header.mutable_downscale();
@@ -116,6 +118,9 @@ void put(const CloseSession& from, v1::RequestHeader& header) {
 void put(const ServerStatusQuery&, v1::RequestHeader& header) {
   header.mutable_server_status();
 }
+void put(const ResumeSession& from, v1::RequestHeader& header) {
+  header.mutable_resume_session()->set_resume_token(id_bytes(from.resume_token));
+}
 
 void put(const Welcome& from, v1::ReplyHeader& header) {
   v1::Welcome& to = *header.mutable_welcome();
@@ -129,11 +134,20 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   for (const std::string& capability : from.capabilities) to.add_capabilities(as_utf8(capability, kMaxTextBytes));
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
 }
-void put(const SessionOpened& from, v1::ReplyHeader& header) {
-  v1::SessionOpened& to = *header.mutable_session_opened();
+void put(const SessionOpened& from, v1::SessionOpened& to) {
   put_scene(from.effective_scene, *to.mutable_effective_scene());
   to.set_bytes_per_node(from.bytes_per_node);
   for (const std::string& warning : from.warnings) to.add_warnings(as_utf8(warning, kMaxTextBytes));
+}
+void put(const SessionOpened& from, v1::ReplyHeader& header) {
+  put(from, *header.mutable_session_opened());
+}
+void put(const SessionResumed& from, v1::ReplyHeader& header) {
+  v1::SessionResumed& to = *header.mutable_session_resumed();
+  put(from.session, *to.mutable_session());
+  to.set_last_sequence(from.last_sequence);
+  to.set_state_version(from.state_version);
+  to.set_trial_stands(from.trial_stands);
 }
 void put(const Upscale& from, v1::ReplyHeader& header) {
   v1::Upscale& to = *header.mutable_upscale();
@@ -209,7 +223,8 @@ Hello take(const v1::Hello& from) {
 OpenSession take(const v1::OpenSession& from) {
   if (!from.has_scene()) refuse(Code::kMalformed, "open_session has no scene", "open_session.scene");
   return {.scene = take_scene(from.scene()),
-          .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id")};
+          .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id"),
+          .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token")};
 }
 Downscale take(const v1::Downscale& from) {
   Downscale to{.dt_s = from.dt_s(),
@@ -252,6 +267,12 @@ SessionOpened take(const v1::SessionOpened& from) {
   return {.effective_scene = take_scene(from.effective_scene()),
           .bytes_per_node = from.bytes_per_node(),
           .warnings = {from.warnings().begin(), from.warnings().end()}};
+}
+SessionResumed take(const v1::SessionResumed& from) {
+  return {.session = take(from.session()),
+          .last_sequence = from.last_sequence(),
+          .state_version = from.state_version(),
+          .trial_stands = from.trial_stands()};
 }
 Upscale take(const v1::Upscale& from) {
   return {.nodes = from.nodes(),
@@ -300,6 +321,10 @@ void take_body(const v1::RequestHeader& header, Request& message) {
     case v1::RequestHeader::kServerStatus:
       message.body = ServerStatusQuery{};
       break;
+    case v1::RequestHeader::kResumeSession:
+      message.body = ResumeSession{
+          .resume_token = id_from(bytes_of(header.resume_session().resume_token()), "resume_session.resume_token")};
+      break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");
   }
@@ -346,6 +371,9 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
       break;
     case v1::ReplyHeader::kServerStatus:
       message.body = take(header.server_status());
+      break;
+    case v1::ReplyHeader::kSessionResumed:
+      message.body = take(header.session_resumed());
       break;
     case v1::ReplyHeader::BODY_NOT_SET:
       break;

@@ -33,9 +33,11 @@ struct Hello {
   std::uint32_t newest_major = kProtocolMajor;
   std::string client_name;
 };
+using ResumeToken = std::array<std::uint8_t, 16>;  // all zero: none
 struct OpenSession {
   Scene scene;
   SessionId session_id{};
+  ResumeToken resume_token{};
 };
 struct Downscale {
   double dt_s = 0.0;
@@ -52,6 +54,9 @@ struct CloseSession {
   std::string reason;
 };
 struct ServerStatusQuery {};
+struct ResumeSession {
+  ResumeToken resume_token{};
+};
 
 struct Request {
   std::uint32_t protocol_major = kProtocolMajor;
@@ -60,7 +65,9 @@ struct Request {
   SessionId session_id{};
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
-  std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery> body;
+  std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery,
+               ResumeSession>
+      body;
   Batch batch;
 };
 
@@ -82,6 +89,12 @@ struct SessionOpened {
   Scene effective_scene;
   std::uint64_t bytes_per_node = 0;
   std::vector<std::string> warnings;
+};
+struct SessionResumed {
+  SessionOpened session;
+  std::uint64_t last_sequence = 0;
+  std::uint64_t state_version = 0;
+  bool trial_stands = false;
 };
 struct Upscale {
   std::uint64_t nodes = 0;
@@ -124,7 +137,7 @@ struct Reply {
   std::uint64_t epoch = 0;
   Status status;
   bool replayed = false;
-  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus>
+  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus, SessionResumed>
       body;
   Batch batch;
 };

@@ -11,6 +11,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/status.hpp"
+#include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
 
@@ -19,14 +20,6 @@ namespace shearbus::service {
 using wire::Code;
 using wire::Error;
 using wire::Field;
-
-struct Service::Member {
-  wire::SessionId id{};
-  session::Session conversation;
-  std::unique_ptr<shard::Shard> shard;  // null once closed
-  wire::Scene scene;                    // effective
-  wire::SessionClosed totals;
-};
 
 namespace {
 
@@ -72,7 +65,8 @@ void check_no_payload(const wire::Request& request) {
 
 }  // namespace
 
-Service::Service(ServiceOptions options, shard::TaskPool& pool) : options_(std::move(options)), pool_(pool) {
+Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store)
+    : options_(std::move(options)), pool_(pool), store_(store), epoch_(options_.epoch) {
   started_ns_ = options_.now_ns();
 }
 
@@ -83,17 +77,25 @@ void Service::log(const std::string& line) const {
 }
 
 std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
+  if (failed()) return std::nullopt;
   ++metrics_.requests;
   auto reply = std::make_shared<wire::Reply>();
-  reply->epoch = options_.epoch;
+  reply->epoch = epoch_;
+  kept_ = false;
   try {
     reply = answer(frames, reply);
+    if (std::exchange(kept_, false)) store_->settle();
   } catch (const Error& error) {
     reply->status = error.status();
   } catch (const std::exception& fault) {
     reply->status = {.code = Code::kInternal,
                      .text = fmt::format("the server could not run the request: {}", fault.what()),
                      .remedy = "Nothing was changed. Tell the maintainers of the server."};
+  }
+  if (kept_) failed_ = true;  // in the journal, but not run: states and journal have parted
+  if (failed()) {
+    log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
+    return std::nullopt;
   }
   if (!reply->status.ok()) {
     ++metrics_.refused;
@@ -107,12 +109,14 @@ std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
   sent.owner = std::move(reply);
   return sent;
 } catch (const std::exception&) {
+  failed_ = failed_ || kept_;
   return std::nullopt;
 }
 
 // Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
 Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
-  wire::Request request;
+  Arrival arrival{.frames = frames, .request = {}, .hash = 0, .started_ns = 0};
+  wire::Request& request = arrival.request;
   const auto address = [&] {
     reply->request_id = request.request_id;
     reply->session_id = request.session_id;
@@ -125,7 +129,7 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
     throw;
   }
   address();
-  const std::uint64_t started_ns = options_.now_ns();
+  arrival.started_ns = options_.now_ns();
   if (shutting_down_)
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
@@ -140,21 +144,29 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
     reply->body = status();
     return reply;
   }
-  check_epoch(request);
-  const std::uint64_t hash = wire::hash_of(frames);
-  if (const auto* open = std::get_if<wire::OpenSession>(&request.body))
-    return open_session(*open, request, hash, reply);
-  return answer_in_session(request, hash, started_ns, reply);
+  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) {
+    check_no_payload(request);
+    return resume(*where, request, reply);
+  }
+  arrival.hash = wire::hash_of(frames);
+  if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, arrival, reply);
+  return answer_in_session(arrival, reply);
 }
 
-void Service::check_epoch(const wire::Request& request) const {
-  if (request.epoch != 0 && request.epoch != options_.epoch)
-    throw Error(
-        {.code = Code::kEpoch,
-         .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted and "
-                             "holds none of the earlier states",
-                             request.epoch, options_.epoch),
-         .remedy = "Open a new session and start again from the host's last restart point."});
+void Service::check_epoch(const wire::Request& request, bool session_is_known) const {
+  if (request.epoch == 0 || request.epoch == epoch_) return;
+  throw Error({.code = Code::kEpoch,
+               .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
+                                   request.epoch, epoch_,
+                                   session_is_known ? "" : " and holds none of the earlier states"),
+               .remedy = session_is_known ? "Resume the session, which tells where it stands, and go on from there."
+                                          : "Open a new session and start again from the host's last restart point."});
+}
+
+Service::ReplyPtr Service::repeat(const Member& member) {
+  ++metrics_.replayed;
+  make_repeat(*member.conversation.kept_reply());
+  return member.conversation.kept_reply();
 }
 
 void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
@@ -166,12 +178,13 @@ void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume"};
+  if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
 }
 
-Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wire::Request& request, std::uint64_t hash,
-                                        const ReplyPtr& reply) {
+Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   reply->session_id = open.session_id;
   if (open.session_id == wire::SessionId{})
     throw Error({.code = Code::kInvalidValue,
@@ -179,14 +192,13 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wir
                  .remedy = "Draw them from the system's random source.",
                  .field = "session_id"});
   if (const auto known = members_.find(open.session_id); known != members_.end()) {
-    session::Verdict verdict = known->second->conversation.triage(request.sequence, hash);
+    session::Verdict verdict = known->second->conversation.triage(request.sequence, arrival.hash);
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
-    ++metrics_.replayed;
-    known->second->conversation.kept_reply()->replayed = true;
-    return known->second->conversation.kept_reply();
+    return repeat(*known->second);
   }
+  check_epoch(request, false);
   if (request.sequence != 0)
     throw Error({.code = Code::kSequenceGap,
                  .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
@@ -211,19 +223,25 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wir
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
+  member->resume_token = open.resume_token;
   member->scene = std::move(made.effective);
   member->shard = std::make_unique<shard::Shard>(
       std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()), temperatures, pool_,
       shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
-  member->conversation.complete(0, hash, reply);
+  member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
-  log(fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
-                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model())));
+  const std::string line =
+      fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
+                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
-  members_.emplace(open.session_id, std::move(member));
+  Members made_member;
+  made_member.emplace(open.session_id, std::move(member));
+  keep(arrival, open.session_id, nullptr);
+  members_.merge(made_member);
   ++metrics_.sessions;
   metrics_.nodes += node_ids.size();
   metrics_.state_bytes += state_bytes;
+  log(line);
   return reply;
 }
 
@@ -236,26 +254,25 @@ void Service::check_memory(const physics::Model& model, std::size_t nodes) const
                  .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
 }
 
-Service::ReplyPtr Service::answer_in_session(const wire::Request& request, std::uint64_t hash, std::uint64_t started_ns,
-                                             const ReplyPtr& reply) {
+Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
-  if (found == members_.end())
+  if (found == members_.end()) {
+    check_epoch(request, false);
     throw Error({.code = Code::kUnknownSession,
                  .text = "no session has this id: it was never opened here, or closed long ago",
                  .remedy = "Open a session first."});
-  Member& member = *found->second;
-  session::Verdict verdict = member.conversation.triage(request.sequence, hash);
-  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
-  if (verdict.triage == session::Triage::kResend) {
-    ++metrics_.replayed;
-    member.conversation.kept_reply()->replayed = true;
-    return member.conversation.kept_reply();
   }
+  Member& member = *found->second;
+  session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
+  check_epoch(request, true);
+  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession, .text = "the session is closed", .remedy = "Open a new session."});
 
   if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
-    downscale(member, *step, request, hash, started_ns, reply);
+    downscale(member, *step, arrival, reply);
     return reply;
   }
   check_no_payload(request);
@@ -263,25 +280,27 @@ Service::ReplyPtr Service::answer_in_session(const wire::Request& request, std::
     if (!member.shard->has_trial())
       throw Error(
           {.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
+    keep(arrival, member.id, &member);
     member.shard->commit();
     reply->body = wire::Committed{.state_version = member.shard->state_version()};
   } else if (std::holds_alternative<wire::Rollback>(request.body)) {
+    keep(arrival, member.id, &member);
     member.shard->rollback();
     reply->body = wire::RolledBack{.state_version = member.shard->state_version()};
   } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
-    close_session(member, *close, *reply);
+    close_session(member, *close, arrival, *reply);
   } else {
     throw Error({.code = Code::kUnsupported, .text = "this server does not know the request"});
   }
   ++member.totals.requests;
-  member.conversation.complete(request.sequence, hash, reply);
+  member.conversation.complete(request.sequence, arrival.hash, reply);
   return reply;
 }
 
-void Service::downscale(Member& member, const wire::Downscale& step, const wire::Request& request, std::uint64_t hash,
-                        std::uint64_t started_ns, const ReplyPtr& reply) {
+void Service::downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
-  // 1. everything that can fail: checks, factorisation, memory
+  // 1. everything that can fail: checks, factorisation, memory, the journal
   const std::vector<Field> wanted = check_wanted(step, member.scene.strategy);
   const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
@@ -292,6 +311,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const wire:
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
   reply->batch = wire::Batch::of(wanted, num_rows);
   auto& upscale = reply->body.emplace<wire::Upscale>();
+  keep(arrival, member.id, &member);
 
   // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
   if (step.commit_previous) shard.commit();
@@ -302,8 +322,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const wire:
   upscale.nodes = num_rows;
   upscale.state_version = shard.state_version();
   upscale.solver_ns = ended_ns - solver_started_ns;
-  upscale.service_ns = ended_ns - started_ns;
-  member.conversation.complete(request.sequence, hash, reply);
+  upscale.service_ns = ended_ns - arrival.started_ns;
+  member.conversation.complete(request.sequence, arrival.hash, reply);
 
   ++member.totals.requests;
   member.totals.node_steps += num_rows;
@@ -312,7 +332,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const wire:
   metrics_.solver_ns += upscale.solver_ns;
 }
 
-void Service::close_session(Member& member, const wire::CloseSession& close, wire::Reply& reply) {
+void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply) {
+  keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
   ++totals.requests;  // this one
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),

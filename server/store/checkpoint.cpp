@@ -33,10 +33,10 @@ SessionKey key_from(const std::string& text) {
   const auto digit = [&](char c) -> unsigned {
     if (c >= '0' && c <= '9') return static_cast<unsigned>(c - '0');
     if (c >= 'a' && c <= 'f') return static_cast<unsigned>(c - 'a' + 10);
-    throw Hdf5Error("take \"" + text + "\" for a session id");
+    throw Hdf5Error("take \"" + text + "\" for an id");
   };
   SessionKey key{};
-  if (text.size() != 2 * key.size()) throw Hdf5Error("take \"" + text + "\" for a session id");
+  if (text.size() != 2 * key.size()) throw Hdf5Error("take \"" + text + "\" for an id");
   for (std::size_t i = 0; i < key.size(); ++i)
     key[i] = static_cast<std::uint8_t>(digit(text[2 * i]) << 4 | digit(text[2 * i + 1]));
   return key;
@@ -79,6 +79,7 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_number(group, "requests", session.requests);
   put_number(group, "node_steps", session.node_steps);
   put_number(group, "solver_ns", session.solver_ns);
+  put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
@@ -100,6 +101,7 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.requests = number_of(group, "requests");
   session.node_steps = number_of(group, "node_steps");
   session.solver_ns = number_of(group, "solver_ns");
+  session.resume_token = key_from(text_of(group, "resume_token"));
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
   if (!session.open) return session;

@@ -14,6 +14,7 @@ namespace shearbus::store {
 struct SessionImage {
   SessionKey id{};
   bool open = true;                       // a closed session keeps its conversation only
+  SessionKey resume_token{};              // all zero: none
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;            // of the last request's bytes
   std::vector<std::byte> reply_header;    // the kept reply's frames

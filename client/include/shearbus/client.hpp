@@ -11,7 +11,11 @@
 // kUnreachable, kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply.
 // After kUnknownOutcome the same call with the same values is the same request: if it has run, it is not run again, and
 // its reply comes. A different call is refused with kSequenceReused if the lost one has run; the session then goes on
-// from there. A client and its sessions belong to one thread; different clients are independent. SI units.
+// from there.
+//
+// Where the server is durable (welcome().durability), a session outlives it: calls wait for the server that comes back,
+// until their deadline, and go on as if nothing had happened. Where it comes back with older states, they throw kEpoch.
+// A client and its sessions belong to one thread; different clients are independent. SI units.
 #pragma once
 
 #include <chrono>
@@ -102,6 +106,15 @@ class Session {
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;
 
+  // What another process needs to go on with this session when this one is gone. Whoever holds it has the session.
+  struct Ticket {
+    wire::SessionId session_id{};
+    wire::ResumeToken resume_token{};
+  };
+  Ticket ticket() const;
+  std::uint64_t last_sequence() const;  // of the last request that was answered; the opening is 0
+  void leave();                         // ends without a goodbye: the server keeps the session for who resumes it
+
  private:
   friend class Client;
   struct Impl;
@@ -118,6 +131,8 @@ class Client {
 
   const wire::Welcome& welcome() const;
   Session open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options = {});
+  // The session of a client that has gone, where it was left. One client at a time: the first must be gone.
+  Session resume(const Session::Ticket& ticket);
   wire::ServerStatus server_status();
 
  private:
