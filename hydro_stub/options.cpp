@@ -26,7 +26,7 @@ CommandLine parse_command_line(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    line.exit_code = app.exit(error);
+    line.exit_code = app.exit(error) == 0 ? 0 : 2;
     return line;
   }
   if (law != wire::InterfaceLaw::kUnspecified) options.interface_law = law;

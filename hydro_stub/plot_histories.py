@@ -186,7 +186,7 @@ def draw_regimes(histories, title, target):
 
 def main():
     parser = argparse.ArgumentParser(description="Draws histories of shearbus-hydro, several side by side.")
-    parser.add_argument("histories", nargs="+", type=pathlib.Path, help="HDF5 files")
+    parser.add_argument("histories", nargs="+", type=pathlib.Path, help="HDF5 files, or directories with a history.h5")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
     options = parser.parse_args()
     plt.rcParams.update({"font.size": 9.5, "axes.titlesize": 10, "figure.titlesize": 12, "axes.spines.top": False,
@@ -194,7 +194,7 @@ def main():
     histories = []
     for path in options.histories:
         try:
-            histories.append(History(path))
+            histories.append(History(path / "history.h5" if path.is_dir() else path))
         except (OSError, ValueError, KeyError) as error:
             print(f"plot_histories: {path}: {error}", file=sys.stderr)
             return 1

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <stdexcept>
@@ -25,6 +26,17 @@ namespace shearbus::hydro {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+// Set by SIGINT and SIGTERM: the run ends after its step and takes its partial files away.
+volatile std::sig_atomic_t interrupted = 0;
+
+void stop_at_next_step() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { interrupted = 1; };
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
 
 // The scene as it was run: constants, step and law filled in.
 wire::Scene effective_scene(wire::Scene scene, const Problem& problem) {
@@ -76,7 +88,11 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
 
   RunTime time;
   const Clock::time_point start = Clock::now();
+  stop_at_next_step();
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
+    if (interrupted != 0) {
+      throw std::runtime_error(fmt::format("interrupted at step {} of {}; no result is written", step, problem.steps));
+    }
     column.advance(law);
     const Clock::time_point stepped = Clock::now();
     summary.observe(column);
@@ -106,7 +122,7 @@ void plot(const std::filesystem::path& out) {
   std::string directory = out.string();
   const std::array<char*, 6> arguments = {python.data(), script.data(),    history.data(),
                                           flag.data(),   directory.data(), nullptr};
-  std::fflush(stdout);  // what was printed so far stands before what the script prints
+  static_cast<void>(std::fflush(stdout));  // what was printed so far stands before what the script prints
   pid_t child = 0;
   const int refused = ::posix_spawn(&child, python.c_str(), nullptr, nullptr, arguments.data(), environ);
   if (refused != 0) throw std::system_error(refused, std::generic_category(), "cannot start " + python);

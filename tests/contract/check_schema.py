@@ -13,9 +13,9 @@ import tempfile
 from google.protobuf import descriptor_pb2
 
 
-def compile_protos(protos, target):
+def compile_protos(protoc, protos, target):
     files = sorted(str(p) for p in (protos / "shearbus/v1").glob("*.proto"))
-    subprocess.run(["protoc", f"-I{protos}", f"--descriptor_set_out={target}", *files], check=True)
+    subprocess.run([protoc, f"-I{protos}", f"--descriptor_set_out={target}", *files], check=True)
     return descriptor_pb2.FileDescriptorSet.FromString(target.read_bytes())
 
 
@@ -97,12 +97,13 @@ def self_test(present):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--protos", required=True, type=pathlib.Path)
+    parser.add_argument("--protoc", default="protoc")
     parser.add_argument("--golden", type=pathlib.Path)
     parser.add_argument("--update", action="store_true")
     parser.add_argument("--self-test", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
-        present = compile_protos(options.protos, pathlib.Path(directory, "v1.bin"))
+        present = compile_protos(options.protoc, options.protos, pathlib.Path(directory, "v1.bin"))
     if options.self_test:
         return self_test(present)
     if options.update:

@@ -23,12 +23,12 @@ scene_pb = None
 downscale_pb = None
 
 
-def generate(protos, work):
+def generate(protoc, protos, work):
     """Python modules of the messages, made by protoc now: the .proto files are the only source."""
     global pb, scene_pb, downscale_pb
     work.mkdir(parents=True, exist_ok=True)
     files = sorted(str(p) for p in (protos / "shearbus/v1").glob("*.proto"))
-    subprocess.run(["protoc", f"-I{protos}", f"--python_out={work}", *files], check=True)
+    subprocess.run([protoc, f"-I{protos}", f"--python_out={work}", *files], check=True)
     sys.path.insert(0, str(work))
     from shearbus.v1 import downscale_pb2, envelope_pb2, scene_pb2
 
@@ -402,6 +402,7 @@ if __name__ == "__main__":
     parser.add_argument("--endpoint", required=True)
     parser.add_argument("--protos", required=True, type=pathlib.Path)
     parser.add_argument("--work", required=True, type=pathlib.Path)
+    parser.add_argument("--protoc", default="protoc")
     OPTIONS, rest = parser.parse_known_args()
-    generate(OPTIONS.protos, OPTIONS.work)
+    generate(OPTIONS.protoc, OPTIONS.protos, OPTIONS.work)
     unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
