@@ -37,12 +37,28 @@ Body& body_of(Received& received) {
 
 constexpr std::chrono::milliseconds kStoppingPause{100};  // between two questions to a server that is being restarted
 
-Received ask_where(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token) {
-  wire::Request request;
-  request.request_id = connection.next_request_id();
-  request.session_id = id;
-  request.body = wire::ResumeSession{.resume_token = token};
-  return connection.call(request, connection.options().reply_deadline);
+// Makes the session this client's: what others have sent, or sent late, does not run any more. Tells where it stands.
+Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token) {
+  const auto ask = [&](std::uint64_t epoch, std::uint64_t claim) {
+    wire::Request request;
+    request.request_id = connection.next_request_id();
+    request.session_id = id;
+    request.epoch = epoch;
+    request.body = wire::ResumeSession{
+        .resume_token = token, .claim = claim, .claimant = claim == 0 ? 0 : connection.claimant()};
+    return connection.call(request, connection.options().reply_deadline);
+  };
+  const auto started = connection.now();
+  for (;;) {
+    Received asked = ask(0, 0);
+    try {
+      return ask(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
+    } catch (const Error& fault) {
+      // Between the two the server was restarted once more.
+      const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
+      if (!again) throw;
+    }
+  }
 }
 
 // The same columns, for the length of a call.
@@ -88,7 +104,9 @@ struct Session::Impl {
       last_sequence = request.sequence;
       return received;
     } catch (const Error& fault) {
-      if (fault.status().code == Code::kUnknownOutcome)
+      // A server that cannot run it now may still run a copy that is on its way.
+      const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
+      if (fault.status().code == Code::kUnknownOutcome || not_now)
         in_doubt = InDoubt{request.request_id, request.epoch};
       else if (fault.status().code != Code::kUnreachable)
         in_doubt.reset();
@@ -121,7 +139,7 @@ struct Session::Impl {
   void follow_restart(wire::Request& request, const Error& fault) {
     Received where;
     try {
-      where = ask_where(*connection, id, resume_token);
+      where = claim_session(*connection, id, resume_token);
     } catch (const Error& refusal) {
       if (refusal.status().code == Code::kUnknownSession) throw fault;  // which says what that means
       throw;
@@ -246,7 +264,9 @@ void Session::leave() {
   impl_->closed = true;
 }
 
-Client::Client(ClientOptions options) : connection_(std::make_shared<Connection>(std::move(options))) {
+Client::Client(ClientOptions options) : Client(std::make_shared<SocketConnection>(std::move(options))) {}
+
+Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(connection)) {
   wire::Request request;
   request.request_id = connection_->next_request_id();
   request.body = wire::Hello{.client_name = connection_->options().name};
@@ -313,7 +333,7 @@ Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids
 }
 
 Session Client::resume(const Session::Ticket& ticket) {
-  Received received = ask_where(*connection_, ticket.session_id, ticket.resume_token);
+  Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token);
   auto& where = body_of<wire::SessionResumed>(received);
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;

@@ -60,7 +60,7 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kInvalidScene, v1::CODE_INVALID_SCENE) && same(Code::kInvalidValue, v1::CODE_INVALID_VALUE) &&
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
               same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
-              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
+              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -119,7 +119,10 @@ void put(const ServerStatusQuery&, v1::RequestHeader& header) {
   header.mutable_server_status();
 }
 void put(const ResumeSession& from, v1::RequestHeader& header) {
-  header.mutable_resume_session()->set_resume_token(id_bytes(from.resume_token));
+  v1::ResumeSession& to = *header.mutable_resume_session();
+  to.set_resume_token(id_bytes(from.resume_token));
+  to.set_claim(from.claim);
+  to.set_claimant(from.claimant);
 }
 
 void put(const Welcome& from, v1::ReplyHeader& header) {
@@ -148,6 +151,7 @@ void put(const SessionResumed& from, v1::ReplyHeader& header) {
   to.set_last_sequence(from.last_sequence);
   to.set_state_version(from.state_version);
   to.set_trial_stands(from.trial_stands);
+  to.set_claim(from.claim);
 }
 void put(const Upscale& from, v1::ReplyHeader& header) {
   v1::Upscale& to = *header.mutable_upscale();
@@ -250,6 +254,12 @@ CloseSession take(const v1::CloseSession& from) {
   return {.reason = from.reason()};
 }
 
+ResumeSession take(const v1::ResumeSession& from) {
+  return {.resume_token = id_from(bytes_of(from.resume_token()), "resume_session.resume_token"),
+          .claim = from.claim(),
+          .claimant = from.claimant()};
+}
+
 Welcome take(const v1::Welcome& from) {
   return {.protocol_major = from.protocol_major(),
           .protocol_minor = from.protocol_minor(),
@@ -272,7 +282,8 @@ SessionResumed take(const v1::SessionResumed& from) {
   return {.session = take(from.session()),
           .last_sequence = from.last_sequence(),
           .state_version = from.state_version(),
-          .trial_stands = from.trial_stands()};
+          .trial_stands = from.trial_stands(),
+          .claim = from.claim()};
 }
 Upscale take(const v1::Upscale& from) {
   return {.nodes = from.nodes(),
@@ -322,8 +333,7 @@ void take_body(const v1::RequestHeader& header, Request& message) {
       message.body = ServerStatusQuery{};
       break;
     case v1::RequestHeader::kResumeSession:
-      message.body = ResumeSession{
-          .resume_token = id_from(bytes_of(header.resume_session().resume_token()), "resume_session.resume_token")};
+      message.body = take(header.resume_session());
       break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");

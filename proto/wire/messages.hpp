@@ -56,6 +56,8 @@ struct CloseSession {
 struct ServerStatusQuery {};
 struct ResumeSession {
   ResumeToken resume_token{};
+  std::uint64_t claim = 0;
+  std::uint64_t claimant = 0;
 };
 
 struct Request {
@@ -95,6 +97,7 @@ struct SessionResumed {
   std::uint64_t last_sequence = 0;
   std::uint64_t state_version = 0;
   bool trial_stands = false;
+  std::uint64_t claim = 0;
 };
 struct Upscale {
   std::uint64_t nodes = 0;

@@ -39,6 +39,8 @@ const char* name(Code code) {
       return "NOTHING_TO_COMMIT";
     case Code::kResumeRefused:
       return "RESUME_REFUSED";
+    case Code::kSuperseded:
+      return "SUPERSEDED";
     case Code::kInvalidScene:
       return "INVALID_SCENE";
     case Code::kInvalidValue:

@@ -27,6 +27,7 @@ enum class Code : std::uint16_t {
   kEpoch = 204,
   kNothingToCommit = 205,
   kResumeRefused = 206,
+  kSuperseded = 207,
   kInvalidScene = 300,
   kInvalidValue = 301,
   kUnknownNode = 302,

@@ -177,27 +177,42 @@ bool Service::checkpoint() {
   return store_->checkpoint(snapshot());
 }
 
-Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply) const {
+Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply) {
   const auto found = members_.find(request.session_id);
   if (found == members_.end() || !found->second->shard)
     throw Error({.code = Code::kUnknownSession,
                  .text = "no open session has this id",
                  .remedy = "Open a new session and start again from the host's last restart point."});
-  const Member& member = *found->second;
+  Member& member = *found->second;
   if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
     throw Error({.code = Code::kResumeRefused,
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
+  if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
+    if (request.epoch != epoch_)  // claims are counted from the start of the server
+      throw Error({.code = Code::kEpoch,
+                   .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
+                   .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});
+    if (resume.claim != member.claim + 1)
+      throw Error({.code = Code::kSuperseded,
+                   .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
+                   .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
+    member.claim = resume.claim;
+    member.claimant = resume.claimant;
+    member.epoch = epoch_ + ++claims_;
+  }
   const shard::Shard& shard = *member.shard;
   reply->body = wire::SessionResumed{.session = {.effective_scene = member.scene,
                                                  .bytes_per_node = shard::Shard::bytes_per_node(shard.model()),
                                                  .warnings = shard.model().warnings()},
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),
-                                     .trial_stands = shard.has_trial()};
+                                     .trial_stands = shard.has_trial(),
+                                     .claim = member.claim};
   const std::array field = {wire::Field::kNodeId};
   reply->batch = wire::Batch::of(field, shard.nodes().size());
   std::copy(shard.nodes().ids().begin(), shard.nodes().ids().end(), reply->batch.u64(wire::Field::kNodeId).begin());
+  if (resume.claim != 0) reply->epoch = member.epoch;
   return reply;
 }
 

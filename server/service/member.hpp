@@ -10,6 +10,9 @@ namespace shearbus::service {
 struct Service::Member {
   wire::SessionId id{};
   wire::ResumeToken resume_token{};  // all zero: nobody may resume the session
+  std::uint64_t claim = 0;     // the last one granted, to whom,
+  std::uint64_t claimant = 0;
+  std::uint64_t epoch = 0;     // and the epoch of the session's requests since; 0: the server's
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null once closed
   wire::Scene scene;                    // effective

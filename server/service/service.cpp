@@ -135,33 +135,28 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
     reply->body = status();
     return reply;
   }
-<<<<<<< HEAD
-  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) {
-    check_no_payload(request);
-    return resume(*where, request, reply);
-  }
-  arrival.hash = wire::hash_of(frames);
-  if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, arrival, reply);
-  return answer_in_session(arrival, reply);
-=======
-  check_epoch(request);
+  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, request, reply);
   // The header holds the checksum of the payload, which decode() has compared: the header's bytes stand for all of
   // them.
-  const std::uint64_t hash = wire::hash_of(frames.first(1));
-  if (const auto* open = std::get_if<wire::OpenSession>(&request.body))
-    return open_session(*open, request, hash, reply);
-  return answer_in_session(request, hash, started_ns, reply);
->>>>>>> refs/heads/server
+  arrival.hash = wire::hash_of(frames.first(1));
+  if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, arrival, reply);
+  return answer_in_session(arrival, reply);
 }
 
-void Service::check_epoch(const wire::Request& request, bool session_is_known) const {
-  if (request.epoch == 0 || request.epoch == epoch_) return;
+// `member` is null where the request's session is not known. What is replayed was checked when it was run.
+void Service::check_epoch(const wire::Request& request, const Member* member) const {
+  const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
+  if (request.epoch == 0 || request.epoch == expected || replaying_) return;
+  if (request.epoch - epoch_ <= claims_)
+    throw Error({.code = Code::kSuperseded,
+                 .text = "the session was resumed since by a client that showed its token",
+                 .remedy = "Leave it to that one."});
   throw Error({.code = Code::kEpoch,
                .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
                                    request.epoch, epoch_,
-                                   session_is_known ? "" : " and holds none of the earlier states"),
-               .remedy = session_is_known ? "Resume the session, which tells where it stands, and go on from there."
-                                          : "Open a new session and start again from the host's last restart point."});
+                                   member != nullptr ? "" : " and holds none of the earlier states"),
+               .remedy = member != nullptr ? "Resume the session, which tells where it stands, and go on from there."
+                                           : "Open a new session and start again from the host's last restart point."});
 }
 
 Service::ReplyPtr Service::repeat(const Member& member) {
@@ -199,7 +194,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
     return repeat(*known->second);
   }
-  check_epoch(request, false);
+  check_epoch(request, nullptr);
   if (request.sequence != 0)
     throw Error({.code = Code::kSequenceGap,
                  .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
@@ -259,7 +254,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end()) {
-    check_epoch(request, false);
+    check_epoch(request, nullptr);
     throw Error({.code = Code::kUnknownSession,
                  .text = "no session has this id: it was never opened here, or closed long ago",
                  .remedy = "Open a session first."});
@@ -267,7 +262,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   Member& member = *found->second;
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
-  check_epoch(request, true);
+  check_epoch(request, &member);
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession, .text = "the session is closed", .remedy = "Open a new session."});

@@ -78,8 +78,8 @@ class Service : private store::Recovery {
   ReplyPtr answer_in_session(const Arrival& arrival, const ReplyPtr& reply);
   void hello(const wire::Hello& hello, wire::Reply& reply) const;
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
-  ReplyPtr resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply) const;
-  void check_epoch(const wire::Request& request, bool session_is_known) const;
+  ReplyPtr resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply);
+  void check_epoch(const wire::Request& request, const Member* member) const;
   void check_memory(const physics::Model& model, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
@@ -99,6 +99,7 @@ class Service : private store::Recovery {
   shard::TaskPool& pool_;
   store::Store* store_;
   std::uint64_t epoch_;     // options_.epoch; during recovery that of the server that answered
+  std::uint64_t claims_ = 0;  // granted: each brings an epoch of its own, counted on from the server's
   bool replaying_ = false;  // during recovery
   bool kept_ = false;       // the request at hand is in the journal, and not yet run
   bool failed_ = false;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "server/store/store.hpp"
+#include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
@@ -11,39 +12,13 @@
 namespace shearbus::service {
 namespace {
 
+using support::DurableServer;
 using support::MemoryStorage;
 using support::ServiceHarness;
 using wire::Code;
 using wire::Mode;
 using wire::Strategy;
 using Call = MemoryStorage::Call;
-
-// A server on a disk: made anew, it recovers.
-struct DurableServer {
-  explicit DurableServer(MemoryStorage& disk, store::Durability durability = store::Durability::kProcess, std::uint64_t epoch = 77,
-                         unsigned threads = 1)
-      : store(disk, {.durability = durability, .epoch = epoch}), pool(threads), service(options(epoch), pool, &store) {
-    service.recover();
-  }
-  support::Answer ask(const wire::Request& request) {
-    const std::string header = wire::encode_header(request);
-    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
-    auto answered = service.handle(std::span(views, request.batch.columns().empty() ? 1 : 2));
-    if (!answered) throw std::runtime_error("the service did not answer");
-    support::Answer answer{.frames = std::move(*answered), .reply = {}};
-    const std::span<const std::byte> sent[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
-    wire::decode(std::span(sent, answer.frames.has_payload ? 2 : 1), answer.reply);
-    return answer;
-  }
-  ServiceOptions options(std::uint64_t epoch) {
-    return {.epoch = epoch, .server_version = "test", .nodes_per_task = 4, .now_ns = [this] { return ++clock; }};
-  }
-
-  std::uint64_t clock = 0;
-  store::Store store;
-  shard::TaskPool pool;
-  Service service;
-};
 
 constexpr std::size_t kNodes = 11;
 
@@ -165,18 +140,42 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
 
   wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0);
   EXPECT_EQ(server.ask(resume).code(), Code::kResumeRefused);
-  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
+  auto& body = std::get<wire::ResumeSession>(resume.body);
+  body.resume_token.fill(9);
+  EXPECT_EQ(std::get<wire::SessionResumed>(server.ask(resume).reply.body).claim, 0u);
+  body.claim = 1;
+  resume.epoch = old_epoch;
+  EXPECT_EQ(server.ask(resume).code(), Code::kEpoch) << "claims are counted from the start of the server";
+  resume.epoch = 78;
+  body.claimant = 5;
   const auto where = server.ask(resume);
   ASSERT_EQ(where.code(), Code::kOk);
   const auto& resumed = std::get<wire::SessionResumed>(where.reply.body);
   EXPECT_EQ(resumed.last_sequence, 1u);
   EXPECT_EQ(resumed.state_version, 1u);
   EXPECT_FALSE(resumed.trial_stands);
-  EXPECT_EQ(where.reply.epoch, 78u);
   const auto ids = where.reply.batch.u64(wire::Field::kNodeId);
   EXPECT_EQ(std::vector<std::uint64_t>(ids.begin(), ids.end()), support::node_ids(kNodes));
-  next.epoch = 78;
+  const std::uint64_t first_epoch = where.reply.epoch;
+  next.epoch = first_epoch;
   EXPECT_EQ(server.ask(next).code(), Code::kOk);
+
+  // The same claim, come late, changes nothing; another client's does not take what was granted.
+  EXPECT_EQ(server.ask(resume).reply.epoch, first_epoch);
+  body.claimant = 6;
+  EXPECT_EQ(server.ask(resume).code(), Code::kSuperseded);
+
+  // Claimed once more: what the one before sent, and is still on its way, does not disturb the successor.
+  body.claim = 2;
+  const std::uint64_t second_epoch = server.ask(resume).reply.epoch;
+  EXPECT_NE(second_epoch, first_epoch);
+  wire::Request late = request_at(Strategy::kVelocityDriven, 3);
+  late.epoch = first_epoch;
+  EXPECT_EQ(server.ask(late).code(), Code::kSuperseded);
+  late.epoch = 78;
+  EXPECT_EQ(server.ask(late).code(), Code::kSuperseded);
+  late.epoch = second_epoch;
+  EXPECT_EQ(server.ask(late).code(), Code::kOk);
 }
 
 TEST(Recovery, AClosedSessionStaysClosed) {

@@ -19,7 +19,9 @@
 namespace shearbus::support {
 
 // What a server that died does: nothing any more.
-struct Died {};
+struct Died : store::StorageError {
+  Died() : StorageError("the machine has died", EIO) {}
+};
 
 class MemoryStorage final : public store::Storage {
  public:
@@ -38,6 +40,7 @@ class MemoryStorage final : public store::Storage {
   }
   void heal() { fault_.reset(); }
   std::uint64_t calls() const { return calls_; }
+  bool dead() const { return dead_; }
   bool fired() const { return fault_ && calls_ >= fault_->at_call; }
 
   // The machine starts again.

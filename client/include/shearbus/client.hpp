@@ -125,6 +125,7 @@ class Session {
 class Client {
  public:
   explicit Client(ClientOptions options);  // connects and says hello
+  explicit Client(std::shared_ptr<Connection> connection);  // over a connection of the caller's own, as tests do
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
   ~Client();
