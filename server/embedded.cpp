@@ -62,7 +62,8 @@ struct Embedded::Impl {
       try {
         server.run(stop.file());
       } catch (const std::exception&) {
-        // Nothing is answered any more, which is what clients are told by their deadlines; the host is not ended for it.
+        // Nothing is answered any more, which is what clients are told by their deadlines; the host is not ended for
+        // it.
       }
     });
   }

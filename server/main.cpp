@@ -97,10 +97,11 @@ void run(const ServerOptions& options) {
       "plaintext {}, log level {}",
       SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
-      options.state_dir.empty() ? "none: sessions end with the server"
-                                : fmt::format("{}, durability {}{}, a checkpoint every {} s or {} MB", options.state_dir,
-                                              options.durability, options.accept_empty ? " (accept empty)" : "",
-                                              options.checkpoint_every_s, options.checkpoint_after_mb),
+      options.state_dir.empty()
+          ? "none: sessions end with the server"
+          : fmt::format("{}, durability {}{}, a checkpoint every {} s or {} MB", options.state_dir, options.durability,
+                        options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
+                        options.checkpoint_after_mb),
       options.insecure_plaintext, options.log_level);
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },

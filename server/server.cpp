@@ -98,7 +98,8 @@ void Server::run(int stop_fd) {
       sent.push_back({std::as_bytes(std::span(*header)), header});
       if (reply->has_payload) sent.push_back({reply->payload, std::move(reply->owner)});
     } else if (service_.failed()) {
-      throw std::runtime_error("requests can no longer be kept; the server ends, and the next one takes up what was kept");
+      throw std::runtime_error(
+          "requests can no longer be kept; the server ends, and the next one takes up what was kept");
     }
     return sent;
   };

@@ -29,8 +29,8 @@ class Server {
   // As Router::bind.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
 
-  // Answers until `stop_fd` is readable; what waits by then is refused with SHUTTING_DOWN, and a last checkpoint is written.
-  // Throws std::runtime_error where the server must end at once, as after a journal that cannot be written.
+  // Answers until `stop_fd` is readable; what waits by then is refused with SHUTTING_DOWN, and a last checkpoint is
+  // written. Throws std::runtime_error where the server must end at once, as after a journal that cannot be written.
   void run(int stop_fd);
 
   void* context() { return router_.context(); }

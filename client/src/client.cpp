@@ -44,8 +44,8 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
     request.request_id = connection.next_request_id();
     request.session_id = id;
     request.epoch = epoch;
-    request.body = wire::ResumeSession{
-        .resume_token = token, .claim = claim, .claimant = claim == 0 ? 0 : connection.claimant()};
+    request.body =
+        wire::ResumeSession{.resume_token = token, .claim = claim, .claimant = claim == 0 ? 0 : connection.claimant()};
     return connection.call(request, connection.options().reply_deadline);
   };
   const auto started = connection.now();
@@ -115,8 +115,8 @@ struct Session::Impl {
     }
   }
 
-  // A server that was restarted answers the last request of the session whatever its epoch; it refuses the next one with
-  // EPOCH until that is sent for the new epoch, which is done once it is sure where the session stands.
+  // A server that was restarted answers the last request of the session whatever its epoch; it refuses the next one
+  // with EPOCH until that is sent for the new epoch, which is done once it is sure where the session stands.
   Received call(wire::Request& request) {
     const auto started = connection->now();
     for (;;) {
@@ -147,9 +147,10 @@ struct Session::Impl {
     const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;
     if (stands_at + 1 != request.sequence) {
       wire::Status status = fault.status();
-      status.text = fmt::format("the server was restarted and came back with older states: the session stands at request "
-                                "{}, this client at {}",
-                                stands_at, last_sequence);
+      status.text = fmt::format(
+          "the server was restarted and came back with older states: the session stands at request "
+          "{}, this client at {}",
+          stands_at, last_sequence);
       status.remedy = "Open a new session and start again from the host's last restart point.";
       status.last_sequence = stands_at;
       throw Error(std::move(status));
@@ -229,6 +230,20 @@ std::uint64_t Session::rollback() {
   request.body = wire::Rollback{};
   Received received = impl_->exchange(std::move(request));
   return body_of<wire::RolledBack>(received).state_version;
+}
+
+std::uint64_t Session::rollback_to(const std::string& mark) {
+  wire::Request request = impl_->next_request();
+  request.body = wire::Rollback{.to_mark = mark};
+  Received received = impl_->exchange(std::move(request));
+  return body_of<wire::RolledBack>(received).state_version;
+}
+
+wire::Marked Session::mark(const std::string& name) {
+  wire::Request request = impl_->next_request();
+  request.body = wire::Mark{.name = name};
+  Received received = impl_->exchange(std::move(request));
+  return std::move(body_of<wire::Marked>(received));
 }
 
 wire::SessionClosed Session::close() {

@@ -190,9 +190,10 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {
   const double seconds = std::chrono::duration<double>(waited).count();
   if (!sent)
-    throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("no server answered at {} within {:.1f} s", options().endpoint, seconds),
-                 .remedy = fmt::format("Is one running? Start it with: shearbus-server --bind {}", options().endpoint)});
+    throw Error(
+        {.code = Code::kUnreachable,
+         .text = fmt::format("no server answered at {} within {:.1f} s", options().endpoint, seconds),
+         .remedy = fmt::format("Is one running? Start it with: shearbus-server --bind {}", options().endpoint)});
   throw Error({.code = Code::kUnknownOutcome,
                .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run",
                                    options().endpoint, seconds),

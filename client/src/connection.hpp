@@ -46,7 +46,9 @@ class Connection {
 
   const ClientOptions& options() const { return options_; }
   std::uint64_t next_request_id();  // never 0
-  std::uint64_t claimant() { return claimant_ != 0 ? claimant_ : claimant_ = next_request_id(); }  // random, of this client
+  std::uint64_t claimant() {
+    return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
+  }  // random, of this client
 
   bool durable() const { return durable_; }  // the server's sessions outlive it, says its welcome
   void set_durable(bool durable) { durable_ = durable; }

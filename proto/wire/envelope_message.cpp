@@ -60,7 +60,8 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kInvalidScene, v1::CODE_INVALID_SCENE) && same(Code::kInvalidValue, v1::CODE_INVALID_VALUE) &&
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
               same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
-              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
+              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
+              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -109,8 +110,11 @@ void put(const Downscale& from, v1::RequestHeader& header) {
 void put(const Commit&, v1::RequestHeader& header) {
   header.mutable_commit();
 }
-void put(const Rollback&, v1::RequestHeader& header) {
-  header.mutable_rollback();
+void put(const Rollback& from, v1::RequestHeader& header) {
+  header.mutable_rollback()->set_to_mark(as_utf8(from.to_mark, kMaxTextBytes));
+}
+void put(const Mark& from, v1::RequestHeader& header) {
+  header.mutable_mark()->set_name(as_utf8(from.name, kMaxTextBytes));
 }
 void put(const CloseSession& from, v1::RequestHeader& header) {
   header.mutable_close_session()->set_reason(as_utf8(from.reason, kMaxTextBytes));
@@ -134,6 +138,7 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   to.mutable_limits()->set_max_payload_bytes(from.limits.max_payload_bytes);
   to.mutable_limits()->set_max_nodes_per_session(from.limits.max_nodes_per_session);
   to.mutable_limits()->set_max_sessions(from.limits.max_sessions);
+  to.mutable_limits()->set_max_marks(from.limits.max_marks);
   for (const std::string& capability : from.capabilities) to.add_capabilities(as_utf8(capability, kMaxTextBytes));
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
 }
@@ -166,6 +171,11 @@ void put(const Committed& from, v1::ReplyHeader& header) {
 }
 void put(const RolledBack& from, v1::ReplyHeader& header) {
   header.mutable_rolled_back()->set_state_version(from.state_version);
+}
+void put(const Marked& from, v1::ReplyHeader& header) {
+  v1::Marked& to = *header.mutable_marked();
+  to.set_state_version(from.state_version);
+  for (const std::string& mark : from.names) to.add_names(as_utf8(mark, kMaxTextBytes));
 }
 void put(const SessionClosed& from, v1::ReplyHeader& header) {
   v1::SessionClosed& to = *header.mutable_session_closed();
@@ -267,7 +277,8 @@ Welcome take(const v1::Welcome& from) {
           .limits = {.max_header_bytes = from.limits().max_header_bytes(),
                      .max_payload_bytes = from.limits().max_payload_bytes(),
                      .max_nodes_per_session = from.limits().max_nodes_per_session(),
-                     .max_sessions = from.limits().max_sessions()},
+                     .max_sessions = from.limits().max_sessions(),
+                     .max_marks = from.limits().max_marks()},
           .capabilities = {from.capabilities().begin(), from.capabilities().end()},
           .durability = from.durability()};
 }
@@ -324,7 +335,7 @@ void take_body(const v1::RequestHeader& header, Request& message) {
       message.body = Commit{};
       break;
     case v1::RequestHeader::kRollback:
-      message.body = Rollback{};
+      message.body = Rollback{.to_mark = header.rollback().to_mark()};
       break;
     case v1::RequestHeader::kCloseSession:
       message.body = take(header.close_session());
@@ -334,6 +345,9 @@ void take_body(const v1::RequestHeader& header, Request& message) {
       break;
     case v1::RequestHeader::kResumeSession:
       message.body = take(header.resume_session());
+      break;
+    case v1::RequestHeader::kMark:
+      message.body = Mark{.name = header.mark().name()};
       break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");
@@ -381,6 +395,10 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
       break;
     case v1::ReplyHeader::kServerStatus:
       message.body = take(header.server_status());
+      break;
+    case v1::ReplyHeader::kMarked:
+      message.body = Marked{.state_version = header.marked().state_version(),
+                            .names = {header.marked().names().begin(), header.marked().names().end()}};
       break;
     case v1::ReplyHeader::kSessionResumed:
       message.body = take(header.session_resumed());

@@ -49,7 +49,12 @@ struct Downscale {
   std::vector<Field> wanted;  // empty: all of the strategy's
 };
 struct Commit {};
-struct Rollback {};
+struct Rollback {
+  std::string to_mark;  // empty: the standing trial is forgotten
+};
+struct Mark {
+  std::string name;
+};
 struct CloseSession {
   std::string reason;
 };
@@ -68,7 +73,7 @@ struct Request {
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
   std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery,
-               ResumeSession>
+               ResumeSession, Mark>
       body;
   Batch batch;
 };
@@ -78,6 +83,7 @@ struct Limits {
   std::uint64_t max_payload_bytes = kMaxPayloadBytes;
   std::uint64_t max_nodes_per_session = kMaxNodesPerSession;
   std::uint64_t max_sessions = kMaxSessions;
+  std::uint64_t max_marks = kMaxMarks;
 };
 struct Welcome {
   std::uint32_t protocol_major = kProtocolMajor;
@@ -112,6 +118,10 @@ struct Committed {
 struct RolledBack {
   std::uint64_t state_version = 0;
 };
+struct Marked {
+  std::uint64_t state_version = 0;
+  std::vector<std::string> names;  // oldest first
+};
 struct SessionClosed {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
@@ -140,7 +150,8 @@ struct Reply {
   std::uint64_t epoch = 0;
   Status status;
   bool replayed = false;
-  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus, SessionResumed>
+  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus,
+               SessionResumed, Marked>
       body;
   Batch batch;
 };

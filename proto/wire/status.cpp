@@ -41,6 +41,8 @@ const char* name(Code code) {
       return "RESUME_REFUSED";
     case Code::kSuperseded:
       return "SUPERSEDED";
+    case Code::kUnknownMark:
+      return "UNKNOWN_MARK";
     case Code::kInvalidScene:
       return "INVALID_SCENE";
     case Code::kInvalidValue:

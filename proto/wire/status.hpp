@@ -28,6 +28,7 @@ enum class Code : std::uint16_t {
   kNothingToCommit = 205,
   kResumeRefused = 206,
   kSuperseded = 207,
+  kUnknownMark = 208,
   kInvalidScene = 300,
   kInvalidValue = 301,
   kUnknownNode = 302,

@@ -1,5 +1,5 @@
-// How sessions outlive the server: what is kept of a request before it is run, states to checkpoints and back, replay, and the
-// answer to a client that asks where its session stands.
+// How sessions outlive the server: what is kept of a request before it is run, states to checkpoints and back, replay,
+// and the answer to a client that asks where its session stands.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,7 +20,9 @@ using wire::Error;
 
 namespace {
 
-std::vector<std::byte> copy_of(std::span<const std::byte> bytes) { return {bytes.begin(), bytes.end()}; }
+std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
+  return {bytes.begin(), bytes.end()};
+}
 
 // A reply and the bytes its columns point into.
 struct HeldReply {
@@ -72,9 +74,10 @@ void Service::keep(const Arrival& arrival, const wire::SessionId& session, const
                     .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>()});
   } catch (const store::StorageError& fault) {
     if (store_->failed()) throw;
-    throw Error({.code = Code::kNoSpace,
-                 .text = fmt::format("the request could not be kept: {}", fault.what()),
-                 .remedy = "Nothing was changed. Make room in the server's state directory; the same request again goes on."});
+    throw Error(
+        {.code = Code::kNoSpace,
+         .text = fmt::format("the request could not be kept: {}", fault.what()),
+         .remedy = "Nothing was changed. Make room in the server's state directory; the same request again goes on."});
   }
   kept_ = store_->journaling();
 }
@@ -111,9 +114,10 @@ void Service::restore(const store::Snapshot& snapshot) {
       member->shard = std::make_unique<shard::Shard>(std::move(model), image.node_ids, temperatures, pool_,
                                                      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
+      member->marks = image.marks;
       ++metrics_.sessions;
       metrics_.nodes += image.node_ids.size();
-      metrics_.state_bytes += member->shard->state_bytes();
+      metrics_.state_bytes += member->shard->state_bytes() + member->marks.size() * (member->shard->state_bytes() / 2);
     }
     members_[image.id] = std::move(member);
   }
@@ -121,14 +125,16 @@ void Service::restore(const store::Snapshot& snapshot) {
 
 void Service::replay(const store::Record& record, std::uint64_t epoch) {
   const auto refuse = [&](const std::string& why) {
-    throw store::DamagedFile(fmt::format("journal record {} (request {} of session {:02x}{:02x}{:02x}{:02x}): {}", record.index,
-                                         record.sequence, record.session[0], record.session[1], record.session[2],
-                                         record.session[3], why));
+    throw store::DamagedFile(fmt::format("journal record {} (request {} of session {:02x}{:02x}{:02x}{:02x}): {}",
+                                         record.index, record.sequence, record.session[0], record.session[1],
+                                         record.session[2], record.session[3], why));
   };
   const auto known = members_.find(record.session);
   if (known != members_.end() && known->second->shard && sum_of(known->second->conversation) != record.previous_reply)
-    refuse("replaying the one before gave other numbers than the server answered with. Recover with the build that wrote it, "
-           "on the same kind of machine");
+    refuse(
+        "replaying the one before gave other numbers than the server answered with. Recover with the build that wrote "
+        "it, "
+        "on the same kind of machine");
   epoch_ = epoch;
   const std::array<std::span<const std::byte>, 2> frames = {record.header_frame, record.payload_frame};
   auto fresh = std::make_shared<wire::Reply>();
@@ -162,6 +168,7 @@ store::Snapshot Service::snapshot() const {
       image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();
       image.committed = member.shard->committed_states();
+      image.marks = member.marks;
       if (member.shard->has_trial()) image.trial = member.shard->trial_states();
     }
     snapshot.sessions.push_back(std::move(image));
@@ -177,7 +184,8 @@ bool Service::checkpoint() {
   return store_->checkpoint(snapshot());
 }
 
-Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply) {
+Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request,
+                                  const ReplyPtr& reply) {
   const auto found = members_.find(request.session_id);
   if (found == members_.end() || !found->second->shard)
     throw Error({.code = Code::kUnknownSession,
@@ -194,9 +202,10 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire:
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});
     if (resume.claim != member.claim + 1)
-      throw Error({.code = Code::kSuperseded,
-                   .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
-                   .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
+      throw Error(
+          {.code = Code::kSuperseded,
+           .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
+           .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
     member.claim = resume.claim;
     member.claimant = resume.claimant;
     member.epoch = epoch_ + ++claims_;

@@ -36,6 +36,11 @@ std::string printable(const std::string& text) {
   return shown;
 }
 
+// Memory of a mark: the states once, where a shard has them twice.
+std::uint64_t mark_bytes(const shard::Shard& shard) {
+  return shard.state_bytes() / 2;
+}
+
 shard::StepInputs inputs_of(const wire::Batch& batch) {
   return {.velocity_jump = batch.f64(Field::kVelocityJump),
           .pressure = batch.f64(Field::kPressure),
@@ -151,12 +156,12 @@ void Service::check_epoch(const wire::Request& request, const Member* member) co
     throw Error({.code = Code::kSuperseded,
                  .text = "the session was resumed since by a client that showed its token",
                  .remedy = "Leave it to that one."});
-  throw Error({.code = Code::kEpoch,
-               .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
-                                   request.epoch, epoch_,
-                                   member != nullptr ? "" : " and holds none of the earlier states"),
-               .remedy = member != nullptr ? "Resume the session, which tells where it stands, and go on from there."
-                                           : "Open a new session and start again from the host's last restart point."});
+  throw Error(
+      {.code = Code::kEpoch,
+       .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
+                           request.epoch, epoch_, member != nullptr ? "" : " and holds none of the earlier states"),
+       .remedy = member != nullptr ? "Resume the session, which tells where it stands, and go on from there."
+                                   : "Open a new session and start again from the host's last restart point."});
 }
 
 Service::ReplyPtr Service::repeat(const Member& member) {
@@ -174,7 +179,7 @@ void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark"};
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
 }
@@ -209,7 +214,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   const std::vector<double> temperatures =
       check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
   physics::Model model(made.options);
-  check_memory(model, node_ids.size());
+  check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
 
   wire::SessionOpened opened;
   opened.effective_scene = made.effective;
@@ -241,8 +246,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   return reply;
 }
 
-void Service::check_memory(const physics::Model& model, std::size_t nodes) const {
-  const std::uint64_t wanted = shard::Shard::bytes_for(model, nodes);
+void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
   if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
@@ -278,10 +282,10 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
     keep(arrival, member.id, &member);
     member.shard->commit();
     reply->body = wire::Committed{.state_version = member.shard->state_version()};
-  } else if (std::holds_alternative<wire::Rollback>(request.body)) {
-    keep(arrival, member.id, &member);
-    member.shard->rollback();
-    reply->body = wire::RolledBack{.state_version = member.shard->state_version()};
+  } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
+    rollback(member, *back, arrival, *reply);
+  } else if (const auto* named = std::get_if<wire::Mark>(&request.body)) {
+    mark(member, *named, arrival, *reply);
   } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
     close_session(member, *close, arrival, *reply);
   } else {
@@ -327,7 +331,53 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   metrics_.solver_ns += upscale.solver_ns;
 }
 
-void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply) {
+void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply) {
+  if (mark.name.empty() || mark.name.size() > wire::kMaxMarkNameBytes)
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("the name of a mark has {} bytes; expected 1 to {}", mark.name.size(),
+                                     wire::kMaxMarkNameBytes),
+                 .field = "mark.name"});
+  const shard::Shard& shard = *member.shard;
+  member.marks.reserve(wire::kMaxMarks + 1);
+  auto gone =
+      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == mark.name; });
+  if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
+  const bool grows = gone == member.marks.end();
+  if (grows) check_memory(mark_bytes(shard), shard.nodes().size());
+  auto& answer = reply.body.emplace<wire::Marked>();
+  answer.state_version = shard.state_version();
+  for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
+    if (old != gone) answer.names.push_back(old->name);
+  answer.names.push_back(mark.name);
+  store::MarkImage made{.name = mark.name, .state_version = shard.state_version(), .states = shard.committed_states()};
+  keep(arrival, member.id, &member);
+
+  if (grows)
+    metrics_.state_bytes += mark_bytes(shard);
+  else
+    member.marks.erase(gone);
+  member.marks.push_back(std::move(made));
+}
+
+void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
+  const auto to =
+      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == rollback.to_mark; });
+  if (!rollback.to_mark.empty() && to == member.marks.end())
+    throw Error({.code = Code::kUnknownMark,
+                 .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
+                                     member.marks.size()),
+                 .remedy = "The oldest mark goes when a session has more than the limit.",
+                 .field = "rollback.to_mark"});
+  keep(arrival, member.id, &member);
+  if (rollback.to_mark.empty())
+    member.shard->rollback();
+  else
+    member.shard->restore(to->states, nullptr, to->state_version);
+  reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
+}
+
+void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
+                            wire::Reply& reply) {
   keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
   ++totals.requests;  // this one
@@ -338,7 +388,8 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();
-  metrics_.state_bytes -= member.shard->state_bytes();
+  metrics_.state_bytes -= member.shard->state_bytes() + member.marks.size() * mark_bytes(*member.shard);
+  member.marks.clear();
   member.shard.reset();
   if (closed_.size() > kClosedSessionsKept) {
     members_.erase(closed_.front());

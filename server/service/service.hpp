@@ -50,12 +50,12 @@ class Service : private store::Recovery {
   // Once, before the first request: takes up what the store holds. Throws where it cannot be used.
   void recover();
 
-  // The answer to one request. Never throws. Empty where the request was run and its answer found no memory (the client will
-  // repeat it and be answered then), and always once failed().
+  // The answer to one request. Never throws. Empty where the request was run and its answer found no memory (the client
+  // will repeat it and be answered then), and always once failed().
   std::optional<ReplyFrames> handle(Frames frames) noexcept;
 
-  // What was promised of a request that was run can no longer be held: nothing is answered any more. The server must end; the
-  // next one recovers.
+  // What was promised of a request that was run can no longer be held: nothing is answered any more. The server must
+  // end; the next one recovers.
   bool failed() const { return failed_ || (store_ != nullptr && store_->failed()); }
 
   // Writes the states of all sessions to the store. False where there is none or it could not be done.
@@ -80,9 +80,11 @@ class Service : private store::Recovery {
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply);
   void check_epoch(const wire::Request& request, const Member* member) const;
-  void check_memory(const physics::Model& model, std::size_t nodes) const;
+  void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
+  void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
+  void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);
   void close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply);
 
   void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member);
@@ -98,10 +100,10 @@ class Service : private store::Recovery {
   ServiceOptions options_;
   shard::TaskPool& pool_;
   store::Store* store_;
-  std::uint64_t epoch_;     // options_.epoch; during recovery that of the server that answered
+  std::uint64_t epoch_;       // options_.epoch; during recovery that of the server that answered
   std::uint64_t claims_ = 0;  // granted: each brings an epoch of its own, counted on from the server's
-  bool replaying_ = false;  // during recovery
-  bool kept_ = false;       // the request at hand is in the journal, and not yet run
+  bool replaying_ = false;    // during recovery
+  bool kept_ = false;         // the request at hand is in the journal, and not yet run
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;

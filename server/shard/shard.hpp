@@ -78,8 +78,8 @@ class Shard {
 
   States committed_states() const;  // of every node
   States trial_states() const;      // of the nodes whose tile the trial touched; none without a trial
-  // Puts back what the two above gave, to the last bit; null: no trial stands. Throws std::invalid_argument where they are
-  // not of this shard's model and nodes.
+  // Puts back what the two above gave, to the last bit; null: no trial stands. Throws std::invalid_argument where they
+  // are not of this shard's model and nodes.
   void restore(const States& committed, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;

@@ -26,7 +26,9 @@ std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
   return parts;
 }
 
-std::uint32_t Shard::tile_of(std::uint32_t slot) { return slot / kLanes; }
+std::uint32_t Shard::tile_of(std::uint32_t slot) {
+  return slot / kLanes;
+}
 
 States Shard::states_in(const std::vector<std::uint32_t>& slots, bool of_trial) const {
   States states{.slots = slots, .columns = {}};
@@ -35,7 +37,8 @@ States Shard::states_in(const std::vector<std::uint32_t>& slots, bool of_trial) 
     column.values.reserve(slots.size() * part.width);
     for (const std::uint32_t slot : slots) {
       const std::uint32_t tile = tile_of(slot);
-      const double* from = buffer(tile, of_trial ? 1U - committed_[tile] : committed_[tile]) + part.offset + slot % kLanes;
+      const double* from =
+          buffer(tile, of_trial ? 1U - committed_[tile] : committed_[tile]) + part.offset + slot % kLanes;
       for (std::size_t i = 0; i < part.width; ++i) column.values.push_back(from[i * kLanes]);
     }
     states.columns.push_back(std::move(column));
@@ -52,7 +55,8 @@ States Shard::committed_states() const {
 States Shard::trial_states() const {
   std::vector<std::uint32_t> slots;
   for (const std::uint32_t tile : touched_)
-    for (std::uint32_t slot = tile * kLanes; slot < (tile + 1) * kLanes && slot < nodes_.size(); ++slot) slots.push_back(slot);
+    for (std::uint32_t slot = tile * kLanes; slot < (tile + 1) * kLanes && slot < nodes_.size(); ++slot)
+      slots.push_back(slot);
   return states_in(slots, true);
 }
 
@@ -64,13 +68,15 @@ void Shard::put_states(const States& states, bool of_trial) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const StatePart& part = parts[i];
     const StateColumn& column = states.columns[i];
-    if (column.name != part.name || column.width != part.width || column.values.size() != states.slots.size() * part.width)
+    if (column.name != part.name || column.width != part.width ||
+        column.values.size() != states.slots.size() * part.width)
       throw std::invalid_argument("state column " + column.name + " [" + std::to_string(column.values.size()) +
-                                  " values] is not the model's " + part.name + " [" + std::to_string(states.slots.size()) + "][" +
-                                  std::to_string(part.width) + "]");
+                                  " values] is not the model's " + part.name + " [" +
+                                  std::to_string(states.slots.size()) + "][" + std::to_string(part.width) + "]");
   }
   for (const std::uint32_t slot : states.slots)
-    if (slot >= nodes_.size()) throw std::invalid_argument("states of slot " + std::to_string(slot) + ", which does not exist");
+    if (slot >= nodes_.size())
+      throw std::invalid_argument("states of slot " + std::to_string(slot) + ", which does not exist");
   for (std::size_t i = 0; i < parts.size(); ++i)
     for (std::size_t row = 0; row < states.slots.size(); ++row) {
       const std::uint32_t slot = states.slots[row];
@@ -87,7 +93,8 @@ void Shard::restore(const States& committed, const States* trial, std::uint64_t 
   state_version_ = state_version;
   if (trial == nullptr) return;
   for (const std::uint32_t slot : trial->slots) {
-    if (slot >= nodes_.size()) throw std::invalid_argument("a trial of slot " + std::to_string(slot) + ", which does not exist");
+    if (slot >= nodes_.size())
+      throw std::invalid_argument("a trial of slot " + std::to_string(slot) + ", which does not exist");
     const std::uint32_t tile = tile_of(slot);
     if (!touched_.empty() && touched_.back() == tile) continue;
     touched_.push_back(tile);

@@ -17,7 +17,9 @@ std::array<std::uint64_t, 2> sum_of_image(Bytes image) {
   return {sum.low64, sum.high64};
 }
 
-std::uint64_t sum_of_footer(const CheckpointFooter& footer) { return XXH3_64bits(&footer, offsetof(CheckpointFooter, sum)); }
+std::uint64_t sum_of_footer(const CheckpointFooter& footer) {
+  return XXH3_64bits(&footer, offsetof(CheckpointFooter, sum));
+}
 
 std::string hexadecimal(const SessionKey& key) {
   constexpr const char* kDigits = "0123456789abcdef";
@@ -70,6 +72,10 @@ shard::States states_of(const Handle& parent, const std::string& name) {
   return states;
 }
 
+std::string mark_name(std::uint64_t number) {
+  return "mark_" + std::to_string(number);
+}
+
 void put_session(const Handle& parent, const SessionImage& session, std::uint64_t order) {
   const Handle group = make_group(parent, hexadecimal(session.id));
   put_number(group, "order", order);
@@ -88,6 +94,13 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_numbers(group, "node_id", session.node_ids, session.node_ids.size());
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);
+  put_number(group, "marks", session.marks.size());
+  for (std::size_t i = 0; i < session.marks.size(); ++i) {
+    const Handle mark = make_group(group, mark_name(i));
+    put_text(mark, "name", session.marks[i].name);
+    put_number(mark, "state_version", session.marks[i].state_version);
+    put_states(mark, "states", session.marks[i].states);
+  }
 }
 
 SessionImage session_of(const Handle& parent, const std::string& name, std::uint64_t& order) {
@@ -110,6 +123,12 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.node_ids = numbers_of<std::uint64_t>(group, "node_id");
   session.committed = states_of(group, "committed");
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");
+  for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
+    const Handle mark = open_group(group, mark_name(i));
+    session.marks.push_back({.name = text_of(mark, "name"),
+                             .state_version = number_of(mark, "state_version"),
+                             .states = states_of(mark, "states")});
+  }
   return session;
 }
 
@@ -140,7 +159,8 @@ Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generati
   CheckpointFooter footer;
   if (file.size() < sizeof footer) throw damaged("too short to be a checkpoint");
   std::memcpy(&footer, file.data() + file.size() - sizeof footer, sizeof footer);
-  if (footer.magic != kCheckpointMagic) throw damaged("it does not end with a checkpoint's mark: it was cut, or is something else");
+  if (footer.magic != kCheckpointMagic)
+    throw damaged("it does not end with a checkpoint's mark: it was cut, or is something else");
   if (footer.version != kCheckpointVersion)
     throw damaged("checkpoint version " + std::to_string(footer.version) + "; this server reads version " +
                   std::to_string(kCheckpointVersion));

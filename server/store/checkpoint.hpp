@@ -1,5 +1,5 @@
-// A snapshot as the bytes of a checkpoint file and back: an HDF5 image built in memory, and a footer with its hash. HDF5 is
-// never asked to write to a disk, and never shown bytes whose hash is wrong. FORMAT.md tells the layout.
+// A snapshot as the bytes of a checkpoint file and back: an HDF5 image built in memory, and a footer with its hash.
+// HDF5 is never asked to write to a disk, and never shown bytes whose hash is wrong. FORMAT.md tells the layout.
 #pragma once
 
 #include <cstdint>

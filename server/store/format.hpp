@@ -1,4 +1,5 @@
-// The bytes of the store's files: FORMAT.md in code. Little-endian; every length and sum is checked before it is believed.
+// The bytes of the store's files: FORMAT.md in code. Little-endian; every length and sum is checked before it is
+// believed.
 #pragma once
 
 #include <array>
@@ -30,22 +31,22 @@ struct SegmentHeader {
   std::array<char, 8> magic = kJournalMagic;
   std::uint32_t version = kJournalVersion;
   std::uint32_t header_bytes = 48;
-  std::uint64_t number = 0;      // of the segment, as in its name
-  std::uint64_t epoch = 0;       // of the server that wrote it: stands in the replies to these requests
-  std::uint64_t first_index = 0; // of its first record
-  std::uint64_t sum = 0;         // XXH3-64 of the fields above
+  std::uint64_t number = 0;       // of the segment, as in its name
+  std::uint64_t epoch = 0;        // of the server that wrote it: stands in the replies to these requests
+  std::uint64_t first_index = 0;  // of its first record
+  std::uint64_t sum = 0;          // XXH3-64 of the fields above
 };
 static_assert(sizeof(SegmentHeader) == 48);
 
 // Before the bytes of every record; XXH3-64 of header and bytes follows them.
 struct RecordHeader {
-  std::uint64_t index = 0;           // records are numbered through all segments, without gaps
+  std::uint64_t index = 0;  // records are numbered through all segments, without gaps
   SessionKey session{};
   std::uint64_t sequence = 0;        // of the request in its session
   std::uint64_t previous_reply = 0;  // XXH3-64 of the reply the session kept until then: what replay must arrive at
   std::uint32_t header_frame_bytes = 0;
   std::uint32_t payload_frame_bytes = 0;
-  std::uint64_t sum = 0;             // XXH3-64 of the fields above, so that the lengths can be believed
+  std::uint64_t sum = 0;  // XXH3-64 of the fields above, so that the lengths can be believed
 };
 static_assert(sizeof(RecordHeader) == 56);
 inline constexpr std::size_t kRecordSumBytes = 8;
@@ -54,12 +55,12 @@ inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // no f
 // Last in every checkpoint, after the HDF5 image.
 struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
-  std::uint64_t generation = 0;  // as in the file's name
+  std::uint64_t generation = 0;              // as in the file's name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
   std::uint32_t version = kCheckpointVersion;
   std::uint32_t reserved = 0;
   std::array<char, 8> magic = kCheckpointMagic;
-  std::uint64_t sum = 0;         // XXH3-64 of the fields above
+  std::uint64_t sum = 0;  // XXH3-64 of the fields above
 };
 static_assert(sizeof(CheckpointFooter) == 56);
 
@@ -73,7 +74,11 @@ inline std::string numbered(const char* prefix, std::uint64_t number, const char
 }
 }  // namespace detail
 
-inline std::string segment_name(std::uint64_t number) { return detail::numbered("journal-", number, ".log"); }
-inline std::string checkpoint_name(std::uint64_t generation) { return detail::numbered("checkpoint-", generation, ".h5"); }
+inline std::string segment_name(std::uint64_t number) {
+  return detail::numbered("journal-", number, ".log");
+}
+inline std::string checkpoint_name(std::uint64_t generation) {
+  return detail::numbered("checkpoint-", generation, ".h5");
+}
 
 }  // namespace shearbus::store

@@ -6,7 +6,9 @@ namespace {
 constexpr std::size_t kGrowBy = std::size_t{1} << 20;  // of an image being built
 
 // HDF5 prints its error stack by default; our errors say what failed.
-void be_quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
+void be_quiet() {
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
 
 void check(herr_t result, const std::string& doing) {
   if (result < 0) throw Hdf5Error(doing);
@@ -56,7 +58,8 @@ std::vector<std::byte> bytes_of_image(const Handle& file) {
 }
 
 Handle make_group(const Handle& parent, const std::string& name) {
-  return {H5Gcreate2(parent.get(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose, "make group " + name};
+  return {H5Gcreate2(parent.get(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+          "make group " + name};
 }
 
 Handle open_group(const Handle& parent, const std::string& name) {
@@ -89,23 +92,25 @@ std::vector<std::string> children_of(const Handle& group) {
 void put_text(const Handle& object, const std::string& name, const std::string& text) {
   const Handle type = text_type(text.empty() ? 1 : text.size());
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
-  const Handle attribute(H5Acreate2(object.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
-                         "make attribute " + name);
+  const Handle attribute(H5Acreate2(object.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT),
+                         H5Aclose, "make attribute " + name);
   check(H5Awrite(attribute.get(), type.get(), text.c_str()), "write attribute " + name);
 }
 
 void put_text_dataset(const Handle& group, const std::string& name, const std::string& text) {
   const Handle type = text_type(text.empty() ? 1 : text.size());
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
-  const Handle dataset(H5Dcreate2(group.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
-                       H5Dclose, "make dataset " + name);
+  const Handle dataset(
+      H5Dcreate2(group.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
+      "make dataset " + name);
   check(H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()), "write dataset " + name);
 }
 
 std::string text_in_dataset(const Handle& group, const std::string& name) {
   const Handle dataset(H5Dopen2(group.get(), name.c_str(), H5P_DEFAULT), H5Dclose, "find dataset " + name);
   const Handle type(H5Dget_type(dataset.get()), H5Tclose, "type dataset " + name);
-  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0) throw Hdf5Error("read text from dataset " + name);
+  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0)
+    throw Hdf5Error("read text from dataset " + name);
   std::string text(H5Tget_size(type.get()), '\0');
   check(H5Dread(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), "read dataset " + name);
   text.resize(text.find_last_not_of('\0') + 1);
@@ -114,15 +119,16 @@ std::string text_in_dataset(const Handle& group, const std::string& name) {
 
 void put_number(const Handle& object, const std::string& name, std::uint64_t value) {
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
-  const Handle attribute(H5Acreate2(object.get(), name.c_str(), H5T_STD_U64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
-                         "make attribute " + name);
+  const Handle attribute(H5Acreate2(object.get(), name.c_str(), H5T_STD_U64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT),
+                         H5Aclose, "make attribute " + name);
   check(H5Awrite(attribute.get(), H5T_NATIVE_UINT64, &value), "write attribute " + name);
 }
 
 std::string text_of(const Handle& object, const std::string& name) {
   const Handle attribute = open_attribute(object, name);
   const Handle type(H5Aget_type(attribute.get()), H5Tclose, "type attribute " + name);
-  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0) throw Hdf5Error("read text from attribute " + name);
+  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0)
+    throw Hdf5Error("read text from attribute " + name);
   std::string text(H5Tget_size(type.get()), '\0');
   check(H5Aread(attribute.get(), type.get(), text.data()), "read attribute " + name);
   text.resize(text.find_last_not_of('\0') + 1);
@@ -138,11 +144,12 @@ std::uint64_t number_of(const Handle& object, const std::string& name) {
   return value;
 }
 
-Handle put_raw(const Handle& group, const std::string& name, hid_t type, const void* data, std::size_t rows, std::size_t width) {
+Handle put_raw(const Handle& group, const std::string& name, hid_t type, const void* data, std::size_t rows,
+               std::size_t width) {
   const hsize_t extent[2] = {rows, width};
   const Handle space(H5Screate_simple(width == 0 ? 1 : 2, extent, nullptr), H5Sclose, "make a space");
-  Handle dataset(H5Dcreate2(group.get(), name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
-                 "make dataset " + name);
+  Handle dataset(H5Dcreate2(group.get(), name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                 H5Dclose, "make dataset " + name);
   if (rows != 0) check(H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), "write dataset " + name);
   return dataset;
 }

@@ -1,5 +1,5 @@
-// A little of HDF5, enough for checkpoints: files in memory, groups, and attributes and datasets of numbers and text. Handles
-// close themselves; every failed call is an Hdf5Error that names what was being done.
+// A little of HDF5, enough for checkpoints: files in memory, groups, and attributes and datasets of numbers and text.
+// Handles close themselves; every failed call is an Hdf5Error that names what was being done.
 #pragma once
 
 #include <hdf5.h>
@@ -56,8 +56,8 @@ hid_t hdf5_type() {
   }
 }
 
-Handle new_image();                                  // an empty file that lives in memory only
-Handle open_image(std::span<const std::byte> image); // to read
+Handle new_image();                                   // an empty file that lives in memory only
+Handle open_image(std::span<const std::byte> image);  // to read
 std::vector<std::byte> bytes_of_image(const Handle& file);
 
 Handle make_group(const Handle& parent, const std::string& name);
@@ -73,7 +73,8 @@ std::string text_of(const Handle& object, const std::string& name);
 std::uint64_t number_of(const Handle& object, const std::string& name);
 
 // [rows] where width is 0, else [rows][width].
-Handle put_raw(const Handle& group, const std::string& name, hid_t type, const void* data, std::size_t rows, std::size_t width);
+Handle put_raw(const Handle& group, const std::string& name, hid_t type, const void* data, std::size_t rows,
+               std::size_t width);
 struct Extent {
   std::size_t rows = 0;
   std::size_t width = 0;

@@ -10,7 +10,9 @@ namespace shearbus::store {
 namespace {
 
 // 0 is what a disk shows where nothing was written, so no sum is 0.
-std::uint64_t never_zero(std::uint64_t sum) { return sum != 0 ? sum : 1; }
+std::uint64_t never_zero(std::uint64_t sum) {
+  return sum != 0 ? sum : 1;
+}
 
 template <typename Header>
 std::uint64_t sum_of_header(const Header& header) {
@@ -26,7 +28,9 @@ std::uint64_t sum_of_record(const RecordHeader& header, Bytes header_frame, Byte
 }
 
 template <typename Value>
-Bytes bytes_of(const Value& value) { return std::as_bytes(std::span(&value, 1)); }
+Bytes bytes_of(const Value& value) {
+  return std::as_bytes(std::span(&value, 1));
+}
 
 template <typename Value>
 Value value_at(Bytes bytes, std::uint64_t offset) {
@@ -49,8 +53,9 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
   const auto header = value_at<SegmentHeader>(bytes, 0);
   if (header.magic != kJournalMagic) damaged(name, 0, "not a journal: it does not begin with the journal's mark");
   if (header.version != kJournalVersion)
-    damaged(name, 0, "journal version " + std::to_string(header.version) + "; this server reads version " +
-                         std::to_string(kJournalVersion) + ". Finish the run with the server that wrote it");
+    damaged(name, 0,
+            "journal version " + std::to_string(header.version) + "; this server reads version " +
+                std::to_string(kJournalVersion) + ". Finish the run with the server that wrote it");
   if (header.sum != sum_of_header(header) || header.header_bytes != sizeof header)
     damaged(name, 0, "the segment's header does not match its sum");
   segment.number = header.number;
@@ -68,7 +73,8 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
   const auto header = value_at<RecordHeader>(rest, 0);
   if (header.sum != sum_of_header(header)) damaged(name, offset, "the header of a record does not match its sum");
   if (header.index != segment.next_index())
-    damaged(name, offset, "record " + std::to_string(header.index) + " where " + std::to_string(segment.next_index()) + " should be");
+    damaged(name, offset,
+            "record " + std::to_string(header.index) + " where " + std::to_string(segment.next_index()) + " should be");
   if (header.header_frame_bytes > kMaxFrameBytes || header.payload_frame_bytes > kMaxFrameBytes)
     damaged(name, offset, "a record longer than any request");
   const std::uint64_t length = sizeof header + header.header_frame_bytes + header.payload_frame_bytes;
@@ -78,7 +84,8 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
   if (sum == 0 && rest.size() == length + kRecordSumBytes) return false;
   const Bytes header_frame = rest.subspan(sizeof header, header.header_frame_bytes);
   const Bytes payload_frame = rest.subspan(sizeof header + header.header_frame_bytes, header.payload_frame_bytes);
-  if (sum != sum_of_record(header, header_frame, payload_frame)) damaged(name, offset, "record " + std::to_string(header.index) + " does not match its sum");
+  if (sum != sum_of_record(header, header_frame, payload_frame))
+    damaged(name, offset, "record " + std::to_string(header.index) + " does not match its sum");
   segment.records.push_back({.session = header.session,
                              .sequence = header.sequence,
                              .previous_reply = header.previous_reply,
@@ -92,8 +99,12 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
 
 }  // namespace
 
-JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable)
-    : file_(storage.create(segment_name(number))), number_(number), first_index_(first_index), next_index_(first_index) {
+JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
+                             bool durable)
+    : file_(storage.create(segment_name(number))),
+      number_(number),
+      first_index_(first_index),
+      next_index_(first_index) {
   SegmentHeader header{.number = number, .epoch = epoch, .first_index = first_index};
   header.sum = sum_of_header(header);
   const std::array parts = {bytes_of(header)};

@@ -1,5 +1,5 @@
-// The journal: every request that changed a session, in the order they were run, one record each. Replaying it on the same
-// states gives the same states and replies, so it is the truth between two checkpoints. FORMAT.md tells the bytes.
+// The journal: every request that changed a session, in the order they were run, one record each. Replaying it on the
+// same states gives the same states and replies, so it is the truth between two checkpoints. FORMAT.md tells the bytes.
 #pragma once
 
 #include <cstdint>
@@ -28,8 +28,8 @@ class JournalWriter {
   // Makes the file; with `durable` its name and header have reached the disk when this returns.
   JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable);
 
-  // Throws StorageError: where it says no_space(), the file is as before and the call may be made again; any other failure
-  // leaves the journal broken.
+  // Throws StorageError: where it says no_space(), the file is as before and the call may be made again; any other
+  // failure leaves the journal broken.
   void append(const Record& record);
   void sync();  // as File::sync; does nothing where nothing was appended since
 

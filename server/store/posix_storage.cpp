@@ -78,8 +78,9 @@ PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(direc
   struct stat found {};
   if (::fstat(directory_, &found) < 0 || found.st_uid != ::geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
     ::close(directory_);
-    throw std::runtime_error("the state directory " + path_.string() +
-                             " must belong to the user of the server and be writable by nobody else: chmod go-w, or choose another");
+    throw std::runtime_error(
+        "the state directory " + path_.string() +
+        " must belong to the user of the server and be writable by nobody else: chmod go-w, or choose another");
   }
   lock_ = ::openat(directory_, kLockName, O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (lock_ < 0 || ::flock(lock_, LOCK_EX | LOCK_NB) < 0) {
@@ -105,7 +106,8 @@ std::vector<std::string> PosixStorage::list() {
   std::vector<std::string> names;
   errno = 0;
   while (const dirent* entry = ::readdir(stream)) {
-    if (std::strcmp(entry->d_name, ".") != 0 && std::strcmp(entry->d_name, "..") != 0 && std::strcmp(entry->d_name, kLockName) != 0)
+    if (std::strcmp(entry->d_name, ".") != 0 && std::strcmp(entry->d_name, "..") != 0 &&
+        std::strcmp(entry->d_name, kLockName) != 0)
       names.emplace_back(entry->d_name);
     errno = 0;
   }
@@ -124,7 +126,8 @@ std::vector<std::byte> PosixStorage::read(const std::string& name) {
   ssize_t taken = ::fstat(file, &found);
   if (taken == 0) {
     bytes.resize(static_cast<std::size_t>(found.st_size));
-    while (size < bytes.size() && (taken = retried([&] { return ::read(file, bytes.data() + size, bytes.size() - size); })) > 0)
+    while (size < bytes.size() &&
+           (taken = retried([&] { return ::read(file, bytes.data() + size, bytes.size() - size); })) > 0)
       size += static_cast<std::size_t>(taken);
   }
   const int fault = errno;
@@ -135,7 +138,8 @@ std::vector<std::byte> PosixStorage::read(const std::string& name) {
 }
 
 std::unique_ptr<File> PosixStorage::create(const std::string& name) {
-  const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  const int file =
+      ::openat(directory_, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) throw StorageError("cannot make " + name, errno);
   return std::make_unique<PosixFile>(file, name);
 }
@@ -156,7 +160,8 @@ void PosixStorage::remove(const std::string& name) {
 }
 
 void PosixStorage::sync_directory() {
-  if (::fsync(directory_) < 0) throw StorageError("cannot bring the state directory " + path_.string() + " to the disk", errno);
+  if (::fsync(directory_) < 0)
+    throw StorageError("cannot bring the state directory " + path_.string() + " to the disk", errno);
 }
 
 }  // namespace shearbus::store

@@ -9,8 +9,9 @@ namespace shearbus::store {
 
 class PosixStorage final : public Storage {
  public:
-  // Makes the directory (mode 0700) where it does not exist, and locks it. Throws std::runtime_error where another process
-  // holds it, or where it belongs to somebody else or can be written by others: whoever writes here chooses the states.
+  // Makes the directory (mode 0700) where it does not exist, and locks it. Throws std::runtime_error where another
+  // process holds it, or where it belongs to somebody else or can be written by others: whoever writes here chooses the
+  // states.
   explicit PosixStorage(const std::filesystem::path& directory);
   PosixStorage(const PosixStorage&) = delete;
   PosixStorage& operator=(const PosixStorage&) = delete;

@@ -1,5 +1,5 @@
-// The few things the store asks of a disk: one flat directory of append-only files. An interface, so that tests can put a disk
-// in its place that fails or dies at any call.
+// The few things the store asks of a disk: one flat directory of append-only files. An interface, so that tests can put
+// a disk in its place that fails or dies at any call.
 #pragma once
 
 #include <cerrno>
@@ -33,8 +33,8 @@ class File {
   // All of the parts, one after the other. Where it throws, any part of them may have been written.
   virtual void append(std::span<const Bytes> parts) = 0;
   virtual void truncate(std::uint64_t size) = 0;
-  // What was written survives the loss of power from here on. A failure is final: what was written before may be gone, and
-  // the next call may succeed all the same.
+  // What was written survives the loss of power from here on. A failure is final: what was written before may be gone,
+  // and the next call may succeed all the same.
   virtual void sync() = 0;
 };
 

@@ -33,9 +33,12 @@ std::optional<std::uint64_t> number_in(std::string_view name, std::string_view p
 
 const char* name(Durability durability) {
   switch (durability) {
-    case Durability::kNone: return "none";
-    case Durability::kProcess: return "process";
-    case Durability::kPower: return "power";
+    case Durability::kNone:
+      return "none";
+    case Durability::kProcess:
+      return "process";
+    case Durability::kPower:
+      return "power";
   }
   return "?";
 }
@@ -102,11 +105,13 @@ std::uint64_t Store::restore_newest(const Found& found, Recovery& recovery) {
   }
   if (!newest) {
     if (found.checkpoints.empty()) return 0;
-    throw DamagedFile("no checkpoint can be loaded: " + faults +
-                      ". Restore the files from a backup, or start with --accept-empty to set them aside and lose the states");
+    throw DamagedFile(
+        "no checkpoint can be loaded: " + faults +
+        ". Restore the files from a backup, or start with --accept-empty to set them aside and lose the states");
   }
   recovery.restore(*newest);
-  log("restored " + checkpoint_name(checkpoints_.back().number) + ": " + std::to_string(newest->sessions.size()) + " sessions");
+  log("restored " + checkpoint_name(checkpoints_.back().number) + ": " + std::to_string(newest->sessions.size()) +
+      " sessions");
   return newest->next_index;
 }
 
@@ -123,7 +128,8 @@ void Store::replay_segments(const Found& found, std::uint64_t base, Recovery& re
       storage_.remove(file);  // its making was cut short: it never held a record
       continue;
     }
-    if (segment.number != number) throw DamagedFile(file + ": it is segment " + std::to_string(segment.number) + " under the name of another");
+    if (segment.number != number)
+      throw DamagedFile(file + ": it is segment " + std::to_string(segment.number) + " under the name of another");
     if (segment.first_index > next_index_)
       throw DamagedFile(file + ": it begins with record " + std::to_string(segment.first_index) + "; records from " +
                         std::to_string(next_index_) + " on are missing");
@@ -211,7 +217,8 @@ bool Store::checkpoint(Snapshot snapshot) {
     // A generation's name may stand on disk with unknown contents: it is not used again.
     ++next_generation_;
     retry_at_bytes_ = bytes_since_checkpoint_ + options_.checkpoint_bytes / 8 + 1;
-    log(std::string("the checkpoint could not be written: ") + fault.what() + "; the ones before and the journal hold everything");
+    log(std::string("the checkpoint could not be written: ") + fault.what() +
+        "; the ones before and the journal hold everything");
     return false;
   }
   bytes_since_checkpoint_ = 0;

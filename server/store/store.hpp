@@ -1,9 +1,9 @@
-// The state directory: checkpoints and the journal between them. It says what is recovered at start, what is kept of every
-// request, and when the states themselves are written; it knows nothing of what requests mean.
+// The state directory: checkpoints and the journal between them. It says what is recovered at start, what is kept of
+// every request, and when the states themselves are written; it knows nothing of what requests mean.
 //
-// Recovery takes the newest sound checkpoint and replays every later record on it. What is damaged is never loaded and never
-// passed over in silence: a checkpoint has the one before it, and the journal since, to fall back on; a journal has not, so a
-// damaged one stops the server and asks for a person.
+// Recovery takes the newest sound checkpoint and replays every later record on it. What is damaged is never loaded and
+// never passed over in silence: a checkpoint has the one before it, and the journal since, to fall back on; a journal
+// has not, so a damaged one stops the server and asks for a person.
 #pragma once
 
 #include <cstdint>
@@ -27,9 +27,9 @@ const char* name(Durability durability);
 
 struct StoreOptions {
   Durability durability = Durability::kProcess;
-  std::uint64_t epoch = 1;                  // of this incarnation of the server
+  std::uint64_t epoch = 1;                                    // of this incarnation of the server
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // of journal, after which a checkpoint is due
-  bool accept_empty = false;                // set unreadable files aside and start with nothing, instead of refusing to
+  bool accept_empty = false;  // set unreadable files aside and start with nothing, instead of refusing to
   std::function<void(const std::string&)> log;  // what a person should know; may be empty
 };
 
@@ -37,18 +37,18 @@ struct StoreOptions {
 class Recovery {
  public:
   virtual ~Recovery() = default;
-  virtual void restore(const Snapshot& snapshot) = 0;                         // first, where there is a checkpoint
-  virtual void replay(const Record& record, std::uint64_t epoch) = 0;         // then every later record, in order
-  virtual void clear() = 0;                                                   // what was recovered so far is not to be used
+  virtual void restore(const Snapshot& snapshot) = 0;                  // first, where there is a checkpoint
+  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // then every later record, in order
+  virtual void clear() = 0;                                            // what was recovered so far is not to be used
 };
 
 struct StoreCounters {
-  std::uint64_t records = 0;              // written since the start
+  std::uint64_t records = 0;  // written since the start
   std::uint64_t record_bytes = 0;
-  std::uint64_t replayed = 0;             // at the start
-  std::uint64_t checkpoints = 0;          // written since the start
+  std::uint64_t replayed = 0;     // at the start
+  std::uint64_t checkpoints = 0;  // written since the start
   std::uint64_t checkpoints_failed = 0;
-  std::uint64_t checkpoint_bytes = 0;     // of the last one
+  std::uint64_t checkpoint_bytes = 0;  // of the last one
 };
 
 class Store {
@@ -59,8 +59,8 @@ class Store {
   // accept_empty is not set; whatever `recovery` throws counts as damage.
   void recover(Recovery& recovery);
 
-  // Keeps a request that is about to be run. Throws StorageError: where it says no_space() nothing was kept and the next
-  // call may succeed; any other failure is final.
+  // Keeps a request that is about to be run. Throws StorageError: where it says no_space() nothing was kept and the
+  // next call may succeed; any other failure is final.
   void append(const Record& record);
   // What was appended is as durable as the mode promises. A failure is final.
   void settle();
@@ -68,8 +68,8 @@ class Store {
 
   bool checkpoint_due() const;
   bool changed_since_checkpoint() const { return changed_; }
-  // Writes the snapshot, which holds everything up to now, reads it back, and removes what is not needed any more. False where
-  // it could not be written: the ones before and the journal still hold everything.
+  // Writes the snapshot, which holds everything up to now, reads it back, and removes what is not needed any more.
+  // False where it could not be written: the ones before and the journal still hold everything.
   bool checkpoint(Snapshot snapshot);
 
   Durability durability() const { return options_.durability; }

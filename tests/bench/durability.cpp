@@ -1,5 +1,5 @@
-// shearbus-bench-durability: what it costs that sessions outlive the server. Round trips of a step over ipc, one server per
-// durability, in turns, so that what else the machine does falls on all alike:
+// shearbus-bench-durability: what it costs that sessions outlive the server. Round trips of a step over ipc, one server
+// per durability, in turns, so that what else the machine does falls on all alike:
 //
 //   volatile  no state directory
 //   process   in the journal before it is answered
@@ -66,13 +66,15 @@ void measure(const char* label, const wire::Scene& scene, std::size_t nodes) {
   const double first = median(arms[0]->us);
   const double process = median(arms[1]->us);
   const double power = median(arms[2]->us);
-  std::printf("%-32s %8zu %12.1f %12.1f %8.3f %12.1f %8.2f\n", label, nodes, first, process, process / first, power, power / first);
+  std::printf("%-32s %8zu %12.1f %12.1f %8.3f %12.1f %8.2f\n", label, nodes, first, process, process / first, power,
+              power / first);
 }
 
 }  // namespace
 
 int main() {
-  std::printf("%-32s %8s %12s %12s %8s %12s %8s\n", "scene", "nodes", "volatile, us", "process, us", "ratio", "power, us", "ratio");
+  std::printf("%-32s %8s %12s %12s %8s %12s %8s\n", "scene", "nodes", "volatile, us", "process, us", "ratio",
+              "power, us", "ratio");
   for (const std::size_t nodes : {100u, 1'000u, 10'000u}) {
     measure("force-driven, 24 cells", support::force_scene(), nodes);
     measure("velocity-driven, 24 cells", support::velocity_scene(), nodes);

@@ -1,5 +1,5 @@
-// The program killed with -9 under load, again and again. Every answer its clients get is compared, bit for bit, with that of a
-// server that is never killed: one request lost, or run twice, and all later answers differ.
+// The program killed with -9 under load, again and again. Every answer its clients get is compared, bit for bit, with
+// that of a server that is never killed: one request lost, or run twice, and all later answers differ.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -34,14 +34,16 @@ class Incarnations {
 
   void start() {
     const std::string log = (scratch_.path() / ("log" + std::to_string(started_++))).string();
-    std::vector<std::string> command = {SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", endpoint(), "--threads", "2",
-                                        "--state-dir", (scratch_.path() / "state").string()};
+    std::vector<std::string> command = {
+        SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", endpoint(), "--threads", "2", "--state-dir",
+        (scratch_.path() / "state").string()};
     command.insert(command.end(), options_.begin(), options_.end());
     process_.emplace(command, log);
     log_ = log;
     const auto end = std::chrono::steady_clock::now() + 30s;
     while (log_text().find("listening on") == std::string::npos) {
-      if (std::chrono::steady_clock::now() > end || process_->exit_code(0ms)) throw std::runtime_error("no server: " + log_text());
+      if (std::chrono::steady_clock::now() > end || process_->exit_code(0ms))
+        throw std::runtime_error("no server: " + log_text());
       std::this_thread::sleep_for(2ms);
     }
   }
@@ -169,7 +171,8 @@ TEST(Kill, MinusNineUnderLoadLosesNothing) {
   for (std::thread& host : hosts) host.join();
   EXPECT_EQ(server.terminate(), 0) << server.log_text();
   std::cout << "kill -9: " << kills << " rounds, " << requests << " requests, " << compared
-            << " answers compared bit for bit, lost or run twice: " << (testing::Test::HasFailure() ? "SOME" : "0") << "\n";
+            << " answers compared bit for bit, lost or run twice: " << (testing::Test::HasFailure() ? "SOME" : "0")
+            << "\n";
   RecordProperty("kills", kills);
   RecordProperty("requests", static_cast<int>(requests.load()));
 }
@@ -186,7 +189,8 @@ TEST(Kill, ASuccessorWithTheTicketGoesOnWhereTheDeadClientWas) {
     EXPECT_EQ(client.welcome().durability, "process");
     Session session = client.open(support::force_scene(), nodes);
     ticket = session.ticket();
-    for (int step = 0; step < 3; ++step) last = session.advance(columns(step), {.dt_s = 1e-9}).interface_temperature_k()[2];
+    for (int step = 0; step < 3; ++step)
+      last = session.advance(columns(step), {.dt_s = 1e-9}).interface_temperature_k()[2];
     session.leave();
   }
   server.kill();
@@ -223,10 +227,12 @@ TEST(Kill, ASecondServerOnTheSameStatesDoesNotStart) {
   Incarnations server;
   server.start();
   const ScratchDirectory elsewhere;
-  support::Process second({SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", elsewhere.ipc(), "--state-dir", server.state().string()},
-                          (elsewhere.path() / "log").string());
+  support::Process second(
+      {SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", elsewhere.ipc(), "--state-dir", server.state().string()},
+      (elsewhere.path() / "log").string());
   EXPECT_EQ(second.exit_code(10s), 1);
-  EXPECT_NE(support::text_of(elsewhere.path() / "log").find("another server holds the state directory"), std::string::npos);
+  EXPECT_NE(support::text_of(elsewhere.path() / "log").find("another server holds the state directory"),
+            std::string::npos);
   Client client({.endpoint = server.endpoint()});
   EXPECT_EQ(client.server_status().sessions, 0u);
 }

@@ -1,4 +1,5 @@
-// The service with a store, without sockets: what a client was answered is what the next server answers, to the last bit.
+// The service with a store, without sockets: what a client was answered is what the next server answers, to the last
+// bit.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -28,25 +29,33 @@ wire::Request opening(Strategy strategy) {
   return request;
 }
 
-// A conversation that uses every way of stepping: trials kept, replaced, rolled back, committed along the way, a part of the nodes.
+// A conversation that uses every way of stepping: trials kept, replaced, rolled back, committed along the way, a part
+// of the nodes.
 wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
   const auto ids = support::node_ids(kNodes);
   const int step = static_cast<int>(sequence);
   const auto columns = [&](bool some) {
-    return some ? support::step_columns(strategy, std::span(ids).subspan(2, 5), step, true) : support::step_columns(strategy, ids, step);
+    return some ? support::step_columns(strategy, std::span(ids).subspan(2, 5), step, true)
+                : support::step_columns(strategy, ids, step);
   };
   switch (sequence % 7) {
-    case 1: return ServiceHarness::step(sequence, columns(false));
-    case 2: return ServiceHarness::step(sequence, columns(false), Mode::kTrial);
-    case 3: return ServiceHarness::in_session(wire::Rollback{}, sequence);
-    case 4: return ServiceHarness::step(sequence, columns(true), Mode::kTrial);
+    case 1:
+      return ServiceHarness::step(sequence, columns(false));
+    case 2:
+      return ServiceHarness::step(sequence, columns(false), Mode::kTrial);
+    case 3:
+      return ServiceHarness::in_session(wire::Rollback{}, sequence);
+    case 4:
+      return ServiceHarness::step(sequence, columns(true), Mode::kTrial);
     case 5: {
       wire::Request next = ServiceHarness::step(sequence, columns(false), Mode::kTrial);
       std::get<wire::Downscale>(next.body).commit_previous = true;
       return next;
     }
-    case 6: return ServiceHarness::in_session(wire::Commit{}, sequence);
-    default: return ServiceHarness::step(sequence, columns(true));
+    case 6:
+      return ServiceHarness::in_session(wire::Commit{}, sequence);
+    default:
+      return ServiceHarness::step(sequence, columns(true));
   }
 }
 
@@ -178,6 +187,52 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   EXPECT_EQ(server.ask(late).code(), Code::kOk);
 }
 
+// Back to a mark, the same steps give the same bits again: nothing of what came between is left. Every server dies once
+// more.
+TEST_P(Recovery, AMarkBringsBackItsStatesToTheLastBit) {
+  MemoryStorage disk;
+  std::uint64_t sequence = 0;
+  const auto ask = [&](auto body, wire::Batch batch = {}) {
+    DurableServer server(disk);
+    wire::Request request = ServiceHarness::in_session(std::move(body), ++sequence);
+    request.batch = std::move(batch);
+    auto answer = server.ask(request);
+    EXPECT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+    if (sequence % 4 == 0) server.service.checkpoint();
+    return answer;
+  };
+  const auto ids = support::node_ids(kNodes);
+  const auto steps = [&](int first) {
+    std::vector<Bits> all;
+    for (int i = first; i < first + 4; ++i)
+      all.push_back(bits_of(ask(wire::Downscale{.dt_s = 1e-9}, support::step_columns(GetParam(), ids, i))));
+    return all;
+  };
+  const auto names = [](const support::Answer& answer) { return std::get<wire::Marked>(answer.reply.body).names; };
+  using Names = std::vector<std::string>;
+
+  EXPECT_EQ(DurableServer(disk).ask(opening(GetParam())).code(), Code::kOk);
+  steps(0);
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 4"})), (Names{"dump 4"}));
+  const auto after = steps(4);
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 8"})), (Names{"dump 4", "dump 8"}));
+  steps(8);
+  ask(wire::Downscale{.dt_s = 1e-9, .mode = Mode::kTrial}, support::step_columns(GetParam(), ids, 0));
+  const auto back = ask(wire::Rollback{.to_mark = "dump 4"});
+  EXPECT_EQ(std::get<wire::RolledBack>(back.reply.body).state_version, 4u);
+  EXPECT_EQ(steps(4), after);
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 4"})), (Names{"dump 8", "dump 4"})) << "the same name replaces";
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 9"})), (Names{"dump 4", "dump 9"})) << "the oldest makes room";
+  DurableServer server(disk);
+  EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Rollback{.to_mark = "dump 8"}, sequence + 1)).code(),
+            Code::kUnknownMark);
+  EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, sequence + 1)).code(), Code::kNothingToCommit);
+  const std::uint64_t with_marks = server.service.status().state_bytes;
+  server.ask(ServiceHarness::in_session(wire::CloseSession{}, sequence + 1));
+  EXPECT_GT(with_marks, 0u);
+  EXPECT_EQ(server.service.status().state_bytes, 0u);
+}
+
 TEST(Recovery, AClosedSessionStaysClosed) {
   for (const bool checkpoint : {false, true}) {
     MemoryStorage disk;
@@ -274,7 +329,8 @@ TEST(Recovery, WithoutAJournalTheSessionComesBackWhereTheCheckpointLeftIt) {
   MemoryStorage disk;
   {
     DurableServer server(disk, store::Durability::kNone, 77);
-    EXPECT_EQ(std::get<wire::Welcome>(server.ask(ServiceHarness::in_session(wire::Hello{}, 0)).reply.body).durability, "none");
+    EXPECT_EQ(std::get<wire::Welcome>(server.ask(ServiceHarness::in_session(wire::Hello{}, 0)).reply.body).durability,
+              "none");
     server.ask(opening(Strategy::kVelocityDriven));
     server.ask(request_at(Strategy::kVelocityDriven, 1));
     ASSERT_TRUE(server.service.checkpoint());

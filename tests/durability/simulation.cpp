@@ -1,8 +1,9 @@
-// Clients and server in one thread, on a network that loses, repeats, delays and reorders, and a disk that fails or dies with
-// the machine at any of its calls. Everything follows from a seed. The reference model is a server to which nothing ever
-// happens: each call that is answered is made there as well, and the two answers must have the same bits. So a request that is
-// lost after its answer (P1), run twice (P2), changes something though refused (P3), or comes from the dead (P4), a damaged
-// checkpoint that is loaded (P5) and a replay that differs (P6) all show as a difference at the next step.
+// Clients and server in one thread, on a network that loses, repeats, delays and reorders, and a disk that fails or
+// dies with the machine at any of its calls. Everything follows from a seed. The reference model is a server to which
+// nothing ever happens: each call that is answered is made there as well, and the two answers must have the same bits.
+// So a request that is lost after its answer (P1), run twice (P2), changes something though refused (P3), or comes from
+// the dead (P4), a damaged checkpoint that is loaded (P5) and a replay that differs (P6) all show as a difference at
+// the next step.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -35,13 +36,16 @@ struct Packet {
 };
 
 struct Tally {
-  std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0, checkpoints = 0;
+  std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0,
+                checkpoints = 0;
 };
 
 class World {
  public:
   World(unsigned seed, Tally& tally)
-      : random(seed), durability_(seed % 2 == 0 ? store::Durability::kPower : store::Durability::kProcess), tally_(tally) {
+      : random(seed),
+        durability_(seed % 2 == 0 ? store::Durability::kPower : store::Durability::kProcess),
+        tally_(tally) {
     start();
   }
 
@@ -125,7 +129,8 @@ class World {
     auto answer = server_->try_ask(std::span(frames, packet.payload.empty() ? 1 : 2));
     if (disk_.dead() || server_->service.failed() || chance(60)) return crash();  // the answer, if any, is never sent
     if (answer)
-      transmit({.to_server = false, .socket = packet.socket, .header = answer->frames.header, .payload = answer->payload()});
+      transmit(
+          {.to_server = false, .socket = packet.socket, .header = answer->frames.header, .payload = answer->payload()});
     if (chance(12) && server_->service.checkpoint()) ++tally_.checkpoints;
     if (disk_.dead()) crash();
   }
@@ -144,10 +149,14 @@ class World {
 
 class SimulatedConnection final : public Connection {
  public:
-  explicit SimulatedConnection(World& world) : Connection({.reply_deadline = 20s, .retry_after = 100ms}), world_(world) {}
+  explicit SimulatedConnection(World& world)
+      : Connection({.reply_deadline = 20s, .retry_after = 100ms}), world_(world) {}
 
   Received call(const wire::Request& request, std::chrono::milliseconds deadline) override {
-    const Packet packet{.to_server = true, .socket = 0, .header = wire::encode_header(request), .payload = support::bytes_of(request.batch)};
+    const Packet packet{.to_server = true,
+                        .socket = 0,
+                        .header = wire::encode_header(request),
+                        .payload = support::bytes_of(request.batch)};
     const auto last_moment = now() + deadline;
     do {
       Packet sent = packet;
@@ -183,7 +192,8 @@ class DirectConnection final : public Connection {
   Received call(const wire::Request& request, std::chrono::milliseconds) override {
     auto answer = std::make_shared<support::Answer>(harness_.ask(request));
     Received received{.payload_frame = answer, .reply = {}};
-    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)), answer->frames.payload};
+    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
+                                                  answer->frames.payload};
     wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
     if (!received.reply.status.ok()) throw Error(received.reply.status);
     return received;
@@ -224,6 +234,16 @@ class Host {
     ++tally_.calls;
     if (world_.chance(10)) return die_and_be_succeeded();
     if (world_.chance(12)) return ask_nonsense();
+    if (world_.chance(12)) {
+      const std::string name = "dump " + std::to_string(steps_);
+      last_mark_ = name;
+      ASSERT_EQ(insist([&] { return session_.mark(name).names; }), reference_.mark(name).names);
+      return;
+    }
+    if (!last_mark_.empty() && world_.chance(20)) {
+      ASSERT_EQ(insist([&] { return session_.rollback_to(last_mark_); }), reference_.rollback_to(last_mark_));
+      return;
+    }
     const int number = steps_++;
     const unsigned choice = world_.random() % 4;
     if (choice == 0) {
@@ -276,8 +296,8 @@ class Host {
     }
   }
 
-  // The client is gone right after it has sent a step; its successor is told whether that step was run, and nothing that the
-  // dead one sent is run from then on.
+  // The client is gone right after it has sent a step; its successor is told whether that step was run, and nothing
+  // that the dead one sent is run from then on.
   void die_and_be_succeeded() {
     ++tally_.successors;
     const Batch columns = support::step_columns(strategy_, nodes_, steps_++);
@@ -308,6 +328,7 @@ class Host {
   Session session_;
   Session reference_;
   int steps_ = 0;
+  std::string last_mark_;
 };
 
 void simulate(unsigned seed, Tally& tally) {
@@ -338,9 +359,9 @@ TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
     if (HasFailure()) break;
   }
   std::cout << count << " seeds: " << tally.calls << " calls, " << tally.crashes << " crashes, " << tally.disk_faults
-            << " servers with a planned disk fault, " << tally.checkpoints << " checkpoints, " << tally.damaged << " of them damaged, "
-            << tally.dropped << " messages lost, " << tally.repeated << " repeated, " << tally.successors
-            << " clients died; answers that differ: " << (HasFailure() ? "SOME" : "0") << "\n";
+            << " servers with a planned disk fault, " << tally.checkpoints << " checkpoints, " << tally.damaged
+            << " of them damaged, " << tally.dropped << " messages lost, " << tally.repeated << " repeated, "
+            << tally.successors << " clients died; answers that differ: " << (HasFailure() ? "SOME" : "0") << "\n";
   EXPECT_GT(tally.crashes, count / 2);
 }
 

@@ -44,7 +44,8 @@ Snapshot small_snapshot() {
                     .node_ids = {7, 1ULL << 63},
                     .state_version = 4,
                     .committed = small_states({0, 1}, 300.0),
-                    .trial = small_states({1}, 400.0)};
+                    .trial = small_states({1}, 400.0),
+                    .marks = {{.name = "dump", .state_version = 2, .states = small_states({0, 1}, 350.0)}}};
   open.id.fill(0x01);
   snapshot.sessions = {closed, open};
   return snapshot;
@@ -53,7 +54,8 @@ Snapshot small_snapshot() {
 bool same(const shard::States& a, const shard::States& b) {
   return a.slots == b.slots && std::equal(a.columns.begin(), a.columns.end(), b.columns.begin(), b.columns.end(),
                                           [](const shard::StateColumn& x, const shard::StateColumn& y) {
-                                            return x.name == y.name && x.units == y.units && x.width == y.width && x.values == y.values;
+                                            return x.name == y.name && x.units == y.units && x.width == y.width &&
+                                                   x.values == y.values;
                                           });
 }
 
@@ -79,6 +81,12 @@ TEST(Checkpoint, ComesBackAsItWent) {
     EXPECT_EQ(a.node_ids, b.node_ids);
     EXPECT_EQ(a.state_version, b.state_version);
     EXPECT_TRUE(same(a.committed, b.committed));
+    ASSERT_EQ(a.marks.size(), b.marks.size());
+    for (std::size_t m = 0; m < a.marks.size(); ++m) {
+      EXPECT_EQ(a.marks[m].name, b.marks[m].name);
+      EXPECT_EQ(a.marks[m].state_version, b.marks[m].state_version);
+      EXPECT_TRUE(same(a.marks[m].states, b.marks[m].states));
+    }
     ASSERT_EQ(a.trial.has_value(), b.trial.has_value());
     if (a.trial) {
       EXPECT_TRUE(same(*a.trial, *b.trial));
@@ -129,7 +137,10 @@ struct Journal {
     for (int i = 0; i < 4; ++i) {
       headers.push_back(some_bytes(20 + static_cast<std::size_t>(i), i));
       payloads.push_back(i == 2 ? std::vector<std::byte>() : std::vector<std::byte>(64, std::byte{0}));
-      Record record{.sequence = static_cast<std::uint64_t>(i), .previous_reply = 5, .header_frame = headers.back(), .payload_frame = payloads.back()};
+      Record record{.sequence = static_cast<std::uint64_t>(i),
+                    .previous_reply = 5,
+                    .header_frame = headers.back(),
+                    .payload_frame = payloads.back()};
       record.session.fill(static_cast<std::uint8_t>(i));
       ends.push_back(writer.bytes());
       writer.append(record);
@@ -157,8 +168,10 @@ TEST(Journal, ComesBackAsItWent) {
     EXPECT_EQ(record.index, 100 + i);
     EXPECT_EQ(record.sequence, i);
     EXPECT_EQ(record.session[3], i);
-    EXPECT_TRUE(std::equal(record.header_frame.begin(), record.header_frame.end(), journal.headers[i].begin(), journal.headers[i].end()));
-    EXPECT_TRUE(std::equal(record.payload_frame.begin(), record.payload_frame.end(), journal.payloads[i].begin(), journal.payloads[i].end()));
+    EXPECT_TRUE(std::equal(record.header_frame.begin(), record.header_frame.end(), journal.headers[i].begin(),
+                           journal.headers[i].end()));
+    EXPECT_TRUE(std::equal(record.payload_frame.begin(), record.payload_frame.end(), journal.payloads[i].begin(),
+                           journal.payloads[i].end()));
   }
 }
 
@@ -206,7 +219,8 @@ TEST(Journal, AFileMadeLongerBeforeItsDataCameIsTorn) {
 TEST(Journal, DamageBeforeTheLastRecordIsAnErrorEvenInZeros) {
   const Journal journal;
   auto bytes = journal.bytes;
-  std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(journal.ends[1]), bytes.begin() + static_cast<std::ptrdiff_t>(journal.ends[2]), std::byte{0});
+  std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(journal.ends[1]),
+            bytes.begin() + static_cast<std::ptrdiff_t>(journal.ends[2]), std::byte{0});
   EXPECT_THROW(read_segment(bytes, "file"), DamagedFile);
 }
 

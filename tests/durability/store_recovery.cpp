@@ -1,5 +1,5 @@
-// The store as a whole against a counter for a server: whatever the disk does, recovery gives back every record that was
-// settled, once and in order, or says that it cannot.
+// The store as a whole against a counter for a server: whatever the disk does, recovery gives back every record that
+// was settled, once and in order, or says that it cannot.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -48,7 +48,10 @@ struct Counter final : Recovery {
 
 struct Server {
   explicit Server(MemoryStorage& disk, Durability durability = Durability::kPower, bool accept_empty = false)
-      : store(disk, {.durability = durability, .epoch = 5, .accept_empty = accept_empty, .log = [this](const std::string& line) { log += line + "\n"; }}) {
+      : store(disk, {.durability = durability,
+                     .epoch = 5,
+                     .accept_empty = accept_empty,
+                     .log = [this](const std::string& line) { log += line + "\n"; }}) {
     store.recover(counter);
   }
   // True when the request may be answered.
@@ -73,7 +76,10 @@ std::vector<std::uint64_t> up_to(std::uint64_t last) {
 
 TEST(Store, RecordsComeBackWithoutACheckpoint) {
   MemoryStorage disk;
-  { Server server(disk); for (std::uint64_t i = 1; i <= 5; ++i) server.run(i); }
+  {
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 5; ++i) server.run(i);
+  }
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(5));
   again.run(6);
@@ -101,7 +107,8 @@ TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
     server.run(i);
     if (i % 5 == 0) server.checkpoint();
   }
-  EXPECT_EQ(disk.names(), (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), segment_name(7)}));
+  EXPECT_EQ(disk.names(),
+            (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), segment_name(7)}));
 }
 
 TEST(Store, ADamagedCheckpointGivesWayToTheOneBeforeAndTheJournal) {
@@ -150,7 +157,10 @@ TEST(Store, AJournalWithAHoleIsRefused) {
 
 TEST(Store, AJournalDamagedBeforeItsEndIsRefused) {
   MemoryStorage disk;
-  { Server server(disk); for (std::uint64_t i = 1; i <= 3; ++i) server.run(i); }
+  {
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 3; ++i) server.run(i);
+  }
   disk.bytes(segment_name(1))[130] ^= std::byte{1};
   EXPECT_THROW(Server{disk}, DamagedFile);
 }
@@ -195,7 +205,8 @@ Outcome workload(MemoryStorage& disk, Durability durability) {
 }
 
 // Answered requests are a prefix of what recovery gives; what it gives beyond them is at most the one being run.
-void expect_nothing_lost(MemoryStorage& disk, Durability durability, const std::vector<std::uint64_t>& answered, const std::string& when) {
+void expect_nothing_lost(MemoryStorage& disk, Durability durability, const std::vector<std::uint64_t>& answered,
+                         const std::string& when) {
   SCOPED_TRACE(when);
   std::optional<Server> again;
   ASSERT_NO_THROW(again.emplace(disk, durability));
@@ -216,7 +227,8 @@ TEST(Store, FailureOfTheNthCallLosesNothingThatWasAnswered) {
         auto outcome = workload(disk, Durability::kPower);
         if (outcome.answered.empty()) outcome.answered = before;
         disk.heal();
-        expect_nothing_lost(disk, Durability::kPower, outcome.answered, "call " + std::to_string(n) + " fails with " + std::to_string(code));
+        expect_nothing_lost(disk, Durability::kPower, outcome.answered,
+                            "call " + std::to_string(n) + " fails with " + std::to_string(code));
         if (!outcome.fired) break;
         ++faults;
       }
@@ -251,7 +263,8 @@ TEST(Store, LossOfPowerAtTheNthCallLosesNothingThatWasAnswered) {
       auto outcome = workload(disk, Durability::kPower);
       if (outcome.answered.empty()) outcome.answered = before;
       disk.die_of_power(random);
-      expect_nothing_lost(disk, Durability::kPower, outcome.answered, "power lost at call " + std::to_string(n) + ", seed " + std::to_string(seed));
+      expect_nothing_lost(disk, Durability::kPower, outcome.answered,
+                          "power lost at call " + std::to_string(n) + ", seed " + std::to_string(seed));
       if (HasFatalFailure()) return;
       if (!outcome.fired) break;
       ++deaths;
@@ -272,7 +285,8 @@ TEST(Store, NothingIsAnsweredAfterAFailedSync) {
 }
 
 TEST(Store, ACheckpointThatFailsLeavesTheOnesBefore) {
-  for (const Call call : {Call::kCreate, Call::kAppend, Call::kSync, Call::kRename, Call::kSyncDirectory, Call::kRead}) {
+  for (const Call call :
+       {Call::kCreate, Call::kAppend, Call::kSync, Call::kRename, Call::kSyncDirectory, Call::kRead}) {
     MemoryStorage disk;
     Server server(disk);
     for (std::uint64_t i = 1; i <= 4; ++i) {

@@ -13,11 +13,12 @@
 namespace shearbus::support {
 
 struct DurableServer {
-  explicit DurableServer(store::Storage& disk, store::Durability durability = store::Durability::kProcess, std::uint64_t epoch = 77,
-                         unsigned threads = 1)
+  explicit DurableServer(store::Storage& disk, store::Durability durability = store::Durability::kProcess,
+                         std::uint64_t epoch = 77, unsigned threads = 1)
       : store(disk, {.durability = durability, .epoch = epoch}),
         pool(threads),
-        service({.epoch = epoch, .server_version = "test", .nodes_per_task = 4, .now_ns = [this] { return ++clock; }}, pool, &store) {
+        service({.epoch = epoch, .server_version = "test", .nodes_per_task = 4, .now_ns = [this] { return ++clock; }},
+                pool, &store) {
     service.recover();
   }
 

@@ -1,8 +1,8 @@
 // A disk in memory that can fail, or die with the process or the power, at any of its calls.
 //
-// Each file knows what was written and what was synced; so does the directory of its names. After die() the next server finds
-// what such a death leaves: of the process, everything written; of the power, what was synced and, of the rest, a part that
-// `random` picks.
+// Each file knows what was written and what was synced; so does the directory of its names. After die() the next server
+// finds what such a death leaves: of the process, everything written; of the power, what was synced and, of the rest, a
+// part that `random` picks.
 #pragma once
 
 #include <algorithm>
@@ -27,10 +27,10 @@ class MemoryStorage final : public store::Storage {
  public:
   enum class Call { kAppend, kTruncate, kSync, kCreate, kOpen, kRename, kRemove, kSyncDirectory, kRead, kList };
   struct Fault {
-    std::uint64_t at_call = 0;       // counted from 1, over the calls `of` picks
-    int code = 0;                    // errno to fail with; 0: die
-    bool for_ever = false;           // every later call of the kind fails as well
-    std::optional<Call> of;          // none: every call
+    std::uint64_t at_call = 0;  // counted from 1, over the calls `of` picks
+    int code = 0;               // errno to fail with; 0: die
+    bool for_ever = false;      // every later call of the kind fails as well
+    std::optional<Call> of;     // none: every call
   };
 
   void plan(Fault fault) {
@@ -52,7 +52,8 @@ class MemoryStorage final : public store::Storage {
     dead_ = false;
     heal();
     // Names first: each change since the last sync of the directory has happened or not, up to a point.
-    const std::size_t kept = changes_.empty() ? 0 : std::uniform_int_distribution<std::size_t>(0, changes_.size())(random);
+    const std::size_t kept =
+        changes_.empty() ? 0 : std::uniform_int_distribution<std::size_t>(0, changes_.size())(random);
     auto names = durable_names_;
     for (std::size_t i = 0; i < kept; ++i) changes_[i](names);
     names_ = durable_names_ = names;
@@ -60,10 +61,13 @@ class MemoryStorage final : public store::Storage {
     for (auto& [name, node] : names_) {
       Node& file = *node;
       if (file.written.size() > file.synced.size()) {
-        const std::size_t more = std::uniform_int_distribution<std::size_t>(0, file.written.size() - file.synced.size())(random);
+        const std::size_t more =
+            std::uniform_int_distribution<std::size_t>(0, file.written.size() - file.synced.size())(random);
         file.written.resize(file.synced.size() + more);
         // Of a file that grew, the last blocks may never have been filled.
-        if (random() % 4 == 0) std::fill(file.written.begin() + static_cast<std::ptrdiff_t>(file.synced.size()), file.written.end(), std::byte{0});
+        if (random() % 4 == 0)
+          std::fill(file.written.begin() + static_cast<std::ptrdiff_t>(file.synced.size()), file.written.end(),
+                    std::byte{0});
       } else {
         file.written = file.synced;
       }

@@ -98,6 +98,11 @@ class Session {
   const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
   std::uint64_t commit();
   std::uint64_t rollback();
+  // Keeps the committed states on the server under a name, such as that of the host's own restart dump; the server
+  // keeps the newest few (welcome().limits.max_marks). Going back to one makes its states the committed ones again, and
+  // drops a trial.
+  wire::Marked mark(const std::string& name);
+  std::uint64_t rollback_to(const std::string& mark);
   wire::SessionClosed close();
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
@@ -124,7 +129,7 @@ class Session {
 
 class Client {
  public:
-  explicit Client(ClientOptions options);  // connects and says hello
+  explicit Client(ClientOptions options);                   // connects and says hello
   explicit Client(std::shared_ptr<Connection> connection);  // over a connection of the caller's own, as tests do
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
