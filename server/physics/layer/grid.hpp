@@ -10,7 +10,7 @@ enum class FarBoundary { kInsulated, kHalfSpace };
 struct GridOptions {
   double thickness = 20e-6;  // h [m]
   int cells = 500;
-  double grading = 1.0;      // ratio of neighbouring cells, growing from z = 0
+  double grading = 1.0;  // ratio of neighbouring cells, growing from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
 };
 

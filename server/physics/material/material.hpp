@@ -1,4 +1,5 @@
-// A metal: Steinberg-Cochran-Guinan strength with the melting factor of Ball et al. (DLP 14-15, 40-41) and its heat constants.
+// A metal: Steinberg-Cochran-Guinan strength with the melting factor of Ball et al. (DLP 14-15, 40-41) and its heat
+// constants.
 #pragma once
 
 #include <limits>
@@ -11,38 +12,40 @@
 namespace shearbus::physics {
 
 struct Material {
-  double density = 0.0;                  // rho   [kg/m3]
-  double shear_modulus = 0.0;            // G0    [Pa]
-  double yield_strength = 0.0;           // Y0    [Pa]
+  double density = 0.0;                                                 // rho   [kg/m3]
+  double shear_modulus = 0.0;                                           // G0    [Pa]
+  double yield_strength = 0.0;                                          // Y0    [Pa]
   double yield_strength_max = std::numeric_limits<double>::infinity();  // Y_max [Pa]; infinity: no cap (DLP 40)
-  double hardening_coefficient = 0.0;    // beta  [1]
-  double hardening_exponent = 0.0;       // n     [1]
-  double pressure_coefficient = 0.0;     // gP    [1/Pa]
-  double temperature_coefficient = 0.0;  // hT    [1/K]
-  double melting_temperature = 0.0;      // T_melt [K]
-  double conductivity = 0.0;             // k     [W/(m K)]
-  double specific_heat = 0.0;            // c     [J/(kg K)]
-  double diffusivity = 0.0;              // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
+  double hardening_coefficient = 0.0;                                   // beta  [1]
+  double hardening_exponent = 0.0;                                      // n     [1]
+  double pressure_coefficient = 0.0;                                    // gP    [1/Pa]
+  double temperature_coefficient = 0.0;                                 // hT    [1/K]
+  double melting_temperature = 0.0;                                     // T_melt [K]
+  double conductivity = 0.0;                                            // k     [W/(m K)]
+  double specific_heat = 0.0;                                           // c     [J/(kg K)]
+  double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
 };
 
-// One constant of a material under the name scenes give it. The one table behind overrides, effective scenes and messages.
+// One constant of a material under the name scenes give it. The one table behind overrides, effective scenes and
+// messages.
 struct MaterialField {
-  std::string_view name;     // "yield_strength_pa"
+  std::string_view name;  // "yield_strength_pa"
   double Material::*value;
-  bool required;             // false: yield_strength_max_pa and thermal_diffusivity_m2_per_s
+  bool required;     // false: yield_strength_max_pa and thermal_diffusivity_m2_per_s
+  bool may_be_zero;  // the others must be above 0
 };
 std::span<const MaterialField> material_fields();
 
 struct CatalogEntry {
   std::string_view name;
-  std::string_view source;   // where every number comes from
+  std::string_view source;  // where every number comes from
   Material material;
 };
 std::span<const CatalogEntry> catalog();
 
-// The catalog's material `name` (may be empty) with the constants in `given` put over it. Where it cannot be made - unknown
-// name (nearest one named), unknown constant, constant missing, not finite or not positive where it must be - `fault` says why
-// and `fault_field` which ("material" or a constant's name); both empty otherwise.
+// The catalog's material `name` (may be empty) with the constants in `given` put over it. Where it cannot be made -
+// unknown name (nearest one named), unknown constant, constant missing, not finite or not positive where it must be -
+// `fault` says why and `fault_field` which ("material" or a constant's name); both empty otherwise.
 struct MaterialResult {
   Material material;
   std::string fault_field;

@@ -26,14 +26,14 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  double initial_temperature = 300.0;                // [K]
-  Drive drive = Drive::kLayerShear;                  // velocity-driven
-  std::optional<double> friction_coefficient;        // velocity-driven: adds s <= mu P
-  InterfaceOptions interface;                        // force-driven
+  double initial_temperature = 300.0;          // [K]
+  Drive drive = Drive::kLayerShear;            // velocity-driven
+  std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
+  InterfaceOptions interface;                  // force-driven
 };
 
-// Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit flux
-// (DLP 26-35). Make one per step length and share it.
+// Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit
+// flux (DLP 26-35). Make one per step length and share it.
 class StepOperators;
 
 class Model {
@@ -54,8 +54,8 @@ class Model {
 
   std::shared_ptr<const StepOperators> operators(double dt) const;
 
-  // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the active
-  // lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
+  // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
+  // active lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 

@@ -1,6 +1,6 @@
-// A tile: kLanes shear layers side by side, the unit of work of the solvers. Arrays across the layer are [vertex][lane], lane
-// fastest, so that the sweep across the layer is sequential and the lanes vectorise. A lane never looks at its neighbour: its
-// answer has the same bits whatever the other lanes hold.
+// A tile: kLanes shear layers side by side, the unit of work of the solvers. Arrays across the layer are
+// [vertex][lane], lane fastest, so that the sweep across the layer is sequential and the lanes vectorise. A lane never
+// looks at its neighbour: its answer has the same bits whatever the other lanes hold.
 #pragma once
 
 #include <cstddef>
@@ -21,32 +21,33 @@ inline constexpr std::uint8_t kFailed = 128;
 // State of one tile: doubles at offsets told by TileLayout; an offset of kAbsent is a part this model does not have.
 struct TileLayout {
   static constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
-  std::size_t num_vertices = 0;
-  std::size_t temperature = 0;        // [num_vertices][kLanes]  K
-  std::size_t plastic_strain = kAbsent;  // [num_vertices][kLanes]  1
-  std::size_t shear_stress = 0;       // [kLanes]  Pa, signed
-  std::size_t regime = 0;             // [kLanes]  the Regime of the last step, as a double
-  std::size_t doubles = 0;            // of a tile, a multiple of kLanes
+  std::size_t num_vertices = 0;  // of temperature: the layer's and, for a half-space, those of the soft body behind it
+  std::size_t num_strain_vertices = 0;   // of plastic strain: the layer's, or none
+  std::size_t temperature = 0;           // [num_vertices][kLanes]  K
+  std::size_t plastic_strain = kAbsent;  // [num_strain_vertices][kLanes]  1
+  std::size_t shear_stress = 0;          // [kLanes]  Pa, signed
+  std::size_t regime = 0;                // [kLanes]  the Regime of the last step, as a double
+  std::size_t doubles = 0;               // of a tile, a multiple of kLanes
 };
 
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.
 struct TileInputs {
-  std::uint32_t active = 0;  // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};      // [V], of n-1/2 when force-driven  [m/s]
-  alignas(64) double pressure[kLanes] = {};           // P, compression positive          [Pa]
-  alignas(64) double soft_shear_rate[kLanes] = {};    // of the soft zone (interface_slip)  [1/s]
-  alignas(64) double stress_minus[kLanes] = {};       // soft side                        [Pa]
-  alignas(64) double stress_plus[kLanes] = {};        // hard side                        [Pa]
-  alignas(64) double mass_minus[kLanes] = {};         // [kg/m2]
-  alignas(64) double mass_plus[kLanes] = {};          // [kg/m2]
+  std::uint32_t active = 0;                         // bit i: lane i takes the step
+  alignas(64) double velocity_jump[kLanes] = {};    // [V], of n-1/2 when force-driven  [m/s]
+  alignas(64) double pressure[kLanes] = {};         // P, compression positive          [Pa]
+  alignas(64) double soft_shear_rate[kLanes] = {};  // of the soft zone (interface_slip)  [1/s]
+  alignas(64) double stress_minus[kLanes] = {};     // soft side                        [Pa]
+  alignas(64) double stress_plus[kLanes] = {};      // hard side                        [Pa]
+  alignas(64) double mass_minus[kLanes] = {};       // [kg/m2]
+  alignas(64) double mass_plus[kLanes] = {};        // [kg/m2]
 };
 
 struct TileOutputs {
-  alignas(64) double shear_stress[kLanes];            // s                                [Pa]
-  alignas(64) double sliding_velocity[kLanes];        // [v]                              [m/s]
-  alignas(64) double interface_temperature[kLanes];   // T0                               [K]
-  alignas(64) double velocity_jump_new[kLanes];       // force-driven: [V] at n+1/2       [m/s]
-  alignas(64) double friction_heat[kLanes];           // entered the layer in this step   [J/m2]
+  alignas(64) double shear_stress[kLanes];           // s                                [Pa]
+  alignas(64) double sliding_velocity[kLanes];       // [v]                              [m/s]
+  alignas(64) double interface_temperature[kLanes];  // T0                               [K]
+  alignas(64) double velocity_jump_new[kLanes];      // force-driven: [V] at n+1/2       [m/s]
+  alignas(64) double friction_heat[kLanes];          // entered the layer in this step   [J/m2]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
 };

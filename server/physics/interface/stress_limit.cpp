@@ -1,0 +1,133 @@
+#include "server/physics/interface/stress_limit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace shearbus::physics {
+namespace {
+
+constexpr int kMaxIterations = 200;    // bisection alone needs some 60
+constexpr int kNewtonIterations = 12;  // more than it has ever taken; from then on every second step bisects
+constexpr double kConverged = 1e-9;    // relative: the next Newton step is below rounding
+constexpr int kMaxSearchIterations = 400;
+
+// One Newton step on H itself from next to its zero takes out what the iteration's tolerance left.
+double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max) {
+  const StressLimit::Value s = limit.at(heating.temperature(a));
+  const double heat_slope = heating.slip(a) > 0.0 ? heating.rise * (heating.c - 2.0 * heating.b * a) : 0.0;
+  const double slope = s.slope * heat_slope - 1.0;
+  const double step = -(s.stress - a) / slope;
+  const double better = a + step;
+  return std::abs(step) < kConverged * a && better <= a_max ? better : a;
+}
+
+}  // namespace
+
+double StressLimit::steepest(double coldest, double hottest) const {
+  const Material& m = *soft;
+  const double c = kMeltingFactor * m.melting_temperature;
+  const double nearest = std::max(0.0, m.melting_temperature - hottest);
+  const double farthest = m.melting_temperature - coldest;
+  if (farthest <= 0.0) return 0.0;
+  const double x = std::clamp(0.5 * c, nearest, farthest);
+  const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
+  const double bracket =
+      1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kSofteningReference);
+  if (bracket <= 0.0) return 0.0;
+  return tresca * (m.temperature_coefficient + bracket * melting * c / (x * x));
+}
+
+double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a) {
+  return limit.at(heating.temperature(a)).stress - a;
+}
+
+double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
+  double hi = std::min(a_max, limit.at(heating.T_ad).stress);  // s_lim falls with T0
+  double lo = 0.0;
+  if (hi <= 0.0) return 0.0;
+  if (spare_strength(limit, heating, hi) >= 0.0) return hi;
+  // Where slip is at least c/2 this much stress would melt the interface: with fast slip it is far below `hi`.
+  const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
+  if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
+  double a = guess > 0.0 && guess < hi ? guess : 0.5 * hi;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const double T0 = heating.temperature(a);
+    const StressLimit::Value s = limit.at(T0);
+    (s.stress > a ? lo : hi) = a;
+    if (s.stress == a || hi - lo <= 2.0 * std::numeric_limits<double>::epsilon() * hi) return a;
+    // Newton on log(s_lim / a): it is concave where melting makes s_lim fall like exp(-1/x), so that steps from the hot
+    // side never overshoot.
+    double next = 0.0;
+    if (s.stress > 0.0 && a > 0.0) {
+      const double heat_slope = heating.slip(a) > 0.0 ? heating.rise * (heating.c - 2.0 * heating.b * a) : 0.0;
+      const double slope = s.slope * heat_slope / s.stress - 1.0 / a;
+      next = a - logarithm(s.stress / a) / slope;
+      if (std::abs(next - a) <= kConverged * a) return polished(limit, heating, std::clamp(next, lo, hi), a_max);
+    }
+    const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
+    a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
+  }
+  return a;
+}
+
+bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
+  const double end = std::min(a_max, limit.at(heating.T_ad).stress);
+  if (2.0 * heating.b * end <= heating.c || heating.c <= 0.0) return true;  // heating rises with stress all the way
+  const double hottest = heating.temperature(0.5 * heating.c / heating.b);
+  if (limit.at(hottest).is_coulomb) return true;  // the limit does not depend on temperature here
+  const double coldest = heating.temperature(end);
+  return heating.rise * limit.steepest(coldest, hottest) * (2.0 * heating.b * end - heating.c) < 1.0;
+}
+
+namespace {
+
+constexpr double kSame = 1e-9;      // relative difference below which two zeros are one
+constexpr double kArrived = 1e-12;  // relative residual below which a zero is one
+
+// Behind the stress of greatest heating a -> s_lim(T0(a)) rises: from a start with H > 0 (H < 0) it climbs to the next
+// zero above (falls to the next one below) and cannot jump over it. Ends at a border, or short of the zero after too
+// many steps.
+double approach_zero(const StressLimit& limit, const FrictionHeating& heating, double a, double begin, double end) {
+  for (int iteration = 0; iteration < kMaxSearchIterations; ++iteration) {
+    const double next = std::clamp(limit.at(heating.temperature(a)).stress, begin, end);
+    const bool arrived = std::abs(next - a) <= 4.0 * std::numeric_limits<double>::epsilon() * a;
+    a = next;
+    if (arrived || a == begin || a == end) break;
+  }
+  return a;
+}
+
+}  // namespace
+
+SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
+  const double end = std::min(a_max, limit.at(heating.T_ad).stress);
+  const double spare_end = spare_strength(limit, heating, end);
+  // 1. Up to the stress of greatest heating H falls: a zero there is the only one there.
+  const double peak = heating.b > 0.0 && heating.c > 0.0 ? std::min(end, 0.5 * heating.c / heating.b) : end;
+  if (peak == end && spare_end > 0.0) return {end, false, false};
+  if (spare_strength(limit, heating, peak) <= 0.0) {
+    const double a = slip_stress(limit, heating, peak, peak);
+    if (peak == end) return {a, true, false};
+    const double last = spare_end > 0.0 ? end : approach_zero(limit, heating, end, peak, end);
+    return {a, true, last > peak * (1.0 + kSame)};
+  }
+  // 2. Behind it: the first zero above the peak, if there is one.
+  double a = approach_zero(limit, heating, peak, peak, end);
+  if (a == end) return {end, spare_end <= 0.0, false};
+  if (spare_end > 0.0) {
+    const bool found = std::abs(spare_strength(limit, heating, a)) <= kSame * a;
+    return found ? SlipSearch{a, true, false} : SlipSearch{end, false, false};
+  }
+  const double last = approach_zero(limit, heating, end, peak, end);
+  // 3. A climb too slow to arrive (two zeros about to meet): bisect for the zero the change of sign promises.
+  double hi = last;
+  while (spare_strength(limit, heating, a) > kArrived * a) {
+    const double mid = 0.5 * (a + hi);
+    if (mid <= a || mid >= hi) break;
+    (spare_strength(limit, heating, mid) > 0.0 ? a : hi) = mid;
+  }
+  return {a, true, last > a * (1.0 + kSame)};
+}
+
+}  // namespace shearbus::physics

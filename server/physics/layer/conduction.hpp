@@ -1,0 +1,51 @@
+// Heat across the layer (MODEL.md section 3): backward Euler in time, finite volumes around the vertices, DLP (20-35).
+#pragma once
+
+#include <vector>
+
+#include "server/physics/layer/grid.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+// The vertices heat lives on: those of the layer and, for a half-space, of the soft body behind it. The extension
+// begins with the layer's last cell and widens by kExtensionGrading up to kExtensionDepth thicknesses, where it is
+// insulated.
+struct HeatGrid {
+  static constexpr double kExtensionGrading = 1.2;
+  static constexpr double kExtensionDepth = 1000.0;
+
+  HeatGrid(const Grid& grid, FarBoundary far_boundary);
+
+  int num_vertices() const { return static_cast<int>(weight.size()); }
+
+  std::vector<double> width;   // of each cell                                   [m]
+  std::vector<double> weight;  // of each vertex: half of its two cells          [m]
+};
+
+// One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
+//   t[i] = (old[i] + a[i] t[i-1] + c[i] t[i+1]) / (1 + a[i] + c[i]),   a = alpha dt / (weight * width before), c after
+// Every coefficient is positive and no difference is taken, so neither is anything cancelled: the elimination is
+// accurate to rounding for any dt and grading.
+struct HeatOperator {
+  HeatOperator(const HeatGrid& grid, const Material& material, double step);
+
+  double dt;                          // [s]
+  std::vector<double> forward;        // a[i] / pivot[i]
+  std::vector<double> inverse_pivot;  // 1 / pivot[i]
+  std::vector<double> backward;       // c[i] / pivot[i]
+  std::vector<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+};
+
+// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same.
+void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
+
+// The same for one lane of a tile, in place.
+void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
+
+// T = T_ad + q B, DLP (35), all lanes.
+void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
+void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
+
+}  // namespace shearbus::physics

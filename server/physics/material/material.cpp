@@ -1,0 +1,149 @@
+#include "server/physics/material/material.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr std::array kFields = {
+    MaterialField{"density_kg_per_m3", &Material::density, true, false},
+    MaterialField{"shear_modulus_pa", &Material::shear_modulus, true, false},
+    MaterialField{"yield_strength_pa", &Material::yield_strength, true, false},
+    MaterialField{"yield_strength_max_pa", &Material::yield_strength_max, false, false},
+    MaterialField{"hardening_coefficient", &Material::hardening_coefficient, true, true},
+    MaterialField{"hardening_exponent", &Material::hardening_exponent, true, false},
+    MaterialField{"pressure_coefficient_per_pa", &Material::pressure_coefficient, true, true},
+    MaterialField{"temperature_coefficient_per_k", &Material::temperature_coefficient, true, true},
+    MaterialField{"melting_temperature_k", &Material::melting_temperature, true, false},
+    MaterialField{"thermal_conductivity_w_per_m_k", &Material::conductivity, true, false},
+    MaterialField{"specific_heat_j_per_kg_k", &Material::specific_heat, true, false},
+    MaterialField{"thermal_diffusivity_m2_per_s", &Material::diffusivity, false, false},
+};
+
+// Number of single-letter edits between two words (Levenshtein).
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+template <class Range>
+std::string_view nearest_name(std::string_view name, const Range& range) {
+  return std::min_element(
+             range.begin(), range.end(),
+             [&](const auto& a, const auto& b) { return edit_distance(name, a.name) < edit_distance(name, b.name); })
+      ->name;
+}
+
+MaterialResult failed(std::string_view field, std::string fault) {
+  return {{}, std::string(field), std::move(fault)};
+}
+
+std::string quoted(std::string_view text) {
+  std::string result(text);
+  result.insert(result.begin(), '"');
+  result.push_back('"');
+  return result;
+}
+
+std::string all_names() {
+  std::string names;
+  for (const CatalogEntry& entry : catalog()) names.append(names.empty() ? "" : ", ").append(entry.name);
+  return names;
+}
+
+// What is wrong with a constant's value; empty: nothing.
+std::string value_fault(const MaterialField& field, double value) {
+  if (!std::isfinite(value)) return "expected a finite number, found " + std::to_string(value);
+  if (field.may_be_zero ? value >= 0.0 : value > 0.0) return {};
+  return std::string("expected a number ") + (field.may_be_zero ? "not below 0" : "above 0") + ", found " +
+         std::to_string(value);
+}
+
+}  // namespace
+
+std::span<const MaterialField> material_fields() {
+  return kFields;
+}
+
+MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given) {
+  // 1. Where the constants start from: the catalog, or nothing.
+  Material material;
+  if (!name.empty()) {
+    const auto entries = catalog();
+    const auto entry = std::find_if(entries.begin(), entries.end(), [&](const auto& e) { return e.name == name; });
+    if (entry == entries.end()) {
+      return failed("material", quoted(name) + " is not in the catalog (" + all_names() + "); did you mean " +
+                                    quoted(nearest_name(name, entries)) + "?");
+    }
+    material = entry->material;
+  }
+
+  // 2. What the caller puts over them.
+  std::array<bool, kFields.size()> is_given{};
+  for (const auto& [key, value] : given) {
+    const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.name == key; });
+    if (field == kFields.end()) {
+      return failed(key, quoted(key) + " is not a constant of a material; did you mean " +
+                             quoted(nearest_name(key, kFields)) + "?");
+    }
+    if (std::string fault = value_fault(*field, value); !fault.empty()) return failed(key, std::move(fault));
+    material.*(field->value) = value;
+    is_given[static_cast<std::size_t>(field - kFields.begin())] = true;
+  }
+  const auto overridden = [&](double Material::*member) {
+    const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.value == member; });
+    return is_given[static_cast<std::size_t>(field - kFields.begin())];
+  };
+
+  // 3. Nothing required may be missing.
+  if (name.empty()) {
+    for (std::size_t i = 0; i < kFields.size(); ++i) {
+      if (kFields[i].required && !is_given[i]) {
+        return failed(kFields[i].name, "missing: give it, or name a material of the catalog (" + all_names() + ")");
+      }
+    }
+  }
+  if (material.hardening_exponent > 1.0) {
+    return failed("hardening_exponent", "expected at most 1, found " + std::to_string(material.hardening_exponent));
+  }
+
+  // 4. The diffusivity that goes with the other heat constants. A catalog's own (which need not be exactly k/(rho c))
+  // stays
+  //    only while conductivity, density and specific heat are the catalog's too.
+  const bool other_heat = name.empty() || overridden(&Material::conductivity) || overridden(&Material::density) ||
+                          overridden(&Material::specific_heat);
+  if (!overridden(&Material::diffusivity) && (other_heat || material.diffusivity == 0.0)) {
+    material.diffusivity = material.conductivity / (material.density * material.specific_heat);
+  }
+  return {material, {}, {}};
+}
+
+std::vector<std::pair<std::string, double>> constants_of(const Material& material) {
+  std::vector<std::pair<std::string, double>> constants;
+  for (const MaterialField& field : kFields) {
+    if (std::isfinite(material.*(field.value))) constants.emplace_back(field.name, material.*(field.value));
+  }
+  return constants;
+}
+
+double heat_partition(const Material& soft, const Material& hard) {
+  const double into_soft = soft.conductivity * std::sqrt(hard.diffusivity);
+  return into_soft / (into_soft + hard.conductivity * std::sqrt(soft.diffusivity));
+}
+
+}  // namespace shearbus::physics

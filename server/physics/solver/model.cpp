@@ -1,0 +1,140 @@
+#include "server/physics/solver/model.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// Halvings of dt the force-driven solver may take where a step has several answers. Each makes the criterion's left
+// side 2^1.5 smaller: six make it 512 times smaller.
+constexpr int kMaxHalvings = 6;
+
+TileLayout make_layout(Strategy strategy, int heat_vertices, int layer_vertices) {
+  TileLayout layout;
+  layout.num_vertices = static_cast<std::size_t>(heat_vertices);
+  layout.doubles = layout.num_vertices * kLanes;
+  if (strategy == Strategy::kVelocityDriven) {
+    layout.plastic_strain = layout.doubles;
+    layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
+    layout.doubles += layout.num_strain_vertices * kLanes;
+  }
+  layout.shear_stress = layout.doubles;
+  layout.regime = layout.shear_stress + kLanes;
+  layout.doubles = layout.regime + kLanes;
+  return layout;
+}
+
+// Rows of kLanes doubles: all of a tile is made of them.
+void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
+  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
+}
+
+std::string text_of(const char* format, double a, double b) {
+  char text[256];
+  std::snprintf(text, sizeof text, format, a, b);
+  return text;
+}
+
+}  // namespace
+
+Problem::Problem(const ModelOptions& model_options)
+    : options(model_options),
+      grid(model_options.grid),
+      heat_grid(grid, model_options.grid.far_boundary),
+      layout(make_layout(model_options.strategy, heat_grid.num_vertices(), grid.num_vertices())),
+      heat_partition(physics::heat_partition(model_options.soft, model_options.hard)) {}
+
+struct Model::Impl : Problem {
+  using Problem::Problem;
+};
+
+Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Model::~Model() = default;
+Model::Model(Model&&) noexcept = default;
+
+const ModelOptions& Model::options() const {
+  return impl_->options;
+}
+const Grid& Model::grid() const {
+  return impl_->grid;
+}
+const TileLayout& Model::layout() const {
+  return impl_->layout;
+}
+
+std::vector<std::string> Model::warnings() const {
+  const ModelOptions& o = impl_->options;
+  std::vector<std::string> warnings;
+  if (o.hard.yield_strength < o.soft.yield_strength) {
+    warnings.push_back(
+        text_of("the hard body's yield strength (%g Pa) is below the soft body's (%g Pa): the layer that flows "
+                "should be the weaker body, name it soft",
+                o.hard.yield_strength, o.soft.yield_strength));
+  }
+  if (o.grid.far_boundary == FarBoundary::kInsulated) {
+    const double h = o.grid.thickness;
+    warnings.push_back(
+        text_of("the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after %.3g s, for longer runs "
+                "take a thicker layer than %g m or far_boundary = \"half_space\"",
+                h * h / (9.0 * o.soft.diffusivity), h));
+  }
+  if (o.initial_temperature >= o.soft.melting_temperature) {
+    warnings.push_back(
+        text_of("the initial temperature (%g K) is not below the soft body's melting temperature (%g K): the "
+                "layer carries no stress",
+                o.initial_temperature, o.soft.melting_temperature));
+  }
+  if (o.strategy == Strategy::kVelocityDriven && o.soft.yield_strength_max < o.soft.yield_strength) {
+    warnings.push_back(
+        text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
+                o.soft.yield_strength_max, o.soft.yield_strength));
+  }
+  return warnings;
+}
+
+void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
+  const TileLayout& layout = impl_->layout;
+  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
+  for (std::size_t i = 0; i < layout.num_vertices; ++i) {
+    std::copy_n(temperature, kLanes, tile + layout.temperature + i * kLanes);
+  }
+}
+
+std::shared_ptr<const StepOperators> Model::operators(double dt) const {
+  const int halvings = impl_->options.strategy == Strategy::kForceDriven ? kMaxHalvings : 0;
+  return std::make_shared<const StepOperators>(impl_->heat_grid, impl_->options.soft, dt, halvings);
+}
+
+void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
+                    TileOutputs& outputs) const {
+  const TileLayout& layout = impl_->layout;
+  if (impl_->options.strategy == Strategy::kVelocityDriven) {
+    advance_velocity_driven(*impl_, operators, inputs, committed, trial, outputs);
+  } else {
+    advance_force_driven(*impl_, operators, inputs, committed, trial, outputs);
+  }
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!(inputs.active >> lane & 1u)) {
+      copy_lane(committed, trial, layout.doubles, lane);
+    } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
+               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane])) {
+      // Inputs so extreme that the arithmetic left the range of a double: no answer, the old state stays.
+      copy_lane(committed, trial, layout.doubles, lane);
+      outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
+      outputs.sliding_velocity[lane] = 0.0;
+      outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
+      outputs.interface_temperature[lane] = committed[layout.temperature + lane];
+      outputs.friction_heat[lane] = 0.0;
+      outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+      outputs.outcome[lane] = kFailed;
+    }
+  }
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,29 @@
+// What a model knows before the first step: shared by both strategies, constant afterwards.
+#pragma once
+
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/layer/grid.hpp"
+#include "server/physics/solver/model.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+struct Problem {
+  explicit Problem(const ModelOptions& model_options);
+
+  ModelOptions options;
+  Grid grid;
+  HeatGrid heat_grid;
+  TileLayout layout;
+  double heat_partition;  // beta_T
+};
+
+inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on a flowing interface is called melting
+
+// One step of the active lanes of a tile; the rest of `trial` is left for the caller.
+void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                             const double* committed, double* trial, TileOutputs& outputs);
+void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs);
+
+}  // namespace shearbus::physics

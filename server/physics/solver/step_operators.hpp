@@ -1,0 +1,26 @@
+// What a step length costs once: the heat operator of dt and those of its halvings.
+#pragma once
+
+#include <vector>
+
+#include "server/physics/layer/conduction.hpp"
+
+namespace shearbus::physics {
+
+class StepOperators {
+ public:
+  // `halvings` operators beyond the first: dt/2, dt/4, ...
+  StepOperators(const HeatGrid& grid, const Material& soft, double dt, int halvings) {
+    heat_.reserve(static_cast<std::size_t>(halvings) + 1);
+    for (int k = 0; k <= halvings; ++k, dt *= 0.5) heat_.emplace_back(grid, soft, dt);
+  }
+
+  const HeatOperator& heat(int halving = 0) const { return heat_[static_cast<std::size_t>(halving)]; }
+  int max_halvings() const { return static_cast<int>(heat_.size()) - 1; }
+  double dt() const { return heat_.front().dt; }
+
+ private:
+  std::vector<HeatOperator> heat_;
+};
+
+}  // namespace shearbus::physics

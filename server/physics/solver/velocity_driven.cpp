@@ -1,0 +1,284 @@
+// The velocity-driven step (MODEL.md section 5): DLP (37), (42-48), (56) with the drive that (56) leaves out. The host
+// imposes the velocity jump, the layer's plastic flow finds the stress.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
+constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
+constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
+constexpr int kMaxIterations = 300;          // bisection alone, from 1e300 to rounding, needs fewer
+constexpr double kNoLoad = -1e4;             // logarithm of a load under which nothing yields
+
+// What holds the stress where the balance alone would let it be larger.
+enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
+
+// The balance of one lane in magnitudes along the trial direction:
+//   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
+struct Lane {
+  bool loaded = false;            // there is something to solve
+  double direction = 1.0;         // of the trial stress
+  double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
+  double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
+  double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
+  Bound bound = Bound::kElastic;  // what `hi` is until F(hi) > 0 has been seen
+  bool hi_seen = false;
+  bool done = false;
+  double a = 0.0;         // iterate, then answer                                       [Pa]
+  bool at_bound = false;  // the answer is `hi`, held by `bound`
+};
+
+// The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
+// again when the jump turns against the stress: DLP 5.2.
+double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
+  if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || s_old * jump > 0.0) return s_old;
+  return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
+}
+
+double driving_velocity(const Problem& problem, const TileInputs& inputs, int lane) {
+  if (problem.options.drive == Drive::kLayerShear) return inputs.velocity_jump[lane];
+  return problem.options.grid.thickness * inputs.soft_shear_rate[lane];
+}
+
+// Trial stress, direction, heating and the bracket of one lane.
+Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double dt, double B0, double s_start,
+             double T_ad0, double ep0) {
+  const Material& soft = problem.options.soft;
+  const double h = problem.options.grid.thickness;
+  const double pressure = inputs.pressure[lane];
+  const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
+  Lane state;
+  if (trial == 0.0) return state;
+  state.loaded = true;
+  state.direction = trial < 0.0 ? -1.0 : 1.0;
+  state.a_trial = std::abs(trial);
+  state.heating = problem.heat_partition * std::max(0.0, state.direction * inputs.velocity_jump[lane]);
+
+  // Upper ends. Elastic: nothing yields.
+  state.hi = state.a_trial;
+  // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
+  const StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
+  const double g_ad = softening(soft, pressure, T_ad0).g;
+  if (g_ad <= 0.0) {
+    state.hi = 0.0;
+    state.bound = Bound::kCeiling;
+  } else if (std::isfinite(limit.tresca)) {
+    const FrictionHeating own{T_ad0, B0, state.heating, 0.0};
+    const double ceiling = slip_stress(limit, own, state.hi, std::abs(s_start));
+    if (ceiling < state.hi) {
+      state.hi = ceiling;
+      state.bound = Bound::kCeiling;
+    }
+  }
+  if (problem.options.friction_coefficient && *problem.options.friction_coefficient * pressure < state.hi) {
+    state.hi = *problem.options.friction_coefficient * pressure;
+    state.bound = Bound::kCoulomb;
+  }
+  // Not answers, only bounds: the interface would be molten; the first vertex alone would carry more than all the slip.
+  const double most_slip = h * state.a_trial / (kSqrt3 * soft.shear_modulus);
+  const double hardened =
+      power(1.0 + soft.hardening_coefficient * (ep0 + most_slip / problem.grid.weight[0]), soft.hardening_exponent);
+  const double all_at_vertex_0 = soft.yield_strength * hardened * g_ad / kSqrt3;
+  double beyond = all_at_vertex_0 * (1.0 + kConverged);
+  if (state.heating > 0.0) beyond = std::min(beyond, (soft.melting_temperature - T_ad0) / (state.heating * B0));
+  if (soft.hardening_coefficient > 0.0 && beyond < state.hi) {
+    state.hi = beyond;
+    state.bound = Bound::kNotAnAnswer;
+  }
+
+  const double guess = state.direction * s_start;
+  state.a = guess > 0.0 && guess < state.hi ? guess : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
+  return state;
+}
+
+// One iteration of a lane after the flow under `lane.a` has been summed. Ends with `done`, or with the next `a` in the
+// bracket.
+void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
+  const double flow = compliance * slip;
+  const double left = lane.a_trial - lane.a;  // what the flow must take
+  // 1. Bracket.
+  if (flow < left) {
+    if (lane.a == lane.hi && !lane.hi_seen) {
+      lane.at_bound = true;
+      lane.done = true;
+      return;
+    }
+    lane.lo = lane.a;
+  } else {
+    lane.at_bound = flow == left && lane.a == lane.hi && !lane.hi_seen;
+    lane.hi = lane.a;
+    lane.hi_seen = true;
+    if (flow == left) {
+      lane.done = true;
+      return;
+    }
+  }
+  if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
+    lane.done = true;
+    return;
+  }
+  // 2. Newton: on log(flow / left), nearly straight where flow is a high power of the stress; on F itself where they
+  // are far
+  //    apart in the other sense (onset of yield), from above, where it cannot overshoot.
+  double next = -1.0;
+  if (flow > 0.0 && left > 0.0) {
+    const double log_slope = slope / (slip * lane.a) + 1.0 / left;
+    next = lane.a - logarithm(flow / left) / log_slope;
+    if (std::abs(next - lane.a) <= kConverged * lane.a) {
+      lane.a = std::clamp(next, lane.lo, lane.hi);
+      lane.done = true;
+      return;
+    }
+  }
+  // 3. Keep inside; try the bound itself when it could be the answer.
+  const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
+  const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
+  if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
+    lane.a = lane.hi;
+  } else {
+    lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
+  }
+}
+
+void set_load(const Material& soft, const Lane& lane, double pressure, int l, FlowLoad& load) {
+  load.bracket[l] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
+  const double ratio = kSqrt3 * lane.a / soft.yield_strength;
+  const bool loads = lane.loaded && ratio >= std::numeric_limits<double>::min();
+  load.log_load[l] = loads ? logarithm(ratio) : kNoLoad;
+  load.flux[l] = lane.loaded ? lane.heating * lane.a : 0.0;
+}
+
+struct Answer {
+  double slip;  // [v], signed  [m/s]
+  Regime regime;
+};
+
+// [v] and the regime from the solved balance.
+Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, double interface_slip, double T0,
+                 double jump, double drive, double dt) {
+  const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
+  double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
+  bool slips = flows;
+  if (problem.options.drive == Drive::kInterfaceSlip) {
+    // Slip at z = 0: DLP (64), corrected. Along the jump or none, and never against the stress.
+    const double along = jump < 0.0 ? -1.0 : 1.0;
+    const double at_interface = along * (jump + drive) - along * lane.direction * kSqrt3 * layer_slip / dt;
+    slip = lane.direction * along < 0.0 || jump == 0.0 ? 0.0 : along * std::max(0.0, at_interface);
+    slips = flows || slip != 0.0;
+  }
+  if (!slips) return {slip, Regime::kStick};
+  if (lane.at_bound && lane.bound == Bound::kCoulomb) return {slip, Regime::kCoulomb};
+  return {slip, T0 >= kMeltingShare * problem.options.soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
+}
+
+}  // namespace
+
+void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                             const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const Material& soft = problem.options.soft;
+  const Grid& grid = problem.grid;
+  const HeatOperator& heat = operators.heat();
+  const double* B = heat.response.data();
+  const double dt = operators.dt();
+  const double h = problem.options.grid.thickness;
+  const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
+  const bool hardens = soft.hardening_coefficient > 0.0;
+  const double* strain = committed + layout.plastic_strain;
+  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
+  double* T = trial + layout.temperature;
+
+  // 1. Conduction without friction: DLP (28-35).
+  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.temperature, T);
+
+  // 2. Trial stress and bracket of each lane: DLP (37), (56).
+  Lane lanes[kLanes];
+  FlowLoad load;
+  double s_start[kLanes] = {};
+  for (int l = 0; l < kLanes; ++l) {
+    const bool active = (inputs.active >> l & 1u) != 0;
+    const double pressure = active ? inputs.pressure[l] : 0.0;
+    if (active && pressure > 0.0) {
+      s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
+                                   committed[layout.temperature + l], strain[l]);
+      lanes[l] = prepare(problem, inputs, l, dt, B[0], s_start[l], T[l], strain[l]);
+    }
+    lanes[l].done = !lanes[l].loaded;
+    if (!hardens && lanes[l].loaded) {  // nothing between elastic and the ceiling
+      lanes[l].a = lanes[l].hi;
+      lanes[l].at_bound = true;
+      lanes[l].done = true;
+    }
+    set_load(soft, lanes[l], pressure, l, load);
+  }
+
+  // 3. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  FlowSum sum{};
+  if (hardens) {
+    yield_thresholds(soft, grid.num_vertices(), strain, strain_new);
+    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+      bool all_done = true;
+      for (const Lane& lane : lanes) all_done = all_done && lane.done;
+      if (all_done) break;
+      flow_under(soft, grid, B, load, T, strain, strain_new, sum);
+      for (int l = 0; l < kLanes; ++l) {
+        if (lanes[l].done) continue;
+        iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
+        set_load(soft, lanes[l], inputs.pressure[l], l, load);
+      }
+    }
+    flow_to(soft, grid, B, load, T, strain, strain_new, sum);
+  } else {
+    std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
+  }
+
+  // 4. Temperature: T = T_ad + q B.
+  add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T);
+
+  // 5. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex, z = 0; past mu
+  // P it is
+  //    slip of the interface.
+  for (int l = 0; l < kLanes; ++l) {
+    if (!(inputs.active >> l & 1u)) continue;
+    const Lane& lane = lanes[l];
+    double layer_slip = sum.slip[l];
+    double interface_slip = 0.0;  // [m]
+    if (lane.at_bound && lane.bound != Bound::kElastic) {
+      const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
+      if (lane.bound == Bound::kCeiling) {
+        strain_new[l] += surplus / grid.weight[0];
+        layer_slip += surplus;
+      } else {
+        interface_slip = kSqrt3 * surplus;
+      }
+    }
+
+    // 6. Upscale.
+    const double jump = inputs.velocity_jump[l];
+    const bool open = inputs.pressure[l] <= 0.0;
+    const double s = lane.loaded ? lane.direction * lane.a : 0.0;
+    const Answer answer = open ? Answer{jump, Regime::kOpen}
+                               : answer_of(problem, lane, layer_slip, interface_slip, T[l], jump,
+                                           driving_velocity(problem, inputs, l), dt);
+    const bool carried = std::abs(answer.slip - jump) <= kOutsideDomainShare * std::abs(jump);
+    outputs.shear_stress[l] = s;
+    outputs.sliding_velocity[l] = answer.slip;
+    outputs.interface_temperature[l] = T[l];
+    outputs.velocity_jump_new[l] = jump;
+    outputs.friction_heat[l] = load.flux[l] * dt;
+    outputs.regime[l] = answer.regime;
+    outputs.outcome[l] = carried ? 0 : kOutsideDomain;
+    trial[layout.shear_stress + l] = s;
+    trial[layout.regime + l] = static_cast<double>(answer.regime);
+  }
+}
+
+}  // namespace shearbus::physics
