@@ -18,6 +18,7 @@ inline constexpr std::size_t kMaxSessions = 1'024;
 inline constexpr std::size_t kMaxHeaderBytes = 64 * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = 16 * 1024 * 1024;
 inline constexpr std::size_t kMaxTextBytes = 4 * 1024;  // any string of a header
+inline constexpr std::size_t kMaxSceneFileBytes = 8 * 1024 * 1024;
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);

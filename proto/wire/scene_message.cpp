@@ -17,14 +17,14 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
 // The message with every absent scalar that has a default set to it, in the tables that are present.
-void fill_defaults(Message& message) {
+void fill_table(Message& message) {
   const auto& reflection = *message.GetReflection();
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* field = message.GetDescriptor()->field(i);
     if (field->is_repeated()) continue;
     const bool present = reflection.HasField(message, field);
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-      if (present) fill_defaults(*reflection.MutableMessage(&message, field));
+      if (present) fill_table(*reflection.MutableMessage(&message, field));
       continue;
     }
     const v1::Rule& rule = field->options().GetExtension(v1::rule);
@@ -148,10 +148,14 @@ void to_message(const Scene& scene, v1::Scene& message) {
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
-Scene from_message(const v1::Scene& given) {
-  v1::Scene message = given;
+void fill_defaults(v1::Scene& message) {
   message.mutable_layer();
   if (message.has_hydro()) message.mutable_hydro()->mutable_coulomb_tresca();
+  fill_table(message);
+}
+
+Scene from_message(const v1::Scene& given) {
+  v1::Scene message = given;
   fill_defaults(message);
 
   Scene scene;

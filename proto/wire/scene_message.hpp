@@ -13,6 +13,9 @@ namespace shearbus::wire {
 // has or that is given twice, text that is not UTF-8.
 void to_message(const Scene& scene, v1::Scene& message);
 
+// Absent numbers of the tables that are present, and of [layer], take the default their rules name.
+void fill_defaults(v1::Scene& message);
+
 // Absent fields take the default their rule names; nothing is checked.
 Scene from_message(const v1::Scene& message);
 

@@ -1,0 +1,257 @@
+#include "proto/wire/scene_rules.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <google/protobuf/descriptor.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "proto/wire/limits.hpp"
+#include "proto/wire/scene_message.hpp"
+#include "shearbus/v1/scene.pb.h"
+
+namespace shearbus::wire {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+// A cell thinner than this is a slip in cells or grading: atoms are a hundred times larger.
+constexpr double kThinnestCell = 1e-12;  // [m]
+
+const v1::Rule& rule_of(const FieldDescriptor& field) {
+  return field.options().GetExtension(v1::rule);
+}
+
+std::string unit_of(const FieldDescriptor& field) {
+  const std::string& unit = rule_of(field).unit();
+  return unit.empty() || unit == "1" ? std::string() : " " + unit;
+}
+
+class Checker {
+ public:
+  Checker(const std::function<bool(std::string_view)>& given, std::vector<Fault>& faults)
+      : given_(given), faults_(faults) {}
+
+  void table(const Message& message, const std::string& path) {
+    for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+      const FieldDescriptor& field = *message.GetDescriptor()->field(i);
+      const std::string name = path.empty() ? field.name() : path + "." + field.name();
+      if (field.is_repeated())
+        list(message, field, path, name);
+      else if (!message.GetReflection()->HasField(message, &field))
+        absent(message, field, path, name);
+      else if (field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE)
+        table(message.GetReflection()->GetMessage(message, &field), name);
+      else
+        value(message, field, name);
+    }
+  }
+
+ private:
+  void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text)}); }
+
+  void absent(const Message& message, const FieldDescriptor& field, const std::string& table_path,
+              const std::string& name) {
+    if (given_(name)) return;
+    const v1::Rule& rule = rule_of(field);
+    const std::string meaning = rule.meaning().empty() ? std::string() : fmt::format(" ({})", rule.meaning());
+    if (rule.required()) {
+      const bool is_table = field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
+      add(table_path, fmt::format("{} is missing{}", is_table ? "[" + name + "]" : name, meaning));
+    } else if (!rule.required_without().empty()) {
+      const FieldDescriptor* other = message.GetDescriptor()->FindFieldByName(rule.required_without());
+      const std::string other_name = table_path + "." + other->name();
+      if (!message.GetReflection()->HasField(message, other) && !given_(other_name))
+        add(table_path, fmt::format("{} is missing{}: it must be given where {} is not", name, meaning, other_name));
+    }
+  }
+
+  void value(const Message& message, const FieldDescriptor& field, const std::string& name) {
+    const auto& reflection = *message.GetReflection();
+    switch (field.cpp_type()) {
+      case FieldDescriptor::CPPTYPE_DOUBLE:
+        number(field, name, name, reflection.GetDouble(message, &field));
+        break;
+      case FieldDescriptor::CPPTYPE_UINT32:
+        number(field, name, name, reflection.GetUInt32(message, &field));
+        break;
+      case FieldDescriptor::CPPTYPE_ENUM: {
+        const int chosen = reflection.GetEnumValue(message, &field);
+        if (!field.enum_type()->FindValueByNumber(chosen))
+          add(name, fmt::format("{} = {} is not one of \"{}\"", name, chosen, fmt::join(choices_of(field), "\", \"")));
+        break;
+      }
+      case FieldDescriptor::CPPTYPE_STRING: {
+        const std::size_t size = reflection.GetString(message, &field).size();
+        if (size > kMaxTextBytes)
+          add(name, fmt::format("{} has {} bytes, expected at most {}", name, size, kMaxTextBytes));
+        break;
+      }
+      default:
+        break;
+    }
+  }
+
+  void list(const Message& message, const FieldDescriptor& field, const std::string& table_path,
+            const std::string& name) {
+    const auto& reflection = *message.GetReflection();
+    const int size = reflection.FieldSize(message, &field);
+    if (size == 0) return absent(message, field, table_path, name);
+    if (static_cast<std::size_t>(size) > kMaxNodesPerSession)
+      return add(name, fmt::format("{} has {} values, expected at most {}", name, size, kMaxNodesPerSession));
+    for (int i = 0; i < size; ++i)
+      if (!number(field, name, size == 1 ? name : fmt::format("{}[{}]", name, i),
+                  reflection.GetRepeatedDouble(message, &field, i)))
+        return;  // the first bad value of a list tells enough
+  }
+
+  bool number(const FieldDescriptor& field, const std::string& path, const std::string& name, double value) {
+    const v1::Rule& rule = rule_of(field);
+    if (!std::isfinite(value)) {
+      add(path, fmt::format("{} = {} is not a finite number", name, value));
+      return false;
+    }
+    const bool inside = !(rule.has_at_least() && value < rule.at_least()) &&
+                        !(rule.has_at_most() && value > rule.at_most()) &&
+                        !(rule.has_above() && value <= rule.above()) && !(rule.has_below() && value >= rule.below());
+    if (!inside)
+      add(path, fmt::format("{} = {}{} is out of range, expected {}", name, number_text(value), unit_of(field),
+                            bounds_of(field)));
+    return inside;
+  }
+
+  const std::function<bool(std::string_view)>& given_;
+  std::vector<Fault>& faults_;
+};
+
+// ---- rules that look at more than one field ----
+
+// Holds its tongue where a value it needs is already at fault, or was given and could not be read.
+class Together {
+ public:
+  Together(const v1::Scene& scene, const std::function<bool(std::string_view)>& given, std::vector<Fault>& faults)
+      : scene_(scene), given_(given), faults_(faults) {}
+
+  void layer() {
+    const v1::Layer& as_given = scene_.layer();
+    if (!sound("layer", scene_.has_layer()) || !sound("layer.thickness_m", as_given.has_thickness_m()) ||
+        !sound("layer.cells", as_given.has_cells()) || !sound("layer.grading", as_given.has_grading()))
+      return;
+    v1::Scene filled = scene_;
+    fill_defaults(filled);
+    const double ratio = filled.layer().grading();
+    const std::uint32_t cells = filled.layer().cells();
+    const double sum = ratio == 1.0 ? cells : std::expm1(cells * std::log(ratio)) / (ratio - 1.0);
+    const double first = filled.layer().thickness_m() / sum;
+    if (!(first >= kThinnestCell))
+      add(as_given.has_grading() ? "layer.grading" : "layer.cells",
+          fmt::format(
+              "layer.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} m: take fewer "
+              "cells or a ratio nearer to 1",
+              number_text(ratio), cells, first, kThinnestCell));
+  }
+
+  void strategy() {
+    if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
+      add("strategy", "strategy force_driven needs the table [interface], which is missing");
+  }
+
+  // Lists hold one value for all columns or one per column; pressures may instead follow their times.
+  void shear_column() {
+    const v1::ShearColumn& column = scene_.hydro().shear_column();
+    const int jumps = column.velocity_jump_m_per_s_size();
+    const int temperatures = column.initial_temperature_k_size();
+    const int pressures = column.pressure_pa_size();
+    const int times = column.pressure_time_s_size();
+    if (!sound(kColumn + "velocity_jump_m_per_s", jumps > 0) ||
+        !sound(kColumn + "initial_temperature_k", temperatures > 0) || !sound(kColumn + "pressure_pa", pressures > 0) ||
+        !sound(kColumn + "pressure_time_s", times > 0))
+      return;
+    const int columns = std::max({jumps, temperatures, times > 0 ? 0 : pressures});
+    one_or_all("velocity_jump_m_per_s", jumps, columns);
+    one_or_all("initial_temperature_k", temperatures, columns);
+    if (times == 0) return one_or_all("pressure_pa", pressures, columns);
+    if (pressures != times)
+      add(kColumn + "pressure_pa",
+          fmt::format("{}pressure_pa has {} values, expected {} (one per pressure_time_s)", kColumn, pressures, times));
+    for (int i = 1; i < times; ++i)
+      if (!(column.pressure_time_s(i) > column.pressure_time_s(i - 1)))
+        return add(kColumn + "pressure_time_s",
+                   fmt::format("{}pressure_time_s[{}] = {} s is not after {} s, expected increasing times", kColumn, i,
+                               number_text(column.pressure_time_s(i)), number_text(column.pressure_time_s(i - 1))));
+  }
+
+ private:
+  void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text)}); }
+
+  bool sound(const std::string& path, bool present) const {
+    return (present || !given_(path)) &&
+           std::none_of(faults_.begin(), faults_.end(), [&](const Fault& fault) { return fault.path == path; });
+  }
+
+  void one_or_all(const char* key, int size, int columns) {
+    if (size > 1 && size != columns)
+      add(kColumn + key,
+          fmt::format("{}{} has {} values, expected 1 or {} (one per column)", kColumn, key, size, columns));
+  }
+
+  inline static const std::string kColumn = "hydro.shear_column.";
+  const v1::Scene& scene_;
+  const std::function<bool(std::string_view)>& given_;
+  std::vector<Fault>& faults_;
+};
+
+}  // namespace
+
+std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(std::string_view)>& given) {
+  std::vector<Fault> faults;
+  Checker(given, faults).table(scene, "");
+  Together together(scene, given, faults);
+  together.strategy();
+  together.layer();
+  if (scene.hydro().has_shear_column()) together.shear_column();
+  return faults;
+}
+
+std::string bounds_of(const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  std::vector<std::string> parts;
+  if (rule.has_at_least()) parts.push_back("at least " + number_text(rule.at_least()));
+  if (rule.has_above()) parts.push_back("above " + number_text(rule.above()));
+  if (rule.has_at_most()) parts.push_back("at most " + number_text(rule.at_most()));
+  if (rule.has_below()) parts.push_back("below " + number_text(rule.below()));
+  return parts.empty() ? std::string() : fmt::format("{}{}", fmt::join(parts, " and "), unit_of(field));
+}
+
+std::vector<std::string> choices_of(const FieldDescriptor& field) {
+  const google::protobuf::EnumDescriptor& type = *field.enum_type();
+  const std::string_view unspecified = type.value(0)->name();  // FAR_BOUNDARY_UNSPECIFIED: the prefix of all
+  const std::size_t prefix = unspecified.size() - std::string_view("UNSPECIFIED").size();
+  std::vector<std::string> choices;
+  for (int i = 1; i < type.value_count(); ++i) {
+    std::string choice = type.value(i)->name().substr(prefix);
+    for (char& c : choice) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    choices.push_back(std::move(choice));
+  }
+  return choices;
+}
+
+std::string number_text(double value) {
+  std::string text = fmt::format("{}", value);  // the shortest that reads back
+  if (text.ends_with(".0")) text.resize(text.size() - 2);
+  // 200000000 as 2e8: no zeros to count.
+  constexpr std::size_t kManyZeros = 5;
+  const std::size_t last = text.find_last_not_of('0');
+  const std::size_t first = text.find_first_of("123456789");
+  if (first == std::string::npos || text.find_first_not_of("-0123456789") != std::string::npos ||
+      text.size() - last <= kManyZeros)
+    return text;
+  const std::string_view all = text;
+  return fmt::format("{}{}{}e{}", all.substr(0, first + 1), last > first ? "." : "",
+                     all.substr(first + 1, last - first), all.size() - first - 1);
+}
+
+}  // namespace shearbus::wire

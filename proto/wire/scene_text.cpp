@@ -1,0 +1,156 @@
+// Scenes as text for people: TOML with comments, and the reference of every key.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <google/protobuf/descriptor.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/wire/scene_file.hpp"
+#include "proto/wire/scene_message.hpp"
+#include "proto/wire/scene_rules.hpp"
+#include "shearbus/v1/scene.pb.h"
+
+namespace shearbus::wire {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+const v1::Rule& rule_of(const FieldDescriptor& field) {
+  return field.options().GetExtension(v1::rule);
+}
+
+std::string toml_string(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\')
+      out += fmt::format("\\{}", c);
+    else if (byte < 0x20 || byte == 0x7F)
+      out += fmt::format("\\u{:04X}", byte);
+    else
+      out += c;
+  }
+  return out + '"';
+}
+
+std::string value_text(const Message& message, const FieldDescriptor& field) {
+  const auto& reflection = *message.GetReflection();
+  if (field.is_repeated()) {
+    std::vector<std::string> items;
+    for (int i = 0; i < reflection.FieldSize(message, &field); ++i)
+      items.push_back(number_text(reflection.GetRepeatedDouble(message, &field, i)));
+    return fmt::format("[{}]", fmt::join(items, ", "));
+  }
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      return number_text(reflection.GetDouble(message, &field));
+    case FieldDescriptor::CPPTYPE_UINT32:
+      return fmt::format("{}", reflection.GetUInt32(message, &field));
+    case FieldDescriptor::CPPTYPE_STRING:
+      return toml_string(reflection.GetString(message, &field));
+    default: {
+      const auto* value = field.enum_type()->FindValueByNumber(reflection.GetEnumValue(message, &field));
+      if (!value)
+        throw Error({.code = Code::kInvalidScene,
+                     .text = fmt::format("{} has no value of number {}", field.name(),
+                                         reflection.GetEnumValue(message, &field)),
+                     .field = field.name()});
+      return toml_string(choices_of(field)[static_cast<std::size_t>(value->index()) - 1]);
+    }
+  }
+}
+
+std::string comment_of(const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  const std::string unit = rule.unit().empty() || rule.unit() == "1" ? std::string() : "[" + rule.unit() + "] ";
+  const std::string text = unit + rule.meaning();
+  return text.empty() ? std::string() : "  # " + text;
+}
+
+// Keys first, then tables: a key after a [table] would belong to it.
+void write_table(const Message& message, const std::string& path, std::string& out) {
+  std::vector<const FieldDescriptor*> present;
+  message.GetReflection()->ListFields(message, &present);
+  for (const FieldDescriptor* field : present)
+    if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
+      out += fmt::format("{} = {}{}\n", field->name(), value_text(message, *field), comment_of(*field));
+  for (const FieldDescriptor* field : present) {
+    if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
+    const std::string name = path.empty() ? field->name() : path + "." + field->name();
+    out += fmt::format("\n[{}]{}\n", name, comment_of(*field));
+    write_table(message.GetReflection()->GetMessage(message, field), name, out);
+  }
+}
+
+std::string type_text(const FieldDescriptor& field) {
+  if (field.is_repeated()) return "number or list of numbers";
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      return "number";
+    case FieldDescriptor::CPPTYPE_UINT32:
+      return "integer";
+    case FieldDescriptor::CPPTYPE_STRING:
+      return "text";
+    default:
+      return fmt::format("\"{}\"", fmt::join(choices_of(field), "\" or \""));
+  }
+}
+
+std::string default_text(const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  if (rule.required()) return "required";
+  if (rule.has_default_number()) return number_text(rule.default_number());
+  if (!rule.default_text().empty()) return '"' + rule.default_text() + '"';
+  return rule.required_without().empty() ? "absent" : "required without `" + rule.required_without() + "`";
+}
+
+// One section for each kind of table, headed by every name it goes by ("[soft], [hard]"), then those inside it.
+void describe_table(const Descriptor& table, const std::string& path, const std::string& heading, std::string& out) {
+  out += fmt::format("\n## {}\n\n| key | type | unit | default | bounds | meaning |\n|---|---|---|---|---|---|\n",
+                     heading);
+  for (int i = 0; i < table.field_count(); ++i) {
+    const FieldDescriptor& field = *table.field(i);
+    if (field.message_type()) continue;
+    out += fmt::format("| `{}` | {} | {} | {} | {} | {} |\n", field.name(), type_text(field), rule_of(field).unit(),
+                       default_text(field), bounds_of(field), rule_of(field).meaning());
+  }
+  std::vector<const Descriptor*> described;
+  for (int i = 0; i < table.field_count(); ++i) {
+    const Descriptor* inner = table.field(i)->message_type();
+    if (!inner || std::find(described.begin(), described.end(), inner) != described.end()) continue;
+    described.push_back(inner);
+    const std::string prefix = path.empty() ? std::string() : path + ".";
+    std::vector<std::string> names;
+    std::vector<std::string> meanings;
+    for (int j = i; j < table.field_count(); ++j)
+      if (table.field(j)->message_type() == inner) {
+        names.push_back(fmt::format("[{}{}]", prefix, table.field(j)->name()));
+        meanings.push_back(rule_of(*table.field(j)).meaning());
+      }
+    describe_table(*inner, prefix + table.field(i)->name(),
+                   fmt::format("{}: {}", fmt::join(names, ", "), fmt::join(meanings, "; ")), out);
+  }
+}
+
+}  // namespace
+
+std::string scene_to_toml(const Scene& scene) {
+  v1::Scene message;
+  to_message(scene, message);
+  std::string out;
+  write_table(message, "", out);
+  return out;
+}
+
+std::string scene_reference() {
+  std::string out = "# Keys of a scene\n\nA scene is a TOML file. Numbers are SI; an integer may stand for a number.\n";
+  describe_table(*v1::Scene::descriptor(), "", "The scene itself: keys before the first [table]", out);
+  return out;
+}
+
+}  // namespace shearbus::wire
