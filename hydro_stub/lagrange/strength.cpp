@@ -1,0 +1,63 @@
+#include "hydro_stub/lagrange/strength.hpp"
+
+#include <cmath>
+
+namespace shearbus::lagrange {
+namespace {
+
+Deviator rotated(const Deviator& s, double spin, double dt) {
+  const double t = 0.5 * spin * dt;  // tan of half the angle
+  const double scale = 1.0 / (1.0 + t * t);
+  const double cosine = (1.0 - t * t) * scale;
+  const double sine = 2.0 * t * scale;
+  const double shear = 2.0 * sine * cosine * s.xy;
+  const double cc = cosine * cosine;
+  const double ss = sine * sine;
+  return {cc * s.xx + ss * s.yy - shear, ss * s.xx + cc * s.yy + shear,
+          sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
+}
+
+// Solves trial - 3 G x = Y(ep + x) for the plastic strain increment x. Hardening is concave and much softer than 3 G, so
+// the plain iteration contracts, by Y'/(3 G).
+double plastic_increment(const physics::Material& metal, double trial, double yield, double g, double plastic_strain) {
+  const double stiffness = 3.0 * metal.shear_modulus;
+  double x = (trial - yield) / stiffness;
+  if (metal.hardening_coefficient == 0.0) return x;
+  constexpr int kMostIterations = 60;
+  for (int i = 0; i < kMostIterations; ++i) {
+    const double next = (trial - physics::hardened_strength(metal, plastic_strain + x) * g) / stiffness;
+    const double change = std::abs(next - x);
+    x = next > 0.0 ? next : 0.0;
+    if (change <= 1e-13 * (trial / stiffness)) break;
+  }
+  return x;
+}
+
+}  // namespace
+
+double equivalent_stress(const Deviator& s) {
+  const double zz = s.xx + s.yy;
+  return std::sqrt(1.5 * (s.xx * s.xx + s.yy * s.yy + zz * zz + 2.0 * s.xy * s.xy));
+}
+
+StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& d, double dt,
+                              double plastic_strain, double pressure, double temperature) {
+  // 1.
+  Deviator s = rotated(old, 0.5 * (d.yx - d.xy), dt);
+  // 2.
+  const double stretch = 2.0 * metal.shear_modulus * dt;
+  const double mean = d.dilatation() / 3.0;
+  s.xx += stretch * (d.xx - mean);
+  s.yy += stretch * (d.yy - mean);
+  s.xy += stretch * 0.5 * (d.xy + d.yx);
+  // 3.
+  const double g = physics::softening(metal, pressure, temperature).g;
+  const double yield = physics::hardened_strength(metal, plastic_strain) * g;
+  const double trial = equivalent_stress(s);
+  if (trial <= yield) return {s, 0.0};
+  const double increment = plastic_increment(metal, trial, yield, g, plastic_strain);
+  const double keep = std::fmax(0.0, 1.0 - 3.0 * metal.shear_modulus * increment / trial);
+  return {{keep * s.xx, keep * s.yy, keep * s.xy}, increment};
+}
+
+}  // namespace shearbus::lagrange
