@@ -32,7 +32,8 @@ Cycle::Cycle(Bodies bodies)
       velocity_new_(bodies_.mesh.num_nodes()),
       velocity_mean_(bodies_.mesh.num_nodes()),
       volume_new_(bodies_.mesh.num_zones()),
-      viscous_speed_(bodies_.mesh.num_zones(), 0.0),
+      gradient_(bodies_.mesh.num_zones()),
+      kinematic_viscosity_(bodies_.mesh.num_zones(), 0.0),
       heating_(bodies_.mesh.num_zones(), 0.0),
       heating_new_(bodies_.mesh.num_zones(), 0.0),
       dilatation_(bodies_.mesh.num_zones(), 0.0) {
@@ -59,7 +60,8 @@ Cycle::Cycle(Bodies bodies)
   middle_position_ = state_.position;
   middle_density_ = state_.density;
   middle_pressure_ = state_.pressure;
-  find_forces();  // for the viscous speeds, which limit the first step
+  find_gradients();
+  find_forces();  // for the viscosities, which limit the first step
 }
 
 void Cycle::run_to(double end_time) {
@@ -87,6 +89,7 @@ void Cycle::advance(double end_time) {
 bool Cycle::try_step(double dt) {
   // 1. half a step on with the old velocities: places, volumes, weights
   if (!go_to_middle(dt)) return false;
+  find_gradients();
   // 2. state there: density, energy from old stresses, deviators, pressure
   predict_state(dt);
   // 3. corner forces of stress, viscosity and hourglass control; their sums on the nodes; given pressures
@@ -111,7 +114,7 @@ bool Cycle::try_step(double dt) {
 
 void Cycle::choose_step(double end_time) {
   const TimeStep next = next_time_step(bodies_.mesh, bodies_.time_step, middle_, state_.position, state_.sound_speed,
-                                       viscous_speed_, dilatation_, step_);
+                                       kinematic_viscosity_, dilatation_, step_);
   step_ = next;
   if (!std::isfinite(step_.dt) || !(step_.dt > 0.0)) {
     throw std::runtime_error(fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
@@ -133,6 +136,12 @@ bool Cycle::go_to_middle(double dt) {
   return false;
 }
 
+void Cycle::find_gradients() {
+  const int zones = bodies_.mesh.num_zones();
+#pragma omp parallel for schedule(static) if (zones >= kFewestForThreads)
+  for (int z = 0; z < zones; ++z) gradient_[z] = velocity_gradient(bodies_.mesh, middle_, state_.velocity, z);
+}
+
 void Cycle::predict_state(double dt) {
   const double half = 0.5 * dt;
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
@@ -142,7 +151,7 @@ void Cycle::predict_state(double dt) {
     const int last = first + block.num_zones();
 #pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
     for (int z = first; z < last; ++z) {
-      const Gradient d = velocity_gradient(bodies_.mesh, middle_, state_.velocity, z);
+      const Gradient& d = gradient_[z];
       const Deviator s = {state_.deviator_xx[z], state_.deviator_yy[z], state_.deviator_xy[z]};
       const double shear_power = s.xx * (d.xx - d.tt) + s.yy * (d.yy - d.tt) + s.xy * (d.xy + d.yx);
       const double power = middle_.volume[z] * (shear_power - state_.pressure[z] * d.dilatation()) + heating_[z];
@@ -165,9 +174,9 @@ void Cycle::find_forces() {
   std::ranges::fill(corner_force_, Vec2{});
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
     const Block& block = mesh.blocks()[body];
-    add_viscosity(mesh, bodies_.viscosity, bodies_.materials[body].eos.half_shock_slope(), middle_position_,
-                  state_.velocity, middle_density_, state_.sound_speed, block.first_zone,
-                  block.first_zone + block.num_zones(), corner_force_, viscous_speed_);
+    add_viscosity(mesh, bodies_.viscosity, bodies_.materials[body].eos.half_shock_slope(), middle_,
+                  middle_position_, gradient_, middle_density_, state_.sound_speed, block.first_zone,
+                  block.first_zone + block.num_zones(), corner_force_, kinematic_viscosity_);
   }
   add_hourglass(mesh, bodies_.hourglass, middle_, middle_position_, state_.velocity, middle_density_, state_.sound_speed,
                 corner_force_);

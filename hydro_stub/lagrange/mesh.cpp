@@ -42,16 +42,16 @@ const Block& Mesh::add_block(int nx, int ny, const std::function<Vec2(int, int)>
 }
 
 void Mesh::add_zones(const Block& b) {
-  const auto column = [&](int i, int j) { return b.ring || (i >= 0 && i <= b.nx) ? b.node(i, j) : -1; };
-  const auto row = [&](int i, int j) { return j >= 0 && j <= b.ny ? b.node(i, j) : -1; };
+  const auto zone = [&](int i, int j) {
+    if (j < 0 || j >= b.ny) return -1;
+    if (i >= 0 && i < b.nx) return b.zone(i, j);
+    return b.ring ? b.zone((i + b.nx) % b.nx, j) : -1;
+  };
   for (int j = 0; j < b.ny; ++j) {
     for (int i = 0; i < b.nx; ++i) {
       zone_nodes_.insert(zone_nodes_.end(),
                          {b.node(i, j), b.node(i + 1, j), b.node(i + 1, j + 1), b.node(i, j + 1)});
-      line_before_.insert(line_before_.end(),
-                          {column(i - 1, j), row(i + 1, j - 1), column(i + 2, j + 1), row(i, j + 2)});
-      line_after_.insert(line_after_.end(),
-                         {column(i + 2, j), row(i + 1, j + 2), column(i - 1, j + 1), row(i, j - 1)});
+      neighbours_.insert(neighbours_.end(), {zone(i, j - 1), zone(i + 1, j), zone(i, j + 1), zone(i - 1, j)});
     }
   }
 }

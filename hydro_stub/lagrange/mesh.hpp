@@ -57,9 +57,8 @@ class Mesh {
   const std::vector<Vec2>& places() const { return places_; }  // of the nodes, at the start
 
   const int* zone_nodes(int zone) const { return zone_nodes_.data() + 4 * static_cast<std::size_t>(zone); }
-  // On the mesh line of edge (zone, k): the node before its first and the one after its second; -1 where the line ends.
-  int line_before(int zone, int k) const { return line_before_[4 * static_cast<std::size_t>(zone) + k]; }
-  int line_after(int zone, int k) const { return line_after_[4 * static_cast<std::size_t>(zone) + k]; }
+  // The zone beyond edge k; -1 where there is none.
+  int neighbour(int zone, int k) const { return neighbours_[4 * static_cast<std::size_t>(zone) + k]; }
 
   // Sums a corner quantity onto the nodes; every node adds its corners in the same order at any number of threads.
   void gather(const std::vector<Vec2>& corner, std::vector<Vec2>& node) const;
@@ -74,8 +73,7 @@ class Mesh {
   std::vector<Block> blocks_;
   std::vector<Vec2> places_;
   std::vector<int> zone_nodes_;
-  std::vector<int> line_before_;
-  std::vector<int> line_after_;
+  std::vector<int> neighbours_;    // [4*zone]
   std::vector<int> corner_first_;  // [node+1] into corner_of_node_
   std::vector<int> corner_of_node_;
 };

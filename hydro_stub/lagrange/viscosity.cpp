@@ -6,65 +6,81 @@
 namespace shearbus::lagrange {
 namespace {
 
-struct Difference {
-  Vec2 place;
-  Vec2 velocity;
+// Velocity differences below this part of the sound speed are taken for rounding: a body at rest or in flight as a whole
+// has no viscosity, and no time step limited by it.
+constexpr double kRounding = 1e-10;
+
+struct Compression {
+  double rate;     // the most negative eigenvalue of the strain rate  [1/s]
+  Vec2 direction;  // of length 1
 };
 
-// Velocity slope of a neighbouring edge over that of this one, both along this one's directions.
-double slope_ratio(const Difference& neighbour, const Difference& edge) {
-  const double along = dot(neighbour.place, edge.place);
-  if (!(along > 0.0)) return 0.0;
-  return dot(neighbour.velocity, edge.velocity) * dot(edge.place, edge.place) /
-         (along * dot(edge.velocity, edge.velocity));
+Compression strongest_compression(const Gradient& d) {
+  const double mean = 0.5 * (d.xx + d.yy);
+  const double difference = 0.5 * (d.xx - d.yy);
+  const double shear = 0.5 * (d.xy + d.yx);
+  const double radius = std::sqrt(difference * difference + shear * shear);
+  if (radius == 0.0) return {mean, {1.0, 0.0}};
+  // Eigenvector of mean - radius, from the row that does not cancel.
+  const Vec2 v = difference > 0.0 ? Vec2{-shear, difference + radius} : Vec2{radius - difference, -shear};
+  return {mean - radius, (1.0 / norm(v)) * v};
+}
+
+double rate_along(const Gradient& d, Vec2 s) {
+  return s.x * s.x * d.xx + s.x * s.y * (d.xy + d.yx) + s.y * s.y * d.yy;
+}
+
+// Length of a zone along a direction: 1/|J^-1 s|, J the mean edges as columns.
+double length_along(const Vec2& across, const Vec2& up, Vec2 s) {
+  const double inverse = 1.0 / cross(across, up);
+  const Vec2 reference = {inverse * cross(s, up), inverse * cross(across, s)};
+  return 1.0 / norm(reference);
+}
+
+// 1 in smooth flow, 0 at the edge of a shock: the worse of the zone's two directions.
+double smoothness(const Mesh& mesh, const std::vector<Gradient>& gradient, int zone, const Compression& c) {
+  double psi = 1.0;
+  for (const int k : {0, 1}) {
+    const int back = mesh.neighbour(zone, k);
+    const int ahead = mesh.neighbour(zone, k + 2);
+    if (back < 0 && ahead < 0) continue;
+    const double inverse = 1.0 / c.rate;
+    const double behind = rate_along(gradient[back < 0 ? ahead : back], c.direction) * inverse;
+    const double before = rate_along(gradient[ahead < 0 ? back : ahead], c.direction) * inverse;
+    psi = std::min({psi, 0.5 * (behind + before), 2.0 * behind, 2.0 * before});
+  }
+  return std::max(0.0, psi);
 }
 
 }  // namespace
 
-void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope,
-                   const std::vector<Vec2>& position, const std::vector<Vec2>& velocity,
+void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
+                   const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
                    const std::vector<double>& density, const std::vector<double>& sound_speed, int first, int last,
-                   std::vector<Vec2>& corner_force, std::vector<double>& viscous_speed) {
-  const bool axisymmetric = mesh.symmetry() == Symmetry::kAxisymmetric;
-  const auto between = [&](int from, int to) {
-    return Difference{position[to] - position[from], velocity[to] - velocity[from]};
-  };
+                   std::vector<Vec2>& corner_force, std::vector<double>& kinematic_viscosity) {
 #pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
   for (int zone = first; zone < last; ++zone) {
+    kinematic_viscosity[zone] = 0.0;
+    const Gradient& d = gradient[zone];
+    const Compression c = strongest_compression(d);
+    if (!(c.rate < 0.0)) continue;
     const int* n = mesh.zone_nodes(zone);
-    const Vec2 centre = 0.25 * ((position[n[0]] + position[n[1]]) + (position[n[2]] + position[n[3]]));
-    double fastest = 0.0;
+    const Vec2 across = 0.5 * ((position[n[1]] - position[n[0]]) + (position[n[2]] - position[n[3]]));
+    const Vec2 up = 0.5 * ((position[n[3]] - position[n[0]]) + (position[n[2]] - position[n[1]]));
+    const double length = length_along(across, up, c.direction);
+    if (length * -c.rate <= kRounding * sound_speed[zone]) continue;
+    const double limit = 1.0 - smoothness(mesh, gradient, zone, c);
+    const double shock = options.quadratic * half_shock_slope * length * -c.rate;
+    const double sound = options.linear * sound_speed[zone];
+    kinematic_viscosity[zone] = limit * length * (shock + std::sqrt(shock * shock + sound * sound));
+    const double mu = density[zone] * kinematic_viscosity[zone];
+    const double xx = mu * d.xx;
+    const double yy = mu * d.yy;
+    const double xy = 0.5 * mu * (d.xy + d.yx);
     for (int k = 0; k < 4; ++k) {
-      const int next = (k + 1) % 4;
-      const int i = n[k];
-      const int j = n[next];
-      const Difference edge = between(i, j);
-      const double speed = norm(edge.velocity);
-      const Vec2 middle = 0.5 * (position[i] + position[j]);
-      // Radius of the area: weighted like the pressure's, so that plane waves along the axis stay plane.
-      const double opposite = 0.5 * (position[n[(k + 2) % 4]].x + position[n[(k + 3) % 4]].x);
-      const double radius = axisymmetric ? (2.0 * middle.x + opposite) / 3.0 : 1.0;
-      const Vec2 area = radius * left_of(middle - centre);
-      const double closing = -dot(edge.velocity, area);
-      if (!(closing > 0.0) || !(speed > 0.0)) continue;
-
-      const int before = mesh.line_before(zone, k);
-      const int after = mesh.line_after(zone, k);
-      double psi = 0.0;  // without neighbours nothing shows that the flow is smooth
-      if (before >= 0 || after >= 0) {
-        const double back = before >= 0 ? slope_ratio(between(before, i), edge) : slope_ratio(between(j, after), edge);
-        const double ahead = after >= 0 ? slope_ratio(between(j, after), edge) : back;
-        psi = std::max(0.0, std::min({0.5 * (back + ahead), 2.0 * back, 2.0 * ahead, 1.0}));
-      }
-      const double shock = options.quadratic * half_shock_slope * speed;
-      const double sound = options.linear * sound_speed[zone];
-      const double viscous = (1.0 - psi) * (shock + std::sqrt(shock * shock + sound * sound));
-      const Vec2 force = (density[zone] * viscous * closing / speed) * edge.velocity;
-      corner_force[4 * zone + k] += force;
-      corner_force[4 * zone + next] -= force;
-      fastest = std::max(fastest, viscous);
+      const Vec2 b = geometry.gradient_weight[4 * zone + k];
+      corner_force[4 * zone + k] -= Vec2{xx * b.x + xy * b.y, xy * b.x + yy * b.y};
     }
-    viscous_speed[zone] = fastest;
   }
 }
 

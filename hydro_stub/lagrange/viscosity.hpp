@@ -1,10 +1,13 @@
-// Artificial viscosity on the edges of zones (Caramana, Shashkov, Whalen, J. Comput. Phys. 144 (1998) 70).
+// Artificial viscosity as a tensor in each zone, after Kolev & Rieben, J. Comput. Phys. 228 (2009) 8336:
 //
-// Across an edge with velocity difference dv the shock viscosity is that of the material's own Hugoniot,
-//     q = rho |dv| (1 - psi) (c2 w |dv| + sqrt((c2 w dv)^2 + (c1 c)^2)),     w half the slope of Us(up),
-// and pulls the edge's nodes toward each other's velocity over the area S between edge and zone centre, where the edge
-// is being shortened (dv . S < 0). psi = 1 where dv varies linearly along the mesh line: uniform compression and rigid
-// rotation cost nothing. Forces of an edge are equal and opposite and can only heat.
+//     sigma_q = (1 - psi) mu eps,    mu = rho l (c2 w |du| + sqrt((c2 w du)^2 + (c1 c)^2)),    du = l |lambda|
+//
+// eps is the strain rate in the plane, lambda its most negative eigenvalue (without one there is no viscosity), l the
+// zone's length along that direction, and w half the slope of the material's Us(up): a jump du then feels the shock
+// pressure of its own Hugoniot. psi limits by zones on both sides, as is usual for second-order schemes (D. J. Benson,
+// Comput. Methods Appl. Mech. Eng. 99 (1992) 235): 1 where the rate varies linearly through the neighbours. Rigid
+// rotation has no eps and uniform compression psi = 1: neither costs anything. The stress acts through the same weights as
+// all others, so its forces cancel in a zone, and its work sigma_q : eps only heats.
 #pragma once
 
 #include <vector>
@@ -18,11 +21,11 @@ struct ViscosityOptions {
   double quadratic = 1.0;  // c2
 };
 
-// Adds to the corner forces of the zones [first, last), and puts there the largest viscous speed of each zone, q/(rho
-// |dv|), which limits the time step  [m/s].
-void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope,
-                   const std::vector<Vec2>& position, const std::vector<Vec2>& velocity,
+// Adds to the corner forces of the zones [first, last), and puts there the kinematic viscosity (1 - psi) mu / rho, which
+// limits the time step  [m2/s].
+void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
+                   const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
                    const std::vector<double>& density, const std::vector<double>& sound_speed, int first, int last,
-                   std::vector<Vec2>& corner_force, std::vector<double>& viscous_speed);
+                   std::vector<Vec2>& corner_force, std::vector<double>& kinematic_viscosity);
 
 }  // namespace shearbus::lagrange
