@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "proto/wire/limits.hpp"
+#include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
@@ -25,32 +25,12 @@ physics::Material resolve(const wire::Body& body, const std::string& table) {
 }
 
 // A list with one value for all columns, or one for each.
-std::vector<double> per_column(const std::vector<double>& given, std::size_t columns, const char* field) {
-  if (given.size() == 1) return std::vector<double>(columns, given.front());
-  if (given.size() != columns) {
-    refuse(fmt::format("hydro.shear_column.{}", field),
-           fmt::format("{} has {} values, expected 1 or {} (the longest list says how many columns there are)", field,
-                       given.size(), columns),
-           "give one value for all columns or one for each");
-  }
-  return given;
+std::vector<double> per_column(const std::vector<double>& given, std::size_t columns) {
+  return given.size() == 1 ? std::vector<double>(columns, given.front()) : given;
 }
 
 PressureHistory pressure_history(const wire::ShearColumn& column, std::size_t columns) {
-  if (column.pressure_time_s.empty()) return {{}, per_column(column.pressure_pa, columns, "pressure_pa")};
-  if (column.pressure_time_s.size() != column.pressure_pa.size()) {
-    refuse("hydro.shear_column.pressure_time_s",
-           fmt::format("pressure_time_s has {} values, pressure_pa {}", column.pressure_time_s.size(),
-                       column.pressure_pa.size()),
-           "give one pressure for each time, or leave pressure_time_s out");
-  }
-  const auto disordered =
-      std::ranges::adjacent_find(column.pressure_time_s, [](double a, double b) { return !(a < b); });
-  if (disordered != column.pressure_time_s.end()) {
-    refuse("hydro.shear_column.pressure_time_s",
-           fmt::format("pressure_time_s must increase, found {} s followed by {} s", *disordered, *(disordered + 1)),
-           "sort the times and remove repeated ones");
-  }
+  if (column.pressure_time_s.empty()) return {{}, per_column(column.pressure_pa, columns)};
   return {column.pressure_time_s, column.pressure_pa};
 }
 
@@ -96,10 +76,9 @@ void choose_steps(const wire::Hydro& hydro, Problem& problem) {
 }  // namespace
 
 Problem make_problem(const wire::Scene& scene) {
+  if (wire::Status fault = wire::check_scene(scene); !fault.ok()) throw wire::Error(std::move(fault));
   if (!scene.hydro) refuse("hydro", "the scene has no [hydro] table", "add [hydro] and [hydro.shear_column]");
-  if (!scene.hydro->shear_column) {
-    refuse("hydro.shear_column", "[hydro] names no problem", "add [hydro.shear_column]");
-  }
+  if (!scene.hydro->shear_column) refuse("hydro.shear_column", "[hydro] names no problem", "add [hydro.shear_column]");
   const wire::Hydro& hydro = *scene.hydro;
   const wire::ShearColumn& column = *hydro.shear_column;
 
@@ -107,16 +86,10 @@ Problem make_problem(const wire::Scene& scene) {
   problem.name = scene.name;
   problem.columns = std::max(column.velocity_jump_m_per_s.size(), column.initial_temperature_k.size());
   if (column.pressure_time_s.empty()) problem.columns = std::max(problem.columns, column.pressure_pa.size());
-  if (problem.columns > wire::kMaxNodesPerSession) {
-    refuse("hydro.shear_column",
-           fmt::format("{} columns, at most {} fit into a session", problem.columns, wire::kMaxNodesPerSession),
-           "run several scenes");
-  }
-  problem.initial_jump = per_column(column.velocity_jump_m_per_s, problem.columns, "velocity_jump_m_per_s");
-  problem.initial_temperature =
-      column.initial_temperature_k.empty()
-          ? std::vector<double>(problem.columns, scene.layer.initial_temperature_k)
-          : per_column(column.initial_temperature_k, problem.columns, "initial_temperature_k");
+  problem.initial_jump = per_column(column.velocity_jump_m_per_s, problem.columns);
+  problem.initial_temperature = column.initial_temperature_k.empty()
+                                    ? std::vector<double>(problem.columns, scene.layer.initial_temperature_k)
+                                    : per_column(column.initial_temperature_k, problem.columns);
   problem.pressure = pressure_history(column, problem.columns);
 
   problem.soft_material = resolve(scene.soft, "soft");

@@ -68,12 +68,18 @@ void ShearColumn::gather_inputs() {
 
 // A law that answers no number would only be noticed steps later and elsewhere.
 void ShearColumn::check_answer() const {
+  constexpr auto kLastRegime = static_cast<std::uint8_t>(wire::Regime::kMelting);
   for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {
-    if (std::isfinite(answer_.shear_stress[i]) && std::isfinite(answer_.velocity_jump_new[i])) continue;
+    if (std::isfinite(answer_.shear_stress[i]) && std::isfinite(answer_.velocity_jump_new[i]) &&
+        std::isfinite(answer_.interface_temperature[i]) && answer_.regime[i] <= kLastRegime) {
+      continue;
+    }
     throw wire::Error(
         {.code = wire::Code::kUnexpectedReply,
-         .text = fmt::format("the interface law answered shear stress {} Pa and jump {} m/s for node {} in step {}",
-                             answer_.shear_stress[i], answer_.velocity_jump_new[i], i, inputs_.step),
+         .text = fmt::format("the interface law answered shear stress {} Pa, jump {} m/s, temperature {} K, "
+                             "regime {} for node {} in step {}",
+                             answer_.shear_stress[i], answer_.velocity_jump_new[i], answer_.interface_temperature[i],
+                             answer_.regime[i], i, inputs_.step),
          .remedy = "this is a fault of the law, not of the scene",
          .field = "shear_stress_pa",
          .node_ids = {i}});

@@ -1,4 +1,5 @@
-// The whole server on a thread of the caller's process, reached over inproc://: what runs when a user names no endpoint.
+// The whole server on a thread of the caller's process, reached over inproc://: what runs when a user names no
+// endpoint. It logs nothing. Clients share its context, so they must be gone before it: declare it first.
 #pragma once
 
 #include <memory>

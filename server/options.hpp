@@ -2,16 +2,20 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
 namespace shearbus::server {
 
 struct ServerOptions {
-  std::vector<std::string> endpoints;        // where to listen: tcp://address:port or ipc://path, any number
-  unsigned threads = 0;                      // that solve layers, the socket's own included; 0: one per core
-  std::size_t nodes_per_task = 512;          // batches below this are answered on the socket's thread
-  std::string log_level = "info";            // trace, debug, info, warn, error, off
+  std::vector<std::string> endpoints;  // where to listen: tcp://address:port or ipc://path, any number
+  unsigned threads = 0;                // that solve layers, the socket's own included; 0: one per core
+  std::size_t nodes_per_task = 512;    // batches below this are answered on the socket's thread
+  std::uint64_t max_state_bytes = 0;   // of the states of all sessions; 0: three quarters of the machine's memory
+  bool insecure_plaintext = false;     // allow tcp addresses that other machines reach, without authentication
+  std::string log_level = "info";      // trace, debug, info, warn, error, off
+  std::string log_file;                // empty: standard error
 };
 
 }  // namespace shearbus::server

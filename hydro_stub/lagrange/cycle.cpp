@@ -12,10 +12,12 @@
 
 namespace shearbus::lagrange {
 
-Cycle::Cycle(Bodies bodies)
+Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
     : bodies_(std::move(bodies)),
       state_(bodies_.mesh.num_nodes(), bodies_.mesh.num_zones()),
       guides_(bodies_.mesh.num_nodes(), bodies_.walls),
+      contact_(bodies_.mesh.symmetry(), bodies_.slide_lines, bodies_.contact, bodies_.mesh.num_nodes()),
+      law_(law),
       middle_(bodies_.mesh.num_zones()),
       middle_position_(bodies_.mesh.num_nodes()),
       middle_density_(bodies_.mesh.num_zones()),
@@ -96,12 +98,15 @@ bool Cycle::try_step(double dt) {
   find_forces();
   // 4. momentum, walls
   accelerate(dt);
-  // 5. places at the end
+  // 5. slide lines: bodies press and rub on each other
+  contact_.apply(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
+  // 6. places at the end
   if (!go_to_end(dt)) return false;
-  // 6. energy: each force's work with the mean velocity; what walls and loads gave
+  // 7. energy: each force's work with the mean velocity; what slide lines, walls and loads did
   do_work(dt);
+  contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
   book_boundaries(dt);
-  // 7. deviators over the whole step; density, pressure, sound speed, temperature
+  // 8. deviators over the whole step; density, pressure, sound speed, temperature
   advance_stress(dt);
   state_.position.swap(position_new_);
   state_.velocity.swap(velocity_new_);
@@ -248,11 +253,11 @@ void Cycle::do_work(double dt) {
   }
 }
 
-// What a node's momentum gained beyond the forces of zones and loads came from its walls.
+// What a node's momentum gained beyond the forces of zones, slide lines and loads came from its walls.
 void Cycle::book_boundaries(double dt) {
   std::vector<Vec2> beyond(bodies_.walls.empty() ? 0 : bodies_.mesh.num_nodes());
   for (std::size_t n = 0; n < beyond.size(); ++n) {
-    beyond[n] = state_.node_mass[n] * (velocity_new_[n] - state_.velocity[n]) - dt * node_force_[n];
+    beyond[n] = state_.node_mass[n] * (velocity_new_[n] - state_.velocity[n]) - dt * node_force_[n] - contact_.impulse()[n];
   }
   for (std::size_t l = 0; l < bodies_.loads.size(); ++l) {
     const std::vector<int>& loaded = bodies_.loads[l].nodes;
@@ -319,7 +324,10 @@ void Cycle::find_sound_speed_and_temperature() {
 }
 
 Ledger Cycle::ledger() const {
-  Ledger sum{.impulse_given = impulse_given_, .work_given = work_given_};
+  Ledger sum{.impulse_given = impulse_given_,
+             .work_given = work_given_,
+             .friction_heat = contact_.friction_heat(),
+             .closing_heat = contact_.closing_heat()};
   for (int n = 0; n < bodies_.mesh.num_nodes(); ++n) {
     sum.momentum += state_.node_mass[n] * state_.velocity[n];
     sum.kinetic += 0.5 * state_.node_mass[n] * dot(state_.velocity[n], state_.velocity[n]);

@@ -8,7 +8,9 @@
 #include <optional>
 #include <vector>
 
+#include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/lagrange/boundary.hpp"
+#include "hydro_stub/lagrange/contact.hpp"
 #include "hydro_stub/lagrange/eos.hpp"
 #include "hydro_stub/lagrange/geometry.hpp"
 #include "hydro_stub/lagrange/mesh.hpp"
@@ -35,6 +37,8 @@ struct Bodies {
   std::vector<double> energy;           // per zone  [J/kg]
   std::vector<Wall> walls;
   std::vector<PressureLoad> loads;
+  std::vector<SlideLine> slide_lines;
+  ContactOptions contact;
   ViscosityOptions viscosity;
   double hourglass = 0.1;
   TimeStepOptions time_step;
@@ -47,13 +51,16 @@ struct Ledger {
   double internal = 0.0;          // [J]
   Vec2 impulse_given;             // by walls and loads  [kg m/s]
   double work_given = 0.0;        // by walls and loads  [J]
+  double friction_heat = 0.0;     // part of the internal energy that came from rubbing on slide lines  [J]
+  double closing_heat = 0.0;      // and from closing them  [J]
   double total_energy() const { return kinetic + internal; }
 };
 
 class Cycle {
  public:
-  // Throws std::invalid_argument where the bodies make no sense.
-  explicit Cycle(Bodies bodies);
+  // `law` acts on all slide lines and must outlive the cycle; none: free slip. Throws std::invalid_argument where the
+  // bodies make no sense.
+  explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
   // One step, not beyond `end_time`. A step that turned out too long (a zone turned inside out or changed its volume by
   // more than twice the limit) is taken back and repeated with a quarter of its length; std::runtime_error names the
@@ -66,6 +73,7 @@ class Cycle {
   const TimeStep& time_step() const { return step_; }  // the last one taken
   std::uint64_t steps() const { return steps_; }
   std::uint64_t rejected_steps() const { return rejected_; }
+  const Contact& contact() const { return contact_; }
   Ledger ledger() const;
 
  private:
@@ -87,6 +95,8 @@ class Cycle {
   Bodies bodies_;
   State state_;
   Guides guides_;
+  Contact contact_;
+  hydro::InterfaceLaw* law_;
   TimeStep step_;
   std::uint64_t steps_ = 0;
   std::uint64_t rejected_ = 0;

@@ -45,7 +45,9 @@ const FieldInfo* info(Field field) {
   return found == kFields.end() ? nullptr : &*found;
 }
 
-std::size_t padded(std::size_t bytes) { return (bytes + 7) / 8 * 8; }
+std::size_t padded(std::size_t bytes) {
+  return (bytes + 7) / 8 * 8;
+}
 
 [[noreturn]] void refuse(const Column& column, const std::string& what) {
   throw Error({.code = Code::kShape,
@@ -60,9 +62,12 @@ std::size_t padded(std::size_t bytes) { return (bytes + 7) / 8 * 8; }
 std::size_t size_of(Element element) {
   switch (element) {
     case Element::kFloat64:
-    case Element::kUint64: return 8;
-    case Element::kUint8: return 1;
-    case Element::kUnspecified: break;
+    case Element::kUint64:
+      return 8;
+    case Element::kUint8:
+      return 1;
+    case Element::kUnspecified:
+      break;
   }
   return 0;
 }
@@ -91,7 +96,8 @@ Batch Batch::of(std::span<const Field> fields, std::size_t count) {
 
 Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes) {
   if (columns.size() > kMaxColumns)
-    throw Error({.code = Code::kShape, .text = fmt::format("{} columns, at most {} allowed", columns.size(), kMaxColumns)});
+    throw Error(
+        {.code = Code::kShape, .text = fmt::format("{} columns, at most {} allowed", columns.size(), kMaxColumns)});
   std::vector<std::pair<std::uint64_t, std::uint64_t>> extents;
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const Column& column = columns[i];
@@ -99,13 +105,15 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
     if (!known) refuse(column, "is not a field of this protocol");
     if (column.element != known->element) refuse(column, "has the wrong element type");
     if (column.component > 1) refuse(column, "has a component above 1");
-    if (column.offset_bytes % 8 != 0) refuse(column, fmt::format("starts at byte {}, not a multiple of 8", column.offset_bytes));
+    if (column.offset_bytes % 8 != 0)
+      refuse(column, fmt::format("starts at byte {}, not a multiple of 8", column.offset_bytes));
     const std::size_t size = size_of(column.element);
     if (column.offset_bytes > bytes.size() || column.count > (bytes.size() - column.offset_bytes) / size)
-      refuse(column, fmt::format("needs {} elements from byte {}, the frame has {} bytes", column.count, column.offset_bytes,
-                                 bytes.size()));
+      refuse(column, fmt::format("needs {} elements from byte {}, the frame has {} bytes", column.count,
+                                 column.offset_bytes, bytes.size()));
     for (std::size_t j = 0; j < i; ++j)
-      if (columns[j].field == column.field && columns[j].component == column.component) refuse(column, "is given twice");
+      if (columns[j].field == column.field && columns[j].component == column.component)
+        refuse(column, "is given twice");
     if (column.count > 0) extents.emplace_back(column.offset_bytes, column.offset_bytes + column.count * size);
   }
   std::sort(extents.begin(), extents.end());
@@ -116,14 +124,16 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
   Batch batch;
   batch.columns_ = std::move(columns);
   batch.size_ = bytes.size();
-  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 8 == 0) {
-    batch.data_ = bytes.data();
-  } else {
-    batch.owned_ = std::make_unique<std::uint64_t[]>(padded(bytes.size()) / 8);
-    std::memcpy(batch.owned_.get(), bytes.data(), bytes.size());
-    batch.data_ = reinterpret_cast<const std::byte*>(batch.owned_.get());
-  }
+  batch.data_ = bytes.data();
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 8 != 0) batch.own();
   return batch;
+}
+
+void Batch::own() {
+  if (owned_) return;
+  owned_ = std::make_unique<std::uint64_t[]>(padded(size_) / 8);
+  if (size_ > 0) std::memcpy(owned_.get(), data_, size_);
+  data_ = reinterpret_cast<const std::byte*>(owned_.get());
 }
 
 const Column* Batch::find(Field field, std::uint32_t component) const {
@@ -132,7 +142,9 @@ const Column* Batch::find(Field field, std::uint32_t component) const {
   return nullptr;
 }
 
-bool Batch::has(Field field, std::uint32_t component) const { return find(field, component) != nullptr; }
+bool Batch::has(Field field, std::uint32_t component) const {
+  return find(field, component) != nullptr;
+}
 
 namespace {
 
@@ -143,8 +155,8 @@ std::span<const T> view(const Column* column, const std::byte* data) {
 }
 
 template <typename T>
-std::span<T> writable(std::span<const T> column, bool owned) {
-  return owned ? std::span<T>{const_cast<T*>(column.data()), column.size()} : std::span<T>{};
+std::span<T> writable(std::span<const T> column) {
+  return {const_cast<T*>(column.data()), column.size()};
 }
 
 }  // namespace
@@ -159,13 +171,16 @@ std::span<const std::uint8_t> Batch::u8(Field field, std::uint32_t component) co
   return view<std::uint8_t, Element::kUint8>(find(field, component), data_);
 }
 std::span<double> Batch::f64(Field field, std::uint32_t component) {
-  return writable(std::as_const(*this).f64(field, component), owned_ != nullptr);
+  own();
+  return writable(std::as_const(*this).f64(field, component));
 }
 std::span<std::uint64_t> Batch::u64(Field field, std::uint32_t component) {
-  return writable(std::as_const(*this).u64(field, component), owned_ != nullptr);
+  own();
+  return writable(std::as_const(*this).u64(field, component));
 }
 std::span<std::uint8_t> Batch::u8(Field field, std::uint32_t component) {
-  return writable(std::as_const(*this).u8(field, component), owned_ != nullptr);
+  own();
+  return writable(std::as_const(*this).u8(field, component));
 }
 
 }  // namespace shearbus::wire

@@ -36,8 +36,8 @@ enum class Field : std::uint32_t {
 enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };
 
 std::size_t size_of(Element element);
-Element element_of(Field field);       // every field has one element type
-const char* name(Field field);         // with unit: "pressure_pa"; "?" for a number that is no field
+Element element_of(Field field);  // every field has one element type
+const char* name(Field field);    // with unit: "pressure_pa"; "?" for a number that is no field
 
 struct Column {
   Field field = Field::kUnspecified;
@@ -55,9 +55,9 @@ class Batch {
   // A block of its own, zeroed, with one column of `count` values for each field. Write through the spans below.
   static Batch of(std::span<const Field> fields, std::size_t count);
 
-  // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out such
-  // frames below 8 kB) are copied. Throws Error{kShape} where a column leaves the frame, overlaps another, is misaligned,
-  // repeats a field, has the wrong element type, or where there are more than kMaxColumns.
+  // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out
+  // such frames below 8 kB) are copied. Throws Error{kShape} where a column leaves the frame, overlaps another, is
+  // misaligned, repeats a field, has the wrong element type, or where there are more than kMaxColumns.
   static Batch over(std::vector<Column> columns, std::span<const std::byte> bytes);
 
   const std::vector<Column>& columns() const { return columns_; }
@@ -68,16 +68,17 @@ class Batch {
   std::span<const double> f64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint64_t> u64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint8_t> u8(Field field, std::uint32_t component = 0) const;
-  // Of a batch made with of().
+  // To write through. A batch over received bytes copies them first: they stay as they came.
   std::span<double> f64(Field field, std::uint32_t component = 0);
   std::span<std::uint64_t> u64(Field field, std::uint32_t component = 0);
   std::span<std::uint8_t> u8(Field field, std::uint32_t component = 0);
 
  private:
   const Column* find(Field field, std::uint32_t component) const;
+  void own();
 
   std::vector<Column> columns_;
-  std::unique_ptr<std::uint64_t[]> owned_;  // null when over() needed no copy
+  std::unique_ptr<std::uint64_t[]> owned_;  // null while over() needed no copy
   const std::byte* data_ = nullptr;
   std::size_t size_ = 0;
 };

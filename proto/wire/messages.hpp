@@ -124,7 +124,8 @@ struct Reply {
   std::uint64_t epoch = 0;
   Status status;
   bool replayed = false;
-  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus> body;
+  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus>
+      body;
   Batch batch;
 };
 

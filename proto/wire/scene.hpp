@@ -62,7 +62,7 @@ struct Hydro {
   InterfaceLaw interface_law = InterfaceLaw::kSubgrid;
   double end_time_s = 0.0;
   std::optional<double> dt_s;
-  double cfl = 0.9;
+  double cfl = 1.0;
   std::optional<ShearColumn> shear_column;
   CoulombTresca coulomb_tresca;
 };

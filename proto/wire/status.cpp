@@ -7,30 +7,54 @@ namespace shearbus::wire {
 
 const char* name(Code code) {
   switch (code) {
-    case Code::kUnspecified: return "UNSPECIFIED";
-    case Code::kOk: return "OK";
-    case Code::kBadFraming: return "BAD_FRAMING";
-    case Code::kMalformed: return "MALFORMED";
-    case Code::kVersion: return "VERSION";
-    case Code::kLimit: return "LIMIT";
-    case Code::kChecksum: return "CHECKSUM";
-    case Code::kShape: return "SHAPE";
-    case Code::kUnsupported: return "UNSUPPORTED";
-    case Code::kUnknownSession: return "UNKNOWN_SESSION";
-    case Code::kStaleSequence: return "STALE_SEQUENCE";
-    case Code::kSequenceGap: return "SEQUENCE_GAP";
-    case Code::kSequenceReused: return "SEQUENCE_REUSED";
-    case Code::kEpoch: return "EPOCH";
-    case Code::kNothingToCommit: return "NOTHING_TO_COMMIT";
-    case Code::kInvalidScene: return "INVALID_SCENE";
-    case Code::kInvalidValue: return "INVALID_VALUE";
-    case Code::kUnknownNode: return "UNKNOWN_NODE";
-    case Code::kDuplicateNode: return "DUPLICATE_NODE";
-    case Code::kShuttingDown: return "SHUTTING_DOWN";
-    case Code::kInternal: return "INTERNAL";
-    case Code::kUnreachable: return "UNREACHABLE";
-    case Code::kUnknownOutcome: return "UNKNOWN_OUTCOME";
-    case Code::kUnexpectedReply: return "UNEXPECTED_REPLY";
+    case Code::kUnspecified:
+      return "UNSPECIFIED";
+    case Code::kOk:
+      return "OK";
+    case Code::kBadFraming:
+      return "BAD_FRAMING";
+    case Code::kMalformed:
+      return "MALFORMED";
+    case Code::kVersion:
+      return "VERSION";
+    case Code::kLimit:
+      return "LIMIT";
+    case Code::kChecksum:
+      return "CHECKSUM";
+    case Code::kShape:
+      return "SHAPE";
+    case Code::kUnsupported:
+      return "UNSUPPORTED";
+    case Code::kUnknownSession:
+      return "UNKNOWN_SESSION";
+    case Code::kStaleSequence:
+      return "STALE_SEQUENCE";
+    case Code::kSequenceGap:
+      return "SEQUENCE_GAP";
+    case Code::kSequenceReused:
+      return "SEQUENCE_REUSED";
+    case Code::kEpoch:
+      return "EPOCH";
+    case Code::kNothingToCommit:
+      return "NOTHING_TO_COMMIT";
+    case Code::kInvalidScene:
+      return "INVALID_SCENE";
+    case Code::kInvalidValue:
+      return "INVALID_VALUE";
+    case Code::kUnknownNode:
+      return "UNKNOWN_NODE";
+    case Code::kDuplicateNode:
+      return "DUPLICATE_NODE";
+    case Code::kShuttingDown:
+      return "SHUTTING_DOWN";
+    case Code::kInternal:
+      return "INTERNAL";
+    case Code::kUnreachable:
+      return "UNREACHABLE";
+    case Code::kUnknownOutcome:
+      return "UNKNOWN_OUTCOME";
+    case Code::kUnexpectedReply:
+      return "UNEXPECTED_REPLY";
   }
   return "?";
 }
@@ -38,7 +62,7 @@ const char* name(Code code) {
 std::string describe(const Status& status) {
   std::string line = fmt::format("{}: {}", name(status.code), status.text);
   if (!status.node_ids.empty()) line += fmt::format(" [nodes {}]", fmt::join(status.node_ids, ", "));
-  if (!status.remedy.empty()) line += " " + status.remedy;
+  if (!status.remedy.empty()) line += (line.ends_with('.') ? " " : ". ") + status.remedy;
   return line;
 }
 

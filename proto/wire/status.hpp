@@ -8,8 +8,8 @@
 
 namespace shearbus::wire {
 
-// Stable numbers, the same as shearbus.v1.Code. Hundreds are classes: 1 the message, 2 the session, 3 the content, 4 the
-// server; 5 exist on the client's side only.
+// Stable numbers, the same as shearbus.v1.Code. Hundreds are classes: 1 the message, 2 the session, 3 the content, 4
+// the server; 5 exist on the client's side only.
 enum class Code : std::uint16_t {
   kUnspecified = 0,
   kOk = 1,
@@ -42,11 +42,11 @@ const char* name(Code code);
 
 struct Status {
   Code code = Code::kOk;
-  std::string text;                      // expected and found
-  std::string remedy;                    // what to do about it
-  std::string field;                     // scene field ("layer.cells") or column ("pressure_pa") at fault
-  std::vector<std::uint64_t> node_ids;   // nodes at fault, at most kMaxNodesNamed
-  std::uint64_t last_sequence = 0;       // with the sequence codes
+  std::string text;                     // expected and found
+  std::string remedy;                   // what to do about it
+  std::string field;                    // scene field ("layer.cells") or column ("pressure_pa") at fault
+  std::vector<std::uint64_t> node_ids;  // nodes at fault, at most kMaxNodesNamed
+  std::uint64_t last_sequence = 0;      // with the sequence codes
 
   bool ok() const { return code == Code::kOk; }
 };

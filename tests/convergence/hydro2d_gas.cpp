@@ -37,7 +37,7 @@ TEST(Hydro2dGas, Noh) {
     const double dimension = symmetry == Symmetry::kPlane ? 2.0 : 3.0;
     const double exact = std::pow(4.0, dimension);
     double last = 0.0;
-    for (const int zones : {25, 50, 100}) {
+    for (const int zones : {20, 40}) {
       Bodies bodies = quarter(symmetry, zones, 1.0, 5.0 / 3.0);
       for (std::size_t n = 0; n < bodies.velocity.size(); ++n) {
         const Vec2 x = bodies.mesh.places()[n];
@@ -76,7 +76,7 @@ TEST(Hydro2dGas, Noh) {
 TEST(Hydro2dGas, Sedov) {
   std::printf("Sedov, t = 1\nsymmetry zones  steps   shock at (1)  peak density (6)  spread of the front  energy residual\n");
   for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {
-    for (const int zones : {24, 48, 96}) {
+    for (const int zones : {24, 48}) {
       Bodies bodies = quarter(symmetry, zones, 1.2, 1.4);
       // Energies in the quarter of the plane per depth, and in the upper half of space per radian.
       const double energy = symmetry == Symmetry::kPlane ? 0.984041 / 4.0 : 0.851072 / 2.0 / (2.0 * std::numbers::pi);

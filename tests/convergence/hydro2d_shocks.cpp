@@ -32,6 +32,10 @@ struct Strip {
       mesh.add_block(zones, kRows, rectangle(zones, kRows, {from, 0.0}, {to, across}));
     }
   }
+  lagrange::Surface face(const lagrange::Block& b, bool far_end) const {
+    const Side start = axial() ? Side::kBottom : Side::kLeft, end = axial() ? Side::kTop : Side::kRight;
+    return lagrange::surface(b, far_end ? end : start);
+  }
   std::vector<int> start(const lagrange::Block& b) const { return b.side(axial() ? Side::kBottom : Side::kLeft); }
   void guide(Bodies& bodies, const lagrange::Block& b) const {
     const Vec2 across = axial() ? Vec2{1.0, 0.0} : Vec2{0.0, 1.0};
@@ -137,8 +141,6 @@ Impact impact(const MieGrueneisen& flyer, double g1, double y1, const MieGruenei
   return {u, two_waves(target, g2, y2, u).stress};
 }
 
-// Two blocks welded by common momentum do not exist here (bodies meet on slide lines); a symmetric impact is a piston at
-// half the speed, and the pair below is checked as an exact solution for the slide line's tests.
 TEST(Hydro2dShock, ExactImpactsAreThePublishedOnes) {
   const Impact same = impact(steel_304(), 77e9, 340e6, steel_304(), 77e9, 340e6, 600.0);
   EXPECT_NEAR(same.velocity, 300.0, 1e-6);
@@ -146,6 +148,50 @@ TEST(Hydro2dShock, ExactImpactsAreThePublishedOnes) {
   const Impact other = impact(steel_304(), 77e9, 340e6, aluminium_6061(), 27.6e9, 200e6, 600.0);
   EXPECT_NEAR(other.velocity / 425.515, 1.0, 1e-4);
   EXPECT_NEAR(other.stress / 6.7814e9, 1.0, 1e-4);
+}
+
+// A flyer strikes a target across a slide line.
+TEST(Hydro2dShock, FlyersOnTargets) {
+  struct Metal {
+    MieGrueneisen eos;
+    double shear_modulus, yield;
+  };
+  const Metal aluminium = {aluminium_6061(), 27.6e9, 200e6}, steel = {steel_304(), 77e9, 340e6};
+  constexpr double kSpeed = 600.0, kLength = 10e-3, kTime = 1.2e-6;
+  std::printf("symmetry flyer on target   velocity (exact)      stress/GPa (exact)   energy residual\n");
+  for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {
+    const Strip strip{symmetry};
+    for (const Metal& target : {aluminium, steel}) {
+      const Impact exact = impact(steel.eos, steel.shear_modulus, steel.yield, target.eos, target.shear_modulus, target.yield, kSpeed);
+      constexpr int kZones = 200;
+      Mesh mesh(symmetry);
+      strip.add(mesh, kZones, 0.0, kLength);
+      strip.add(mesh, kZones, -kLength, 0.0);
+      Bodies bodies(mesh);
+      int k = 0;
+      for (const Metal& metal : {target, steel}) {
+        bodies.materials.push_back(
+            {.eos = Eos(metal.eos), .strength = constant_yield(metal.eos.density, metal.shear_modulus, metal.yield)});
+        fill(bodies, k, metal.eos.density, 0.0, strip.along(k == 0 ? 0.0 : kSpeed));
+        strip.guide(bodies, bodies.mesh.blocks()[k]);
+        ++k;
+      }
+      bodies.slide_lines.push_back({strip.face(bodies.mesh.blocks()[0], false), strip.face(bodies.mesh.blocks()[1], true)});
+      Cycle cycle(std::move(bodies));
+      const double before = cycle.ledger().total_energy();
+      cycle.run_to(kTime);
+      const double face = exact.velocity * kTime;
+      const double stress = mean_stress(strip, cycle, kZones, face + 0.5e-3, face + 3e-3);
+      const double velocity = strip.component(cycle.state().velocity[cycle.contact().weights().node(0)]);
+      const double residual = (cycle.ledger().total_energy() - before - cycle.ledger().work_given) / before;
+      std::printf("%s    steel on %s %.3f (%.3f)     %.4f (%.4f)     %.1e\n", strip.name(),
+                  target.eos.density < 5000.0 ? "aluminium" : "steel    ", velocity, exact.velocity, stress * 1e-9,
+                  exact.stress * 1e-9, residual);
+      EXPECT_NEAR(velocity / exact.velocity, 1.0, 2e-3);
+      EXPECT_NEAR(stress / exact.stress, 1.0, 2e-3);
+      EXPECT_LT(std::abs(residual), 1e-13);
+    }
+  }
 }
 
 }  // namespace

@@ -4,9 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <span>
+#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -154,6 +155,20 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
                     .node_ids = {7, 1ULL << 63},
                     .last_sequence = 41};
   return all;
+}
+
+inline Request request(std::string_view wanted) {
+  auto all = requests();
+  for (auto& [name, message] : all)
+    if (name == wanted) return std::move(message);
+  throw std::invalid_argument("no sample request " + std::string(wanted));
+}
+
+inline Reply reply(std::string_view wanted) {
+  auto all = replies();
+  for (auto& [name, message] : all)
+    if (name == wanted) return std::move(message);
+  throw std::invalid_argument("no sample reply " + std::string(wanted));
 }
 
 }  // namespace shearbus::wire::samples

@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <random>
 
 #include "hydro_stub/shear_column.hpp"
+#include "proto/wire/status.hpp"
 #include "tests/support/hydro_laws.hpp"
 
 namespace shearbus {
@@ -195,6 +197,38 @@ TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
     const double half_w = std::asin(courant * std::sin(half_k));
     const double stated = 0.5 * std::abs(std::cos(half_k) - std::cos(half_w)) / (std::cos(half_k) + std::cos(half_w));
     EXPECT_NEAR(reflected, stated, 0.1 * stated + 1e-12) << "Courant number " << courant;
+  }
+}
+
+class FaultyLaw : public ConstantFrictionLaw {
+ public:
+  FaultyLaw() : ConstantFrictionLaw(50e6) {}
+  void advance(const hydro::InterfaceInputs& in, hydro::InterfaceAnswer& out) override {
+    ConstantFrictionLaw::advance(in, out);
+    if (in.step == 3) fault(out);
+  }
+  std::function<void(hydro::InterfaceAnswer&)> fault;
+};
+
+TEST(ShearColumn, AnAnswerThatIsNoneStopsTheRunAndNamesTheNode) {
+  FaultyLaw law;
+  const std::function<void(hydro::InterfaceAnswer&)> faults[] = {
+      [](hydro::InterfaceAnswer& out) { out.shear_stress[1] = std::nan(""); },
+      [](hydro::InterfaceAnswer& out) { out.velocity_jump_new[1] = HUGE_VAL; },
+      [](hydro::InterfaceAnswer& out) { out.interface_temperature[1] = std::nan(""); },
+      [](hydro::InterfaceAnswer& out) { out.regime[1] = 5; }};
+  for (const auto& fault : faults) {
+    law.fault = fault;
+    ShearColumn column(aluminium_on_steel({100.0, 50.0}, 10));
+    column.advance(law);
+    column.advance(law);
+    try {
+      column.advance(law);
+      FAIL() << "the answer was taken";
+    } catch (const wire::Error& error) {
+      EXPECT_EQ(error.status().node_ids, std::vector<std::uint64_t>{1});
+      EXPECT_NE(error.status().text.find("step 3"), std::string::npos) << error.what();
+    }
   }
 }
 

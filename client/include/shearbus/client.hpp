@@ -7,9 +7,11 @@
 //   const shearbus::StepResult& result = session.advance(request, {.dt_s = 1e-9});
 //   result.shear_stress_pa(); ...
 //
-// Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text), kUnreachable,
-// kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply. A client and its
-// sessions belong to one thread; different clients are independent. SI units.
+// Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text),
+// kUnreachable, kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply.
+// After kUnknownOutcome the same call with the same values is the same request: if it has run, it is not run again, and
+// its reply comes. A different call is refused with kSequenceReused if the lost one has run; the session then goes on
+// from there. A client and its sessions belong to one thread; different clients are independent. SI units.
 #pragma once
 
 #include <chrono>
@@ -34,12 +36,12 @@ using wire::Scene;
 using wire::Status;
 
 struct ClientOptions {
-  std::string endpoint;                                  // tcp://host:port, ipc://path or inproc://name
-  void* context = nullptr;                               // libzmq context to share; required for inproc, else null
-  std::string name = "shearbus-client";                  // what the server's log calls this client
-  std::chrono::milliseconds connect_deadline{5'000};     // for the first hello
-  std::chrono::milliseconds reply_deadline{60'000};      // for any other call, retries included
-  std::chrono::milliseconds retry_after{5'000};          // no reply for so long: the same request again on a fresh socket
+  std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
+  void* context = nullptr;                            // libzmq context to share; required for inproc, else null
+  std::string name = "shearbus-client";               // what the server's log calls this client
+  std::chrono::milliseconds connect_deadline{5'000};  // for the first hello
+  std::chrono::milliseconds reply_deadline{60'000};   // for any other call, retries included
+  std::chrono::milliseconds retry_after{5'000};       // no reply for so long: the same request again on a fresh socket
 };
 
 struct OpenOptions {
@@ -48,13 +50,14 @@ struct OpenOptions {
 
 struct StepOptions {
   double dt_s = 0.0;
-  double time_s = 0.0;          // end of the step, for records only
-  std::uint64_t step = 0;       // the host's number, for records only
+  double time_s = 0.0;     // end of the step, for records only
+  std::uint64_t step = 0;  // the host's number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false; // trial(): accept the standing trial first
+  bool commit_previous = false;  // trial(): accept the standing trial first
 };
 
-// The reply to a step; columns have one value per node, in the order of the request. Valid until the session's next call.
+// The reply to a step; columns have one value per node, in the order of the request. Valid until the session's next
+// call.
 class StepResult {
  public:
   std::span<const double> shear_stress_pa() const { return reply_.batch.f64(Field::kShearStress); }
@@ -69,7 +72,6 @@ class StepResult {
 
  private:
   friend class Session;
-  std::vector<std::byte> header_frame_;
   std::shared_ptr<void> payload_frame_;  // the received frame, kept while columns point into it
   wire::Reply reply_;
   std::chrono::nanoseconds round_trip_{0};
@@ -120,6 +122,7 @@ class Client {
 
  private:
   std::shared_ptr<Connection> connection_;
+  wire::Welcome welcome_;
 };
 
 }  // namespace shearbus

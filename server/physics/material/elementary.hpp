@@ -11,26 +11,46 @@ namespace shearbus::physics {
 
 inline constexpr double kExponentialRange = 700.0;  // |x| beyond this is taken as this: results stay normal numbers
 
-// exp(x), x clamped to +-kExponentialRange.
-inline double exponential(double x) {
+namespace detail {
+
+// exp(x) = scale (1 + rest), |x| <= kExponentialRange.
+struct ScaledExponential {
+  double scale;  // a power of 2
+  double rest;
+};
+inline ScaledExponential scaled_exponential(double x) {
   constexpr double kShift = 0x1.8p52;  // adding it rounds to an integer, which then stands in the low bits
   constexpr double kLog2E = 1.4426950408889634;
   constexpr double kLn2High = 0x1.62e42feep-1;  // few enough digits that k * kLn2High is exact
   constexpr double kLn2Low = 0x1.a39ef35793c76p-33;
-  x = x < -kExponentialRange ? -kExponentialRange : x;
-  x = x > kExponentialRange ? kExponentialRange : x;
   const double shifted = x * kLog2E + kShift;
   const double k = shifted - kShift;
   const double r = (x - k * kLn2High) - k * kLn2Low;  // |r| <= ln(2)/2
-  // Taylor series to r^13, grouped in pairs so that products can overlap.
+  // Taylor series to r^13, grouped so that products can overlap.
   const double r2 = r * r;
   const double r4 = r2 * r2;
   const double low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
   const double mid = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
   const double high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600 + r * (1.0 / 6227020800.0));
-  const double value = 1.0 + (r + r2 * (low + r4 * (mid + r4 * high)));
   const std::uint64_t scale = (std::bit_cast<std::uint64_t>(shifted) << 52) + 0x3ff0000000000000u;
-  return value * std::bit_cast<double>(scale);
+  return {std::bit_cast<double>(scale), r + r2 * (low + r4 * (mid + r4 * high))};
+}
+
+inline double within_range(double x) {
+  x = x < -kExponentialRange ? -kExponentialRange : x;
+  return x > kExponentialRange ? kExponentialRange : x;
+}
+
+}  // namespace detail
+
+// exp(x) and exp(x) - 1, x clamped to +-kExponentialRange.
+inline double exponential(double x) {
+  const detail::ScaledExponential e = detail::scaled_exponential(detail::within_range(x));
+  return e.scale * (1.0 + e.rest);
+}
+inline double exponential_minus_1(double x) {
+  const detail::ScaledExponential e = detail::scaled_exponential(detail::within_range(x));
+  return e.scale * e.rest + (e.scale - 1.0);
 }
 
 // log(x) of a positive normal number.

@@ -67,7 +67,7 @@ LaneStep step_lane(const StressLimit& limit, const Forcing& forcing, double heat
   }
 
   // 5. Answer. Where the jump changes sign within the step the slip along the stress is clipped at 0: no heat, no work.
-  const double slip = heating.slip(a);
+  const double slip = stick ? std::max(0.0, 0.5 * direction * jump_old) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
   const double jump_new = stick ? 0.0 : jump_free - direction * a * per_stress;
   const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0);

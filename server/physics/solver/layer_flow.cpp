@@ -1,5 +1,6 @@
 #include "server/physics/solver/layer_flow.hpp"
 
+#include <algorithm>
 #include <cstddef>
 
 #include "server/physics/material/strength.hpp"
@@ -7,82 +8,128 @@
 namespace shearbus::physics {
 namespace {
 
-// Logarithms of hardening are cut here: dep is then beyond anything a host imposes, and still a number that sums.
-constexpr double kMaxLogHardening = 300.0;
+// Excesses are cut here: the strain is then beyond anything a host imposes, and still a number that sums.
+constexpr double kMaxExcess = 300.0;
+constexpr double kMolten = 1e300;  // excess where g = 0: any load flows, kNoLoad does not
+
+// Constants of the material, in registers.
+struct FlowLaw {
+  explicit FlowLaw(const Material& m)
+      : inverse_n(1.0 / m.hardening_exponent),
+        inverse_beta(1.0 / m.hardening_coefficient),
+        hT(m.temperature_coefficient),
+        T_melt(m.melting_temperature) {}
+  double inverse_n, inverse_beta, hT, T_melt;
+};
+
+// -log(g)/n at a temperature, kMolten where g = 0, and its derivative with respect to T.
+struct SofteningExcess {
+  double value;
+  double rate;
+};
+inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0, double T) {
+  const double to_melting = law.T_melt - T;
+  const double bracket = bracket_at_0 - law.hT * T;
+  const bool solid = to_melting > 0.0 && bracket > 0.0;
+  const double x = solid ? to_melting : 1.0;
+  const double b = solid ? bracket : 1.0;
+  const double inverse_xb = 1.0 / (x * b);
+  const double inverse_x = b * inverse_xb;
+  const double value = law.inverse_n * (kMeltingFactor * T * inverse_x - logarithm(b));
+  const double rate = law.inverse_n * (law.hT * x * inverse_xb + kMeltingFactor * law.T_melt * inverse_x * inverse_x);
+  return {solid ? value : kMolten, rate};
+}
+
+inline bool any_positive(const double (&value)[kLanes]) {
+  double largest = value[0];
+  for (int l = 1; l < kLanes; ++l) largest = value[l] > largest ? value[l] : largest;
+  return largest > 0.0;
+}
 
 template <bool kWrite>
-void flow(const Material& soft, const Grid& grid, const double* response, const FlowLoad& load, const double* T_ad,
-          const double* strain, const double* threshold, double* strain_new, FlowSum& sum) {
-  const double inverse_n = 1.0 / soft.hardening_exponent;
-  const double inverse_beta = 1.0 / soft.hardening_coefficient;
-  const double hT = soft.temperature_coefficient;
-  const double T_melt = soft.melting_temperature;
-  const std::ptrdiff_t n = grid.num_vertices();
+void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows, const double* threshold,
+          double* strain_new, FlowSum& sum) {
+  const FlowLaw law(*problem.soft);
+  const std::ptrdiff_t heated = problem.num_heated;
+  std::ptrdiff_t num_yielding = 0;
   double slip[kLanes] = {};
   double slope[kLanes] = {};
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    const std::ptrdiff_t row = i * kLanes;
-    const double B = response[i];
-    alignas(64) double hardening[kLanes];       // log((sqrt(3) a / (Y0 g))^(1/n)), DLP (48)
-    alignas(64) double softening_rate[kLanes];  // -d log g / d log a
+  for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
+    const double* strain = problem.strain + i * kLanes;
+    const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
-    for (int l = 0; l < kLanes; ++l) {
-      const double heated = load.flux[l] * B;
-      const double T = T_ad[row + l] + heated;
-      const double to_melting = T_melt - T;
-      const double bracket = load.bracket[l] - hT * T;
-      const bool solid = to_melting > 0.0 && bracket > 0.0;
-      const double safe_to_melting = solid ? to_melting : 1.0;
-      const double safe_bracket = solid ? bracket : 1.0;
-      const double inverse = 1.0 / (safe_to_melting * safe_bracket);
-      const double inverse_to_melting = safe_bracket * inverse;
-      const double log_g = logarithm(safe_bracket) - kMeltingFactor * T * inverse_to_melting;
-      const double logarithm_cut = inverse_n * (load.log_load[l] - log_g);
-      hardening[l] = solid && logarithm_cut < kMaxLogHardening ? logarithm_cut : kMaxLogHardening;
-      softening_rate[l] =
-          heated * (hT * safe_to_melting * inverse + kMeltingFactor * T_melt * inverse_to_melting * inverse_to_melting);
-      excess[l] = hardening[l] - threshold[row + l];
-    }
-    double largest = excess[0];
-    for (int l = 1; l < kLanes; ++l) largest = excess[l] > largest ? excess[l] : largest;
-    if (largest > 0.0) {
-      const double w = grid.weight[static_cast<std::size_t>(i)];
+    alignas(64) double growth[kLanes] = {};  // of -log(g)/n with log(a)
+    if (i < heated) {
+      const double B = problem.response[i];
+      const double* T_ad = problem.T_ad + i * kLanes;
       for (int l = 0; l < kLanes; ++l) {
-        const double hardened = exponential(hardening[l]);
-        const double dep = (hardened - 1.0) * inverse_beta - strain[row + l];
-        const bool yields = excess[l] > 0.0 && dep > 0.0;
+        const double rise = load.flux[l] * B;
+        const SofteningExcess softened = softening_excess(law, load.bracket[l], T_ad[l] + rise);
+        growth[l] = rise * softened.rate;
+        excess[l] = (load.scaled_log[l] + softened.value) - yield[l];
+      }
+    } else {
+      for (int l = 0; l < kLanes; ++l) excess[l] = load.scaled_log[l] - yield[l];
+    }
+    if (any_positive(excess)) {
+      num_yielding = i + 1;
+      const double w = problem.grid->weight[static_cast<std::size_t>(i)];
+      for (int l = 0; l < kLanes; ++l) {
+        const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
+        const double hardened = law.inverse_beta + strain[l];
+        const double dep = hardened * exponential_minus_1(cut);
+        const bool yields = excess[l] > 0.0;
         const double flows = yields ? dep : 0.0;
-        const double rate = yields ? hardened * inverse_beta * inverse_n * (1.0 + softening_rate[l]) : 0.0;
+        const double rate = yields ? (hardened + dep) * (law.inverse_n + growth[l]) : 0.0;
         slip[l] += w * flows;
         slope[l] += w * rate;
-        if (kWrite) strain_new[row + l] = strain[row + l] + flows;
+        if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows;
       }
     } else if (kWrite) {
-      for (int l = 0; l < kLanes; ++l) strain_new[row + l] = strain[row + l];
+      for (int l = 0; l < kLanes; ++l) strain_new[i * kLanes + l] = strain[l];
     }
   }
   for (int l = 0; l < kLanes; ++l) {
     sum.slip[l] = slip[l];
     sum.slope[l] = slope[l];
   }
+  sum.num_yielding = static_cast<int>(num_yielding);
 }
 
 }  // namespace
 
-void yield_thresholds(const Material& soft, int num_vertices, const double* strain, double* threshold) {
-  const double beta = soft.hardening_coefficient;
-  const std::ptrdiff_t values = static_cast<std::ptrdiff_t>(num_vertices) * kLanes;
-  for (std::ptrdiff_t i = 0; i < values; ++i) threshold[i] = logarithm(1.0 + beta * strain[i]);
+int num_heated_vertices(const Grid& grid, const double* response) {
+  // Heating stays below T_melt, so below this share it is lost when added to a temperature.
+  constexpr double kLost = 1e-17;
+  int n = grid.num_vertices();
+  while (n > 1 && response[n - 1] < kLost * response[0]) --n;
+  return n;
 }
 
-void flow_under(const Material& soft, const Grid& grid, const double* response, const FlowLoad& load,
-                const double* T_ad, const double* strain, const double* threshold, FlowSum& sum) {
-  flow<false>(soft, grid, response, load, T_ad, strain, threshold, nullptr, sum);
+void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
+  const FlowLaw law(*problem.soft);
+  const double beta = problem.soft->hardening_coefficient;
+  const std::ptrdiff_t n = problem.grid->num_vertices();
+  for (std::ptrdiff_t i = 0; i < n; ++i) {
+    const double* strain = problem.strain + i * kLanes;
+    const double* T_ad = problem.T_ad + i * kLanes;
+    double* yield = threshold + i * kLanes;
+    for (int l = 0; l < kLanes; ++l) yield[l] = logarithm(1.0 + beta * strain[l]);
+    if (i < problem.num_heated) continue;
+    for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], T_ad[l]).value;
+  }
 }
 
-void flow_to(const Material& soft, const Grid& grid, const double* response, const FlowLoad& load, const double* T_ad,
-             const double* strain, double* threshold_to_strain, FlowSum& sum) {
-  flow<true>(soft, grid, response, load, T_ad, strain, threshold_to_strain, threshold_to_strain, sum);
+void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum) {
+  flow<false>(problem, load, num_rows, threshold, nullptr, sum);
+}
+
+void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
+             FlowSum& sum) {
+  flow<true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(num_rows) * kLanes;
+  const std::ptrdiff_t end = static_cast<std::ptrdiff_t>(problem.grid->num_vertices()) * kLanes;
+  std::copy(problem.strain + first, problem.strain + end, threshold_to_strain + first);
 }
 
 }  // namespace shearbus::physics

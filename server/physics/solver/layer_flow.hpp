@@ -7,27 +7,47 @@
 
 namespace shearbus::physics {
 
-// A stress magnitude per lane and what the flow needs of it.
+// The layer yields at a vertex where its excess is positive,
+//   excess = log(sqrt(3) a / (Y0 g(P, T))) / n - log(1 + beta ep_old),
+// and flows by dep = (1/beta + ep_old) (exp(excess) - 1): DLP (48) as a ratio, which cancels nothing. Vertices beyond
+// `num_heated` do not feel the heat of the step in any digit: there everything but the load is known in advance.
+
+inline constexpr double kNoLoad = -1e305;  // scaled logarithm of a load under which nothing yields, however hot
+
+// A stress magnitude a per lane and what the flow needs of it.
 struct FlowLoad {
-  alignas(64) double log_load[kLanes];  // log(sqrt(3) a / Y0)
-  alignas(64) double flux[kLanes];      // q: T = T_ad + q B          [W/m2]
-  alignas(64) double bracket[kLanes];   // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g
+  alignas(64) double scaled_log[kLanes];  // log(sqrt(3) a / Y0) / n, or kNoLoad
+  alignas(64) double flux[kLanes];        // q: T = T_ad + q B          [W/m2]
+  alignas(64) double bracket[kLanes];     // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g
 };
 
 struct FlowSum {
   alignas(64) double slip[kLanes];   // integral of dep over the layer                  [m]
   alignas(64) double slope[kLanes];  // a d slip / d a, heating by a included           [m]
+  int num_yielding;                  // vertices from the interface to the last one at which any lane yields
 };
 
-// log(1 + beta ep) of each vertex: the layer yields where the load exceeds it. [vertex][lane].
-void yield_thresholds(const Material& soft, int num_vertices, const double* strain, double* threshold);
+// The layers of a tile at the start of a step. Arrays are [vertex][lane].
+struct FlowProblem {
+  const Material* soft;
+  const Grid* grid;
+  const double* response;  // B
+  const double* T_ad;
+  const double* strain;  // old
+  int num_heated;
+};
 
-// The integral and its slope at one load. `T_ad`, `strain` (old) and `threshold` are [vertex][lane].
-void flow_under(const Material& soft, const Grid& grid, const double* response, const FlowLoad& load,
-                const double* T_ad, const double* strain, const double* threshold, FlowSum& sum);
+// Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
+int num_heated_vertices(const Grid& grid, const double* response);
+
+// What yields have in common for all loads of the step.
+void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold);
+
+// The integral and its slope under one load. Only the first `num_rows` vertices are looked at: the caller knows that
+// the others do not yield.
+void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
 // The same sums, writing the new strain over the thresholds.
-void flow_to(const Material& soft, const Grid& grid, const double* response, const FlowLoad& load, const double* T_ad,
-             const double* strain, double* threshold_to_strain, FlowSum& sum);
+void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain, FlowSum& sum);
 
 }  // namespace shearbus::physics

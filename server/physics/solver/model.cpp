@@ -108,7 +108,7 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   const int halvings = impl_->options.strategy == Strategy::kForceDriven ? kMaxHalvings : 0;
-  return std::make_shared<const StepOperators>(impl_->heat_grid, impl_->options.soft, dt, halvings);
+  return std::make_shared<const StepOperators>(impl_->grid, impl_->heat_grid, impl_->options.soft, dt, halvings);
 }
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,

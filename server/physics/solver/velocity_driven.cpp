@@ -14,9 +14,9 @@ namespace {
 
 constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
 constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
+constexpr double kFarAbove = 1000.0;         // flow against what it must take: Newton changes its function here
 constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
 constexpr int kMaxIterations = 300;          // bisection alone, from 1e300 to rounding, needs fewer
-constexpr double kNoLoad = -1e4;             // logarithm of a load under which nothing yields
 
 // What holds the stress where the balance alone would let it be larger.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
@@ -89,7 +89,7 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
   const double all_at_vertex_0 = soft.yield_strength * hardened * g_ad / kSqrt3;
   double beyond = all_at_vertex_0 * (1.0 + kConverged);
   if (state.heating > 0.0) beyond = std::min(beyond, (soft.melting_temperature - T_ad0) / (state.heating * B0));
-  if (soft.hardening_coefficient > 0.0 && beyond < state.hi) {
+  if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
     state.hi = beyond;
     state.bound = Bound::kNotAnAnswer;
   }
@@ -125,14 +125,16 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     lane.done = true;
     return;
   }
-  // 2. Newton: on log(flow / left), nearly straight where flow is a high power of the stress; on F itself where they
-  // are far
-  //    apart in the other sense (onset of yield), from above, where it cannot overshoot.
+  // 2. Newton: on F itself, nearly straight over the strain of one step; on log(flow / left) far above the root, where
+  // flow
+  //    is a high power of the stress.
   double next = -1.0;
-  if (flow > 0.0 && left > 0.0) {
-    const double log_slope = slope / (slip * lane.a) + 1.0 / left;
-    next = lane.a - logarithm(flow / left) / log_slope;
-    if (std::abs(next - lane.a) <= kConverged * lane.a) {
+  if (flow > 0.0 && lane.a > 0.0) {
+    const bool far_above = flow > kFarAbove * left && left > 0.0;
+    const double step = far_above ? logarithm(flow / left) / (slope / (slip * lane.a) + 1.0 / left)
+                                  : (flow - left) / (compliance * slope / lane.a + 1.0);
+    next = lane.a - step;
+    if (std::abs(step) <= kConverged * lane.a) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
       return;
@@ -152,7 +154,7 @@ void set_load(const Material& soft, const Lane& lane, double pressure, int l, Fl
   load.bracket[l] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
   const double ratio = kSqrt3 * lane.a / soft.yield_strength;
   const bool loads = lane.loaded && ratio >= std::numeric_limits<double>::min();
-  load.log_load[l] = loads ? logarithm(ratio) : kNoLoad;
+  load.scaled_log[l] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
   load.flux[l] = lane.loaded ? lane.heating * lane.a : 0.0;
 }
 
@@ -212,7 +214,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       lanes[l] = prepare(problem, inputs, l, dt, B[0], s_start[l], T[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
-    if (!hardens && lanes[l].loaded) {  // nothing between elastic and the ceiling
+    if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;
@@ -222,20 +224,27 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
 
   // 3. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated()};
   if (hardens) {
-    yield_thresholds(soft, grid.num_vertices(), strain, strain_new);
+    flow_thresholds(flow, load, strain_new);
+    int num_rows = grid.num_vertices();
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
       bool all_done = true;
       for (const Lane& lane : lanes) all_done = all_done && lane.done;
       if (all_done) break;
-      flow_under(soft, grid, B, load, T, strain, strain_new, sum);
+      flow_under(flow, load, num_rows, strain_new, sum);
+      bool all_from_above = true;
       for (int l = 0; l < kLanes; ++l) {
         if (lanes[l].done) continue;
+        const double tried = lanes[l].a;
         iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
         set_load(soft, lanes[l], inputs.pressure[l], l, load);
+        all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
       }
+      // What does not yield under more than every lane's answer does not yield: leave it out from here on.
+      if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
     }
-    flow_to(soft, grid, B, load, T, strain, strain_new, sum);
+    flow_to(flow, load, num_rows, strain_new, sum);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }

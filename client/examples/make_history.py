@@ -1,0 +1,77 @@
+#!/usr/bin/env python3
+"""Writes a macroscopic history for shearbus-replay with h5py: a place to start your own from.
+
+  make_history.py constant OUT.h5       one node at 100 m/s and 11.2 GPa for 1 us (DLP 5.1)
+  make_history.py ramp OUT.h5           8 nodes; the pressure rises, the contact opens, and closes again
+  make_history.py force_driven OUT.h5   4 pairs of plates at 25 to 100 m/s, stopped by friction alone (closed loop)
+
+What the datasets mean is in client/replay/README.md. Everything is SI."""
+import argparse
+
+import h5py
+import numpy as np
+
+MASS_OF_1_MM_ALUMINIUM = 2703 * 1e-3  # kg/m2
+MASS_OF_1_MM_STEEL = 7900 * 1e-3
+
+
+def start(file, times, node_ids):
+    """The three datasets every history has, but for the pressure."""
+    time = file.create_dataset("time", data=times)  # the END of each step
+    time.attrs["units"] = "s"
+    time.attrs["t0"] = 0.0  # the start of the first
+    file.create_dataset("node_id", data=np.asarray(node_ids, dtype=np.uint64))
+
+
+def put(file, name, units, values):
+    file.create_dataset(name, data=np.asarray(values, dtype=np.float64)).attrs["units"] = units
+
+
+def constant(file, args):
+    times = args.dt * np.arange(1, args.steps + 1)
+    start(file, times, [0])
+    put(file, "pressure", "Pa", np.full((args.steps, 1), 11.2e9))
+    put(file, "velocity_jump", "m s-1", np.full((args.steps, 1), args.velocity))
+
+
+def ramp(file, args):
+    nodes = 8
+    times = args.dt * np.arange(1, args.steps + 1)
+    start(file, times, 100 + np.arange(nodes))
+    end = times[-1]
+    # P > 0 is compression; where P <= 0 the contact is open.
+    shape = np.interp(times, [0, 0.2 * end, 0.4 * end, 0.5 * end, 0.6 * end, 0.8 * end, end], [0, 1, 1, -0.1, -0.1, 1, 1])
+    put(file, "pressure", "Pa", np.outer(shape, np.linspace(2e9, 11.2e9, nodes)))
+    put(file, "velocity_jump", "m s-1", np.outer(np.ones(args.steps), np.linspace(-args.velocity, args.velocity, nodes)))
+    put(file, "initial_temperature", "K", np.linspace(300, 370, nodes))
+
+
+def force_driven(file, args):
+    nodes = 4
+    times = args.dt * np.arange(1, args.steps + 1)
+    start(file, times, np.arange(nodes))
+    put(file, "pressure", "Pa", np.full((args.steps, nodes), 11.2e9))
+    # The stresses on the far faces of the two masses: none, the plates are free but for the friction between them.
+    put(file, "stress_minus", "Pa", np.zeros((args.steps, nodes)))
+    put(file, "stress_plus", "Pa", np.zeros((args.steps, nodes)))
+    put(file, "mass_minus", "kg m-2", np.full(nodes, MASS_OF_1_MM_ALUMINIUM))
+    put(file, "mass_plus", "kg m-2", np.full(nodes, MASS_OF_1_MM_STEEL))
+    # No /velocity_jump: each answer's new jump is the next step's.
+    put(file, "initial_velocity_jump", "m s-1", args.velocity * np.arange(1, nodes + 1) / nodes)
+
+
+def main():
+    kinds = {"constant": constant, "ramp": ramp, "force_driven": force_driven}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=kinds)
+    parser.add_argument("out", metavar="OUT.h5")
+    parser.add_argument("--steps", type=int, default=1000)
+    parser.add_argument("--dt", type=float, default=1e-9, help="length of a step, s (default 1e-9)")
+    parser.add_argument("--velocity", type=float, default=100.0, help="velocity jump, m/s (default 100)")
+    args = parser.parse_args()
+    with h5py.File(args.out, "w") as file:
+        kinds[args.kind](file, args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+// What a scene needs of a history, and the requests it becomes.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/include/shearbus/client.hpp"
+#include "proto/wire/recording.hpp"
+
+namespace shearbus::replay {
+
+class HistoryInput {
+ public:
+  // Throws Error{kInvalidValue} that names every dataset the scene's strategy needs and the history lacks.
+  // `closed_loop`: force-driven, each reply's new jump is the next input even where the history has /velocity_jump.
+  HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop);
+
+  const std::vector<Field>& optional_columns() const { return optional_columns_; }
+  std::span<const double> initial_temperature_k() const { return initial_temperature_; }  // empty: the scene's
+  bool force_driven() const { return force_driven_; }
+  bool closed_loop() const { return closed_loop_; }
+  const std::string& jump_origin() const { return jump_origin_; }  // for the summary
+  const std::vector<std::string>& notes() const { return notes_; }
+
+  void prepare(Batch& request) const;           // what holds for all steps, and the first jump of a closed loop
+  void fill(std::size_t step, Batch& request);  // the rows of a step
+  void feed_back(const StepResult& result, Batch& request) const;  // closed loop: the next step's jump
+  void check_all_rows();                                           // reads every value once
+
+ private:
+  struct Column {
+    Field field;
+    const char* dataset;
+  };
+  void need(Field field, const char* dataset);
+  void choose_jump(bool closed_loop);
+  void refuse_what_is_missing(const Scene& scene) const;
+
+  wire::HistoryReader& history_;
+  bool force_driven_;
+  bool closed_loop_ = false;
+  std::vector<Column> rows_;   // [T,N]
+  std::vector<Column> fixed_;  // [N]
+  std::vector<std::string> missing_;
+  std::vector<Field> optional_columns_;
+  std::vector<double> first_jump_;
+  std::vector<double> initial_temperature_;
+  std::string jump_origin_;
+  std::vector<std::string> notes_;
+};
+
+}  // namespace shearbus::replay

@@ -1,0 +1,50 @@
+// shearbus-replay HISTORY.h5 --scene SCENE.toml --out RESULT.h5: see README.md beside this file.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <exception>
+
+#include "client/replay/replay.hpp"
+
+namespace {
+
+constexpr int kRunError = 1;
+constexpr int kUsageError = 2;
+
+void describe(CLI::App& app, shearbus::replay::Options& options) {
+  app.set_version_flag("--version", options.version);
+  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->required()->type_name("");
+  app.add_option("--scene", options.scene, "scene to replay it through")->required()->type_name("SCENE.toml");
+  app.add_option("--out", options.out,
+                 "HDF5 file for the answers; a file of that name is replaced once the run has succeeded")
+      ->type_name("RESULT.h5");
+  app.add_option("--server", options.server, "tcp://host:port or ipc://path of a server; none: one inside this process")
+      ->type_name("ENDPOINT");
+  app.add_flag("--check", options.check, "read every value, compare with the scene, open a session; replay nothing");
+  app.add_flag("--closed-loop", options.closed_loop,
+               "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
+  app.add_flag_callback(
+      "--no-progress", [&options] { options.progress = false; }, "no progress line on the terminal");
+  app.footer("What a history holds and how to make one: client/replay/README.md");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  shearbus::replay::Options options{.version = SHEARBUS_VERSION};
+  CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
+  describe(app, options);
+  try {
+    app.parse(argc, argv);
+    if (options.out.empty() && !options.check) throw CLI::RequiredError("--out");
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kUsageError;
+  }
+  try {
+    shearbus::replay::run(options);
+    return 0;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "shearbus-replay: {}\n", error.what());
+    return kRunError;
+  }
+}

@@ -1,0 +1,197 @@
+#include "client/replay/replay.hpp"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+
+#include "client/include/shearbus/client.hpp"
+#include "client/replay/history_input.hpp"
+#include "client/replay/tally.hpp"
+#include "proto/wire/progress.hpp"
+#include "proto/wire/recording.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "server/embedded.hpp"
+
+namespace shearbus::replay {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+// Set by SIGINT and SIGTERM, so that a stopped run takes its partial file away.
+volatile std::sig_atomic_t interrupted = 0;
+
+void stop_at_next_step() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { interrupted = 1; };
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+// The named server, or one on a thread of this process.
+struct Service {
+  explicit Service(const std::string& endpoint)
+      : embedded(endpoint.empty() ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
+                                  : std::nullopt),
+        client({.endpoint = embedded ? embedded->endpoint() : endpoint,
+                .context = embedded ? embedded->context() : nullptr,
+                .name = "shearbus-replay"}) {}
+  std::optional<server::Embedded> embedded;
+  Client client;
+};
+
+// What a server refuses in a scene is shown where it stands in the file.
+Session open(Client& client, const wire::SceneFile& scene, const wire::HistoryReader& history,
+             const HistoryInput& input) {
+  try {
+    return client.open(scene.scene, history.node_ids(), {.initial_temperature_k = input.initial_temperature_k()});
+  } catch (const Error& error) {
+    Status status = error.status();
+    if (status.code != Code::kInvalidScene) throw;
+    status.text = fmt::format("{}: {}", scene.where(status.field), status.text);
+    throw Error(status);
+  }
+}
+
+enum Output : std::size_t { kStress, kVelocity, kTemperature, kRegime, kOutcome, kHeat, kJump };
+
+std::vector<wire::Quantity> quantities(bool force_driven) {
+  std::vector<wire::Quantity> all = {
+      {.name = "shear_stress", .units = "Pa", .long_name = "shear stress, positive where it holds the soft body back"},
+      {.name = "sliding_velocity", .units = "m s-1", .long_name = "sliding velocity of the interface"},
+      {.name = "interface_temperature", .units = "K", .long_name = "temperature at z = 0"},
+      {.name = "regime", .units = "1", .long_name = "what held the stress in the step", .is_regime = true},
+      {.name = "outcome", .units = "1", .long_name = "flags of the solution", .is_outcome = true},
+      {.name = "friction_heat", .units = "J m-2", .long_name = "friction heat that entered the layer in the step"},
+  };
+  if (force_driven)
+    all.push_back({.name = "velocity_jump_new", .units = "m s-1", .long_name = "velocity jump at the end of the step"});
+  return all;
+}
+
+void write_row(wire::HistoryWriter& writer, const StepResult& result, double time_s, double dt_s, bool force_driven) {
+  writer.begin_row(time_s, dt_s);
+  writer.set(kStress, result.shear_stress_pa());
+  writer.set(kVelocity, result.sliding_velocity_m_per_s());
+  writer.set(kTemperature, result.interface_temperature_k());
+  writer.set(kRegime, result.regime());
+  writer.set(kOutcome, result.outcome());
+  writer.set(kHeat, result.friction_heat_j_per_m2());
+  if (force_driven) writer.set(kJump, result.velocity_jump_new_m_per_s());
+  writer.end_row();
+}
+
+const StepResult& advance(Session& session, const Batch& request, const wire::HistoryReader& history,
+                          std::size_t step) {
+  const double time_s = history.times_s()[step];
+  try {
+    return session.advance(request, {.dt_s = history.dt_s()[step], .time_s = time_s, .step = step});
+  } catch (const Error& error) {
+    Status status = error.status();
+    status.text = fmt::format("step {} (ends at {} s): {}", step, time_s, status.text);
+    throw Error(status);
+  }
+}
+
+void replay(const Options& options, wire::HistoryReader& history, HistoryInput& input, Session& session,
+            wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
+  wire::Progress progress("replay", history.steps(), options.progress);
+  Batch request = session.request(input.optional_columns());
+  input.prepare(request);
+  for (std::size_t step = 0; step < history.steps(); ++step) {
+    if (interrupted)
+      throw std::runtime_error(
+          fmt::format("interrupted at step {} of {}; no result is written", step, history.steps()));
+    const auto start = Clock::now();
+    input.fill(step, request);
+    const auto filled = Clock::now();
+    const StepResult& result = advance(session, request, history, step);
+    const std::chrono::nanoseconds solver(result.upscale().solver_ns);
+    time.reading += filled - start;
+    time.solver += solver;
+    time.bus += result.round_trip() - solver;
+
+    const auto answered = Clock::now();
+    const double dt_s = history.dt_s()[step];
+    write_row(writer, result, history.times_s()[step], dt_s, input.force_driven());
+    time.writing += Clock::now() - answered;
+    tally.add(result, history.times_s()[step], dt_s);
+    input.feed_back(result, request);
+    progress.at(step + 1);
+  }
+}
+
+void refuse_to_write_over_the_history(const Options& options) {
+  std::error_code ignored;
+  if (fs::equivalent(options.history, options.out, ignored))
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("--out {} is the history itself", options.out.string()),
+                 .remedy = "Name another file."});
+}
+
+std::string plural(std::size_t count, const char* noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+}  // namespace
+
+void run(const Options& options) {
+  const auto start = Clock::now();
+  stop_at_next_step();
+  const wire::SceneFile scene = wire::load_scene_file(options.scene);
+  wire::HistoryReader history(options.history);
+  HistoryInput input(history, scene.scene, options.closed_loop);
+  if (options.check)
+    input.check_all_rows();
+  else
+    refuse_to_write_over_the_history(options);
+  RunTime time{.reading = Clock::now() - start};
+
+  Service service(options.server);
+  Session session = open(service.client, scene, history, input);
+  for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
+  const std::string extent =
+      fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
+                  history.start_time_s(), history.times_s().back());
+  if (options.check) {
+    session.close();
+    fmt::print("{} fits {}: {}\n", options.history.string(), options.scene.string(), extent);
+    return;
+  }
+
+  const bool replaced = fs::exists(options.out);
+  const std::map<std::string, std::string> meta = {
+      {"producer", "shearbus-replay " + options.version},
+      {"server_version", service.client.welcome().server_version},
+      {"scene", wire::scene_to_toml(session.effective_scene())},
+      {"input_file", options.history.filename().string()},
+      {"input_hash", wire::hash_of_file(options.history)},
+      {"input_jump", input.jump_origin()},
+  };
+  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(input.force_driven()), meta,
+                             history.start_time_s());
+  Tally tally(history.node_ids());
+  replay(options, history, input, session, writer, tally, time);
+  session.close();
+  const auto replayed = Clock::now();
+  writer.close();
+  time.writing += Clock::now() - replayed;
+  time.total = Clock::now() - start;
+
+  fmt::print("{}: {}\n", options.history.string(), extent);
+  fmt::print("  scene                       {} ({})\n", scene.scene.name, options.scene.string());
+  fmt::print("  velocity jump               {}\n", input.jump_origin());
+  for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
+  fmt::print("{}", tally.text(time));
+  fmt::print("  result                      {}{}\n", options.out.string(), replaced ? " (replaced)" : "");
+  if (tally.failed_node_steps() > 0)
+    fmt::print(stderr, "shearbus-replay: warning: {} node-steps have no answer: the node kept its old state\n",
+               tally.failed_node_steps());
+}
+
+}  // namespace shearbus::replay

@@ -1,0 +1,23 @@
+// A macroscopic history sent through the service, step by step, and what came back.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace shearbus::replay {
+
+struct Options {
+  std::filesystem::path history;
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::string server;        // endpoint; empty: a server inside this process
+  bool check = false;        // read, compare and open a session; replay nothing
+  bool closed_loop = false;  // force-driven: feed each new jump back even where /velocity_jump is recorded
+  bool progress = true;
+  std::string version;  // of this program, for the result's /meta
+};
+
+// Prints the summary. Throws shearbus::Error; no result is left behind then.
+void run(const Options& options);
+
+}  // namespace shearbus::replay

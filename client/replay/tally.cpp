@@ -1,0 +1,93 @@
+#include "client/replay/tally.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace shearbus::replay {
+namespace {
+
+double seconds(std::chrono::nanoseconds time) {
+  return std::chrono::duration<double>(time).count();
+}
+
+double mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+}  // namespace
+
+Tally::Tally(const std::vector<std::uint64_t>& node_ids)
+    : node_ids_(node_ids), slip_(node_ids.size(), 0.0), heat_(node_ids.size(), 0.0) {}
+
+void Tally::add(const StepResult& result, double time_s, double dt_s) {
+  const auto temperature = result.interface_temperature_k();
+  const auto velocity = result.sliding_velocity_m_per_s();
+  const auto heat = result.friction_heat_j_per_m2();
+  const auto regime = result.regime();
+  const auto outcome = result.outcome();
+  for (std::size_t node = 0; node < node_ids_.size(); ++node) {
+    slip_[node] += std::abs(velocity[node]) * dt_s;
+    heat_[node] += heat[node];
+    if (temperature[node] > peak_temperature_k_) {
+      peak_temperature_k_ = temperature[node];
+      peak_time_s_ = time_s;
+      peak_node_ = node;
+    }
+    if (regime[node] < kRegimes) ++regimes_[regime[node]];
+    if (regime[node] == static_cast<std::uint8_t>(wire::Regime::kMelting) && !first_melting_s_) {
+      first_melting_s_ = time_s;
+      first_melting_node_ = node;
+    }
+    flagged_ += outcome[node] != wire::kOutcomeOk;
+    for (std::size_t bit = 0; bit < outcomes_.size(); ++bit) outcomes_[bit] += (outcome[node] >> bit) & 1u;
+  }
+  node_steps_ += node_ids_.size();
+}
+
+std::string Tally::regimes_text() const {
+  constexpr std::array kNames = {"open", "stick", "coulomb", "tresca", "melting"};
+  std::vector<std::string> shares;
+  for (std::size_t i = 0; i < kRegimes; ++i)
+    if (regimes_[i] > 0)
+      shares.push_back(fmt::format("{} {:.1f} %", kNames[i],
+                                   100.0 * static_cast<double>(regimes_[i]) / static_cast<double>(node_steps_)));
+  return fmt::format("{} of {} node-steps", fmt::join(shares, ", "), node_steps_);
+}
+
+std::string Tally::outcomes_text() const {
+  if (flagged_ == 0) return "none";
+  constexpr std::array<std::pair<std::size_t, const char*>, 4> kBits = {
+      {{0, "substepped"}, {1, "with several roots"}, {2, "outside the strategy's domain"}, {kFailedBit, "FAILED"}}};
+  std::vector<std::string> counts;
+  for (const auto& [bit, text] : kBits)
+    if (outcomes_[bit] > 0) counts.push_back(fmt::format("{} {}", outcomes_[bit], text));
+  return fmt::format("{} node-steps ({:.2f} %): {}; see /outcome", flagged_,
+                     100.0 * static_cast<double>(flagged_) / static_cast<double>(node_steps_), fmt::join(counts, ", "));
+}
+
+std::string Tally::text(const RunTime& time) const {
+  const auto most_slip = std::max_element(slip_.begin(), slip_.end());
+  const auto id = [&](std::size_t node) { return node_ids_[node]; };
+  std::string text = fmt::format("  peak interface temperature  {:.3f} K, node {}, at {:.6g} s\n", peak_temperature_k_,
+                                 id(peak_node_), peak_time_s_);
+  if (first_melting_s_)
+    text +=
+        fmt::format("  0.99 T_melt first reached   at {:.6g} s, node {}\n", *first_melting_s_, id(first_melting_node_));
+  text += fmt::format("  slip distance               {:.6g} m mean, {:.6g} m at node {}\n", mean(slip_), *most_slip,
+                      id(static_cast<std::size_t>(most_slip - slip_.begin())));
+  text += fmt::format("  friction heat in the layer  {:.6g} J/m2 mean, {:.6g} J/m2 most\n", mean(heat_),
+                      *std::max_element(heat_.begin(), heat_.end()));
+  text += fmt::format("  regimes                     {}\n", regimes_text());
+  text += fmt::format("  flagged                     {}\n", outcomes_text());
+  text += fmt::format(
+      "  run time                    {:.3f} s: reading {:.3f}, bus {:.3f}, solver {:.3f}, writing {:.3f} s\n",
+      seconds(time.total), seconds(time.reading), seconds(time.bus), seconds(time.solver), seconds(time.writing));
+  return text;
+}
+
+}  // namespace shearbus::replay

@@ -1,0 +1,53 @@
+// What a person wants to know of a replay without opening its result.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/include/shearbus/client.hpp"
+
+namespace shearbus::replay {
+
+struct RunTime {
+  std::chrono::nanoseconds reading{0};
+  std::chrono::nanoseconds bus{0};  // round trips without the solver
+  std::chrono::nanoseconds solver{0};
+  std::chrono::nanoseconds writing{0};
+  std::chrono::nanoseconds total{0};
+};
+
+class Tally {
+ public:
+  explicit Tally(const std::vector<std::uint64_t>& node_ids);
+
+  void add(const StepResult& result, double time_s, double dt_s);
+
+  std::uint64_t failed_node_steps() const { return outcomes_[kFailedBit]; }
+  std::string text(const RunTime& time) const;  // lines of the summary, indented
+
+ private:
+  static constexpr std::size_t kRegimes = 5;
+  static constexpr std::size_t kFailedBit = 7;
+  std::string regimes_text() const;
+  std::string outcomes_text() const;
+
+  const std::vector<std::uint64_t>& node_ids_;
+  std::vector<double> slip_;  // [m]
+  std::vector<double> heat_;  // [J/m2]
+  std::array<std::uint64_t, kRegimes> regimes_{};
+  std::array<std::uint64_t, 8> outcomes_{};  // per bit
+  std::uint64_t node_steps_ = 0;
+  std::uint64_t flagged_ = 0;
+  double peak_temperature_k_ = -std::numeric_limits<double>::infinity();
+  double peak_time_s_ = 0.0;
+  std::size_t peak_node_ = 0;
+  std::optional<double> first_melting_s_;
+  std::size_t first_melting_node_ = 0;
+};
+
+}  // namespace shearbus::replay

@@ -1,0 +1,199 @@
+#include "client/src/connection.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <random>
+#include <string_view>
+#include <utility>
+#include <vector>
+#include <zmq.hpp>
+
+#include "proto/wire/codec.hpp"
+
+namespace shearbus {
+namespace {
+
+constexpr int kReconnectMs = 100;
+constexpr int kReconnectMaxMs = 5'000;
+constexpr int kHeartbeatMs = 2'000;
+constexpr int kHeartbeatTimeoutMs = 6'000;
+constexpr int kHandshakeMs = 5'000;
+constexpr int kGoodbyeLingerMs = 100;  // how long a goodbye may hold up the end of the program
+constexpr std::size_t kMaxFrames = 2;
+
+[[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
+  throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
+}
+
+void check_endpoint(const ClientOptions& options) {
+  const std::string_view endpoint = options.endpoint;
+  const auto known = {"tcp://", "ipc://", "inproc://"};
+  if (std::none_of(known.begin(), known.end(), [&](const char* scheme) { return endpoint.starts_with(scheme); }))
+    throw Error({.code = Code::kUnreachable,
+                 .text = fmt::format("\"{}\" is not an endpoint", endpoint),
+                 .remedy = "Use tcp://host:port, ipc://path, or the inproc:// endpoint of an embedded server."});
+  if (endpoint.starts_with("inproc://") && options.context == nullptr)
+    throw Error({.code = Code::kUnreachable,
+                 .text = fmt::format("{} can be reached only through its server's context; none was given", endpoint),
+                 .remedy = "Set ClientOptions::context to Embedded::context()."});
+}
+
+}  // namespace
+
+void Connection::CloseSocket::operator()(void* socket) const {
+  zmq_close(socket);
+}
+void Connection::CloseContext::operator()(void* context) const {
+  while (zmq_ctx_term(context) != 0 && zmq_errno() == EINTR) {
+  }
+}
+
+Connection::Connection(ClientOptions options) : options_(std::move(options)) {
+  check_endpoint(options_);
+  if (options_.context == nullptr) own_context_.reset(zmq_ctx_new());
+  std::random_device random;
+  last_request_id_ = (std::uint64_t{random()} << 32) | random();
+}
+
+Connection::~Connection() = default;
+
+std::uint64_t Connection::next_request_id() {
+  if (++last_request_id_ == 0) ++last_request_id_;
+  return last_request_id_;
+}
+
+void Connection::connect() {
+  void* context = own_context_ ? own_context_.get() : options_.context;
+  socket_.reset(zmq_socket(context, ZMQ_DEALER));
+  if (!socket_) unreachable(options_, fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
+  zmq::socket_ref socket(zmq::from_handle, socket_.get());
+  socket.set(zmq::sockopt::immediate, true);  // nothing is queued for a server that is not there
+  socket.set(zmq::sockopt::linger, 0);
+  socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxPayloadBytes));
+  socket.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
+  socket.set(zmq::sockopt::reconnect_ivl_max, kReconnectMaxMs);
+  socket.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
+  socket.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
+  socket.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
+  socket.set(zmq::sockopt::tcp_keepalive, 1);
+  if (options_.endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
+  if (zmq_connect(socket_.get(), options_.endpoint.c_str()) != 0) {
+    const std::string why = zmq_strerror(zmq_errno());
+    socket_.reset();
+    unreachable(options_, why);
+  }
+}
+
+// False where `until` has come first.
+bool Connection::wait(short events, Clock::time_point until) {
+  zmq_pollitem_t item{socket_.get(), 0, events, 0};
+  for (;;) {
+    // Rounded up: a wait of less than a millisecond must not become a busy loop.
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+    const int found = zmq_poll(&item, 1, std::max<long>(left, 0));
+    if (found > 0) return true;
+    if (found == 0 && Clock::now() >= until) return false;
+    if (found < 0 && zmq_errno() != EINTR) unreachable(options_, zmq_strerror(zmq_errno()));
+  }
+}
+
+// False where there is no connection (yet).
+bool Connection::send(const std::string& header, const wire::Batch& batch) {
+  const bool has_payload = !batch.columns().empty();
+  const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
+    // A copy: the bytes are the caller's, and libzmq may hold on to a message beyond this call when a reply is lost.
+    zmq::message_t message(bytes.data(), bytes.size());
+    while (zmq_msg_send(message.handle(), socket_.get(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
+      if (zmq_errno() == EINTR) continue;
+      if (zmq_errno() == EAGAIN) return false;
+      unreachable(options_, zmq_strerror(zmq_errno()));
+    }
+    return true;
+  };
+  if (!send_frame(std::as_bytes(std::span(header)), has_payload)) return false;
+  return !has_payload || send_frame(batch.bytes(), false);
+}
+
+// Waits for the reply to `request_id`; answers to earlier requests are passed over. False where `until` has come first.
+bool Connection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
+  while (wait(ZMQ_POLLIN, until)) {
+    std::array<std::shared_ptr<zmq::message_t>, kMaxFrames + 1> frames;
+    std::array<std::span<const std::byte>, kMaxFrames + 1> views;
+    std::size_t count = 0;
+    for (bool more = true; more;) {
+      auto frame = std::make_shared<zmq::message_t>();
+      if (zmq_msg_recv(frame->handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
+        if (zmq_errno() == EINTR) continue;
+        if (zmq_errno() == EAGAIN) break;
+        unreachable(options_, zmq_strerror(zmq_errno()));
+      }
+      more = frame->more();
+      if (count == frames.size()) continue;  // too many frames: decode() says so from the first three
+      views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
+      frames[count++] = std::move(frame);
+    }
+    if (count == 0) continue;
+    try {
+      received.reply = wire::Reply();
+      wire::decode(std::span(views.data(), count), received.reply);
+    } catch (const Error& fault) {
+      throw Error({.code = Code::kUnexpectedReply,
+                   .text = fmt::format("{} sent what is no reply: {}", options_.endpoint, describe(fault.status())),
+                   .remedy = "Is it a shearbus server of this version?"});
+    }
+    // A server that could not read a request's id answers with 0.
+    if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
+      continue;
+    received.payload_frame = frames[1];
+    return true;
+  }
+  return false;
+}
+
+Received Connection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
+  const auto started = Clock::now();
+  const auto last_moment = started + deadline;
+  const std::string header = wire::encode_header(request);
+  bool sent = false;
+  for (;;) {
+    if (!socket_) connect();
+    while (!send(header, request.batch))
+      if (!wait(ZMQ_POLLOUT, last_moment)) give_up(sent, Clock::now() - started);
+    sent = true;
+    Received received;
+    if (receive(request.request_id, std::min(last_moment, Clock::now() + options_.retry_after), received)) {
+      received.round_trip = Clock::now() - started;
+      if (!received.reply.status.ok()) throw Error(received.reply.status);
+      return received;
+    }
+    socket_.reset();
+    if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
+  }
+}
+
+void Connection::give_up(bool sent, Clock::duration waited) const {
+  const double seconds = std::chrono::duration<double>(waited).count();
+  if (!sent)
+    throw Error({.code = Code::kUnreachable,
+                 .text = fmt::format("no server answered at {} within {:.1f} s", options_.endpoint, seconds),
+                 .remedy = fmt::format("Is one running? Start it with: shearbus-server --bind {}", options_.endpoint)});
+  throw Error({.code = Code::kUnknownOutcome,
+               .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run",
+                                   options_.endpoint, seconds),
+               .remedy = "Make the same call again: if it has run, it is not run a second time."});
+}
+
+void Connection::say(const wire::Request& request) noexcept try {
+  if (!socket_) return;
+  const int linger = kGoodbyeLingerMs;
+  zmq_setsockopt(socket_.get(), ZMQ_LINGER, &linger, sizeof linger);
+  send(wire::encode_header(request), request.batch);
+} catch (const std::exception&) {
+  // A goodbye that cannot be said is no fault: the server keeps the session.
+}
+
+}  // namespace shearbus

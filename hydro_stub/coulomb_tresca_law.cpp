@@ -1,0 +1,104 @@
+#include "hydro_stub/coulomb_tresca_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::hydro {
+
+double CoulombBranch::coefficient(double velocity) const {
+  return fast + (at_rest - fast) * std::exp(-decay * std::max(0.0, velocity));
+}
+
+// h(s) = mu(velocity - compliance s) P - s is convex where friction falls with velocity (concave and falling where it
+// rises), and h(0) >= 0: the smallest root, if any, lies left of the minimum, where h falls.
+double coulomb_stress(const CoulombBranch& branch, double pressure, double velocity, double compliance) {
+  const double at_rest = branch.at_rest * pressure;
+  if (velocity <= 0.0) return at_rest;
+  const auto residual = [&](double s) { return branch.coefficient(velocity - compliance * s) * pressure - s; };
+
+  double right = velocity / compliance;  // here the slip ends
+  const double steepness = (branch.at_rest - branch.fast) * pressure * branch.decay * compliance;
+  if (steepness > 0.0) {
+    const double minimum = (velocity - std::log(steepness) / branch.decay) / compliance;
+    right = std::clamp(minimum, 0.0, right);
+  }
+  if (residual(right) > 0.0) return at_rest;  // no state slips against the falling branch
+
+  double left = 0.0;
+  double s = 0.0;
+  for (int iteration = 0; iteration < 200; ++iteration) {  // Newton, kept inside the bracket
+    const double value = residual(s);
+    (value > 0.0 ? left : right) = s;
+    const double slope =
+        (branch.coefficient(velocity - compliance * s) - branch.fast) * branch.decay * compliance * pressure - 1.0;
+    double next = s - value / slope;
+    if (!(next > left && next < right)) next = 0.5 * (left + right);
+    if (std::abs(next - s) <= 1e-15 * right || right - left <= 1e-15 * right) return next;
+    s = next;
+  }
+  return s;
+}
+
+CoulombTrescaLaw::CoulombTrescaLaw(const wire::CoulombTresca& constants, const physics::Material& soft,
+                                   const physics::Material& hard, std::span<const double> initial_temperature)
+    : branch_{.at_rest = constants.friction_coefficient_at_rest,
+              .fast = constants.friction_coefficient_fast,
+              .decay = constants.velocity_decay_s_per_m},
+      yield_fraction_(constants.yield_fraction),
+      soft_(soft),
+      heat_share_(physics::heat_partition(soft, hard)),
+      cell_temperature_(initial_temperature.begin(), initial_temperature.end()) {}
+
+void CoulombTrescaLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
+  const auto start = std::chrono::steady_clock::now();
+  for (std::size_t i = 0; i < inputs.velocity_jump.size(); ++i) advance_node(inputs, i, answer);
+  spent_ += std::chrono::steady_clock::now() - start;
+}
+
+// Magnitudes along the direction in which the interface would slip without friction. The law sees the mean jump of the
+// step, as the friction power does; the end-of-step jump decides sticking, so that a jump that is stopped stays 0. The
+// yield is that of the zone at the start of the step.
+void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer) {
+  const FreeJump free = free_jump(inputs, i);
+  const double pressure = inputs.pressure[i];
+  const double jump = inputs.velocity_jump[i];
+  const double direction = std::copysign(1.0, free.jump);
+  const bool host_heats = !inputs.zone_temperature.empty();
+  if (host_heats) cell_temperature_[i] = inputs.zone_temperature[i];
+  double& temperature = cell_temperature_[i];
+  const double plastic_strain = inputs.zone_plastic_strain.empty() ? 0.0 : inputs.zone_plastic_strain[i];
+
+  double stress = 0.0;
+  wire::Regime regime = wire::Regime::kOpen;
+  bool sticks = false;
+  if (pressure > 0.0) {
+    const double yield =
+        yield_fraction_ * physics::flow_stress(soft_, plastic_strain, pressure, temperature) / std::numbers::sqrt3;
+    const double sticking = std::abs(free.jump) / free.compliance;
+    const double sliding =
+        coulomb_stress(branch_, pressure, 0.5 * direction * (jump + free.jump), 0.5 * free.compliance);
+    const bool was_sticking = jump == 0.0;
+    const double limit = std::min(was_sticking ? branch_.at_rest * pressure : sliding, yield);
+    sticks = sticking <= limit;
+    stress = sticks ? sticking : std::min(sliding, yield);
+    regime = sticks                                                     ? wire::Regime::kStick
+             : sliding <= yield                                         ? wire::Regime::kCoulomb
+             : temperature >= kMeltingShare * soft_.melting_temperature ? wire::Regime::kMelting
+                                                                        : wire::Regime::kTresca;
+  }
+  answer.shear_stress[i] = direction * stress;
+  answer.velocity_jump_new[i] = sticks ? 0.0 : free.jump - answer.shear_stress[i] * free.compliance;
+  answer.sliding_velocity[i] = 0.5 * (jump + answer.velocity_jump_new[i]);
+
+  const double work = std::max(0.0, answer.shear_stress[i] * answer.sliding_velocity[i] * inputs.dt);
+  const double zone_capacity = soft_.conductivity / soft_.diffusivity * 2.0 * inputs.mass_minus[i] / soft_.density;
+  answer.friction_heat[i] = heat_share_ * work;
+  if (!host_heats) temperature += answer.friction_heat[i] / zone_capacity;
+  answer.interface_temperature[i] = temperature;
+  answer.regime[i] = static_cast<std::uint8_t>(regime);
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,52 @@
+// The macroscopic limit law used without a subgrid model (DLP 5): the paper's comparison.
+//
+//   |s| <= min( (mu_inf + (mu_0 - mu_inf) exp(-theta |[v]|)) P,  mu_T Y(P, T_cell, ep_cell) / sqrt(3) )
+//
+// T_cell is the temperature of the soft zone at the interface, which takes the soft body's share of the friction heat:
+// it knows no layer thinner than itself. A host that computes its zones' temperature and plastic strain says them;
+// otherwise the zone is heated here and, the bulk being elastic, ep_cell stays 0.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "hydro_stub/interface_law.hpp"
+#include "proto/wire/scene.hpp"
+#include "server/physics/material/material.hpp"
+
+namespace shearbus::hydro {
+
+// The Coulomb branch for one node: friction falls with velocity from mu_0 at rest to mu_inf.
+struct CoulombBranch {
+  double at_rest;  // mu_0
+  double fast;     // mu_inf
+  double decay;    // theta  [s/m]
+
+  double coefficient(double velocity) const;
+};
+
+// The smallest s >= 0 that satisfies s = mu(max(0, velocity - compliance s)) P: of the states that slip, the one that
+// slips most. There is always one; where friction falls steeply with velocity there may be three, and sliding goes on
+// in this one.
+double coulomb_stress(const CoulombBranch& branch, double pressure, double velocity, double compliance);
+
+class CoulombTrescaLaw : public InterfaceLaw {
+ public:
+  CoulombTrescaLaw(const wire::CoulombTresca& constants, const physics::Material& soft, const physics::Material& hard,
+                   std::span<const double> initial_temperature);
+
+  void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
+  LawTime time_spent() const override { return {.solver = spent_}; }
+
+ private:
+  void advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer);
+
+  CoulombBranch branch_;
+  double yield_fraction_;  // mu_T
+  physics::Material soft_;
+  double heat_share_;                     // beta_T: of the friction heat, into the soft body
+  std::vector<double> cell_temperature_;  // [K]
+  std::chrono::nanoseconds spent_{0};
+};
+
+}  // namespace shearbus::hydro

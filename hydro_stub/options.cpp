@@ -1,0 +1,36 @@
+#include "hydro_stub/options.hpp"
+
+#include <CLI/CLI.hpp>
+#include <map>
+
+namespace shearbus::hydro {
+
+CommandLine parse_command_line(int argc, char** argv) {
+  CommandLine line;
+  Options& options = line.options;
+  wire::InterfaceLaw law = wire::InterfaceLaw::kUnspecified;
+
+  CLI::App app("Runs a scene's hydrodynamic problem and leaves histories, a summary and pictures.", "shearbus-hydro");
+  app.add_option("scene", options.scene, "scene to run (TOML)")->required();
+  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)");
+  app.add_option(
+      "--server", options.server,
+      "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
+  app.add_option("--interface-law", law, "subgrid or coulomb_tresca, in place of the scene's")
+      ->transform(CLI::Transformer(std::map<std::string, wire::InterfaceLaw>{
+          {"subgrid", wire::InterfaceLaw::kSubgrid}, {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca}}));
+  app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
+  app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
+  app.add_flag("--progress,!--no-progress", options.progress,
+               "show how far a long run is, on a terminal (default: yes)");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    line.exit_code = app.exit(error) == 0 ? 0 : 2;
+    return line;
+  }
+  if (law != wire::InterfaceLaw::kUnspecified) options.interface_law = law;
+  return line;
+}
+
+}  // namespace shearbus::hydro

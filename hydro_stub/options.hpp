@@ -1,0 +1,29 @@
+// The command line of shearbus-hydro.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "proto/wire/scene.hpp"
+
+namespace shearbus::hydro {
+
+struct Options {
+  std::filesystem::path scene;
+  std::filesystem::path out;                        // empty: out/<scene name>-<interface law>
+  std::string server;                               // endpoint; empty: in this process
+  std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
+  bool check = false;
+  bool plot = true;
+  bool progress = true;
+};
+
+// The options, or the exit code where there is nothing (more) to do: --help, or a faulty command line.
+struct CommandLine {
+  Options options;
+  std::optional<int> exit_code;
+};
+CommandLine parse_command_line(int argc, char** argv);
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,141 @@
+#include "hydro_stub/run.hpp"
+
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <stdexcept>
+#include <system_error>
+
+#include "hydro_stub/coulomb_tresca_law.hpp"
+#include "hydro_stub/history.hpp"
+#include "hydro_stub/shear_column.hpp"
+#include "hydro_stub/subgrid_law.hpp"
+#include "hydro_stub/summary.hpp"
+#include "proto/wire/progress.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "proto/wire/status.hpp"
+
+namespace shearbus::hydro {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Set by SIGINT and SIGTERM: the run ends after its step and takes its partial files away.
+volatile std::sig_atomic_t interrupted = 0;
+
+void stop_at_next_step() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { interrupted = 1; };
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+// The scene as it was run: constants, step and law filled in.
+wire::Scene effective_scene(wire::Scene scene, const Problem& problem) {
+  scene.soft.given = physics::constants_of(problem.soft_material);
+  scene.hard.given = physics::constants_of(problem.hard_material);
+  scene.hydro->dt_s = problem.dt;
+  return scene;
+}
+
+void write_text(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream stream(file, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (!stream) throw std::system_error(errno, std::generic_category(), "cannot write " + file.string());
+}
+
+}  // namespace
+
+const char* name(wire::InterfaceLaw law) {
+  return law == wire::InterfaceLaw::kCoulombTresca ? "coulomb_tresca" : "subgrid";
+}
+
+std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const Problem& problem, const std::string& endpoint) {
+  if (scene.hydro->interface_law == wire::InterfaceLaw::kCoulombTresca) {
+    return std::make_unique<CoulombTrescaLaw>(scene.hydro->coulomb_tresca, problem.soft_material, problem.hard_material,
+                                              problem.initial_temperature);
+  }
+  if (scene.strategy != wire::Strategy::kForceDriven) {
+    throw wire::Error(
+        {.code = wire::Code::kInvalidScene,
+         .text = "shear_column with interface_law subgrid sends far-field stresses and takes the jump back: it "
+                 "expects strategy force_driven",
+         .remedy = "set strategy = \"force_driven\" and add [interface]",
+         .field = "strategy"});
+  }
+  auto law = std::make_unique<SubgridLaw>(scene, node_ids(problem.columns), problem.initial_temperature, endpoint);
+  for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
+  return law;
+}
+
+void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
+         bool progress) {
+  std::filesystem::create_directories(out);
+  const std::string law_name = name(scene.hydro->interface_law);
+  ShearColumn column(problem);
+  History history(out / "history.h5", problem, column, wire::scene_to_toml(effective_scene(scene, problem)), law_name);
+  Summary summary(problem, law_name);
+  wire::Progress bar(problem.name, problem.steps, progress);
+
+  RunTime time;
+  const Clock::time_point start = Clock::now();
+  stop_at_next_step();
+  for (std::uint64_t step = 0; step < problem.steps; ++step) {
+    if (interrupted != 0) {
+      throw std::runtime_error(fmt::format("interrupted at step {} of {}; no result is written", step, problem.steps));
+    }
+    column.advance(law);
+    const Clock::time_point stepped = Clock::now();
+    summary.observe(column);
+    history.record(column);
+    time.output += Clock::now() - stepped;
+    bar.at(step + 1);
+  }
+  const Clock::time_point stepped = Clock::now();
+  history.close();
+  time.output += Clock::now() - stepped;
+  time.total = Clock::now() - start;
+  bar.clear();
+
+  const LawTime law_time = law.time_spent();
+  time.solver = law_time.solver;
+  time.bus = law_time.bus;
+  summary.finish(column, time);
+  write_text(out / "summary.json", summary.json());
+  fmt::print("{}", summary.text());
+}
+
+void plot(const std::filesystem::path& out) {
+  std::string python = SHEARBUS_PYTHON;
+  std::string script = SHEARBUS_PLOT_SCRIPT;
+  std::string history = (out / "history.h5").string();
+  std::string flag = "--out";
+  std::string directory = out.string();
+  const std::array<char*, 6> arguments = {python.data(), script.data(),    history.data(),
+                                          flag.data(),   directory.data(), nullptr};
+  static_cast<void>(std::fflush(stdout));  // what was printed so far stands before what the script prints
+  pid_t child = 0;
+  const int refused = ::posix_spawn(&child, python.c_str(), nullptr, nullptr, arguments.data(), environ);
+  if (refused != 0) throw std::system_error(refused, std::generic_category(), "cannot start " + python);
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0) {
+    if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "waiting for the plots");
+  }
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+    throw std::runtime_error(
+        fmt::format("the plots failed; the histories are whole in {} (see the lines above, or run with "
+                    "--no-plot)",
+                    history));
+  }
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,181 @@
+#include "hydro_stub/summary.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::hydro {
+namespace {
+
+constexpr std::array<const char*, 5> kRegimeNames = {"open", "stick", "Coulomb", "Tresca", "melting"};
+constexpr std::array<const char*, 5> kRegimeKeys = {"open", "stick", "coulomb", "tresca", "melting"};
+
+double seconds(std::chrono::nanoseconds time) {
+  return std::chrono::duration<double>(time).count();
+}
+
+// A residual against the magnitudes that were added up to it; 0 where nothing moved at all.
+double relative(double residual, double magnitude) {
+  return magnitude > 0.0 ? std::abs(residual) / magnitude : std::abs(residual);
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    if (static_cast<unsigned char>(c) < 0x20) {
+      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+    } else {
+      out += c;
+    }
+  }
+  return out + '"';
+}
+
+}  // namespace
+
+Summary::Summary(const Problem& problem, std::string interface_law)
+    : name_(problem.name),
+      interface_law_(std::move(interface_law)),
+      columns_(problem.columns),
+      dt_(problem.dt),
+      dt_reason_(problem.dt_reason),
+      soft_zones_(problem.soft.zones),
+      hard_zones_(problem.hard.zones),
+      soft_length_(problem.soft.zone_width * static_cast<double>(problem.soft.zones)),
+      hard_length_(problem.hard.zone_width * static_cast<double>(problem.hard.zones)),
+      melting_threshold_(kMeltingShare * problem.soft_material.melting_temperature),
+      heat_share_(physics::heat_partition(problem.soft_material, problem.hard_material)),
+      melting_time_(problem.columns, -1.0),
+      slip_(problem.columns, 0.0) {}
+
+void Summary::observe(const ShearColumn& column) {
+  const InterfaceAnswer& answer = column.answer();
+  const double dt = column.inputs().dt;
+  for (std::size_t i = 0; i < columns_; ++i) {
+    const double temperature = answer.interface_temperature[i];
+    if (temperature > peak_.value) peak_ = {.node = i, .time = column.time(), .value = temperature};
+    if (temperature >= melting_threshold_ && melting_time_[i] < 0.0) melting_time_[i] = column.time();
+    slip_[i] += std::abs(answer.sliding_velocity[i]) * dt;
+    ++regime_count_[answer.regime[i]];
+    heat_ += answer.friction_heat[i];
+  }
+  flagged_ += answer.flagged;
+}
+
+void Summary::finish(const ShearColumn& column, const RunTime& time) {
+  steps_ = column.step();
+  end_time_ = column.time();
+  time_ = time;
+  for (std::size_t i = 0; i < columns_; ++i) {
+    const ShearColumn::Ledger ledger = column.ledger(i);
+    friction_work_ += ledger.friction_work;
+    momentum_residual_ =
+        std::max(momentum_residual_,
+                 relative(ledger.momentum_residual(), std::abs(ledger.momentum_start) + std::abs(ledger.momentum_end) +
+                                                          std::abs(ledger.impulse_of_far_ends)));
+    energy_residual_ =
+        std::max(energy_residual_, relative(ledger.energy_residual(), ledger.energy_start + ledger.energy_end +
+                                                                          std::abs(ledger.friction_work) +
+                                                                          std::abs(ledger.work_of_far_ends)));
+  }
+}
+
+std::string Summary::text() const {
+  std::string out;
+  const auto line = [&](const char* label, const std::string& value) {
+    out += fmt::format("  {:<24}{}\n", label, value);
+  };
+  const double node_steps = static_cast<double>(steps_) * static_cast<double>(columns_);
+  out += fmt::format("{}, interface law {}\n", name_, interface_law_);
+  line("columns, steps",
+       fmt::format("{}, {} of {:.6g} ns ({}), to {:.6g} µs", columns_, steps_, dt_ * 1e9, dt_reason_, end_time_ * 1e6));
+  line("bodies", fmt::format("soft {:.4g} mm in {} zones, hard {:.4g} mm in {} zones; elastic", soft_length_ * 1e3,
+                             soft_zones_, hard_length_ * 1e3, hard_zones_));
+  line("peak temperature",
+       fmt::format("{:.2f} K in column {} at {:.6g} µs", peak_.value, peak_.node, peak_.time * 1e6));
+  const auto melted = std::ranges::count_if(melting_time_, [](double t) { return t >= 0.0; });
+  if (melted > 0) {
+    double first = end_time_;
+    for (const double t : melting_time_) first = t >= 0.0 ? std::min(first, t) : first;
+    line("0.99 T_melt", fmt::format("reached by {} of {} columns, first at {:.6g} µs", melted, columns_, first * 1e6));
+  } else {
+    line("0.99 T_melt", fmt::format("not reached ({:.1f} K)", melting_threshold_));
+  }
+  const auto [least, most] = std::ranges::minmax_element(slip_);
+  line("slip distance", columns_ == 1 ? fmt::format("{:.6g} µm", *least * 1e6)
+                                      : fmt::format("{:.6g} to {:.6g} µm", *least * 1e6, *most * 1e6));
+  std::string shares;
+  for (const std::size_t r : {1U, 2U, 3U, 4U, 0U}) {
+    shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", kRegimeNames[r],
+                          100.0 * static_cast<double>(regime_count_[r]) / node_steps);
+  }
+  line("node-steps", shares);
+  line("friction work",
+       fmt::format("{:.6g} kJ/m2, heat into the soft body {:.6g} kJ/m2 (heat partition {:.4f}), all columns",
+                   friction_work_ * 1e-3, heat_ * 1e-3, heat_share_));
+  line("momentum ledger", fmt::format("closed to {:.1e}", momentum_residual_));
+  line("energy ledger", fmt::format("closed to {:.1e} (kinetic + elastic + friction + far ends)", energy_residual_));
+  if (flagged_ > 0) line("remarks", fmt::format("{} node-steps were substepped or had several answers", flagged_));
+  const double total = seconds(time_.total);
+  const auto share = [&](std::chrono::nanoseconds part) { return 100.0 * seconds(part) / total; };
+  line("run time",
+       fmt::format("{:.3g} s: solver {:.0f} %, bus {:.0f} %, hydro {:.0f} %, output {:.0f} %; {:.3g} node-steps/s",
+                   total, share(time_.solver), share(time_.bus), share(time_.hydro()), share(time_.output),
+                   node_steps / total));
+  return out;
+}
+
+std::string Summary::json() const {
+  const auto list = [](const std::vector<double>& values, bool negative_is_null) {
+    std::string out = "[";
+    for (const double v : values) {
+      out += out.size() > 1 ? ", " : "";
+      out += negative_is_null && v < 0.0 ? "null" : fmt::format("{}", v);
+    }
+    return out + "]";
+  };
+  const double node_steps = static_cast<double>(steps_) * static_cast<double>(columns_);
+  std::string shares;
+  for (std::size_t r = 0; r < kRegimeKeys.size(); ++r) {
+    shares += fmt::format("{}\"{}\": {}", r > 0 ? ", " : "", kRegimeKeys[r],
+                          static_cast<double>(regime_count_[r]) / node_steps);
+  }
+  std::string out = "{\n";
+  const auto field = [&](const char* key, const std::string& value, bool last = false) {
+    out += fmt::format("  \"{}\": {}{}\n", key, value, last ? "" : ",");
+  };
+  const auto number = [](auto value) { return fmt::format("{}", value); };
+  field("scene", quoted(name_));
+  field("interface_law", quoted(interface_law_));
+  field("columns", number(columns_));
+  field("steps", number(steps_));
+  field("dt_s", number(dt_));
+  field("dt_limit", quoted(dt_reason_));
+  field("end_time_s", number(end_time_));
+  field("peak_interface_temperature_k", number(peak_.value));
+  field("peak_node", number(peak_.node));
+  field("peak_time_s", number(peak_.time));
+  field("melting_threshold_k", number(melting_threshold_));
+  field("time_to_melting_threshold_s", list(melting_time_, true));
+  field("slip_distance_m", list(slip_, false));
+  field("node_step_share", "{" + shares + "}");
+  field("friction_work_j_per_m2", number(friction_work_));
+  field("heat_into_soft_body_j_per_m2", number(heat_));
+  field("heat_partition", number(heat_share_));
+  field("momentum_residual", number(momentum_residual_));
+  field("energy_residual", number(energy_residual_));
+  field("flagged_node_steps", number(flagged_));
+  field("run_time_s", number(seconds(time_.total)));
+  field("solver_time_s", number(seconds(time_.solver)));
+  field("bus_time_s", number(seconds(time_.bus)));
+  field("hydro_time_s", number(seconds(time_.hydro())));
+  field("output_time_s", number(seconds(time_.output)), true);
+  return out + "}\n";
+}
+
+}  // namespace shearbus::hydro

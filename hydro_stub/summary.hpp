@@ -1,0 +1,67 @@
+// What a run amounts to: collected step by step, printed at the end and written as summary.json.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hydro_stub/problem.hpp"
+#include "hydro_stub/shear_column.hpp"
+
+namespace shearbus::hydro {
+
+struct RunTime {
+  std::chrono::nanoseconds total{0};
+  std::chrono::nanoseconds solver{0};  // in the interface law itself
+  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
+  std::chrono::nanoseconds output{0};  // histories
+  std::chrono::nanoseconds hydro() const { return total - solver - bus - output; }
+};
+
+class Summary {
+ public:
+  Summary(const Problem& problem, std::string interface_law);
+
+  void observe(const ShearColumn& column);
+  void finish(const ShearColumn& column, const RunTime& time);
+
+  std::string text() const;
+  std::string json() const;
+
+ private:
+  // (node, time, value) of the largest value so far.
+  struct Peak {
+    std::size_t node = 0;
+    double time = 0.0;
+    double value = 0.0;
+  };
+
+  std::string name_;
+  std::string interface_law_;
+  std::size_t columns_;
+  std::uint64_t steps_ = 0;
+  double dt_;
+  std::string dt_reason_;
+  double end_time_ = 0.0;
+  std::size_t soft_zones_, hard_zones_;
+  double soft_length_, hard_length_;  // [m]
+
+  double melting_threshold_;  // [K]
+  double heat_share_;         // beta_T
+  Peak peak_;
+  std::vector<double> melting_time_;  // first time at or above the threshold, negative: not yet  [s]
+  std::vector<double> slip_;          // integral of |[v]|  [m]
+  std::array<std::uint64_t, 5> regime_count_{};
+  double heat_ = 0.0;  // sum over nodes  [J/m2]
+  std::uint64_t flagged_ = 0;
+
+  double friction_work_ = 0.0;      // sum over nodes  [J/m2]
+  double momentum_residual_ = 0.0;  // worst node, relative to the largest momentum in play
+  double energy_residual_ = 0.0;    // worst node, relative to the energy that moved
+  RunTime time_;
+};
+
+}  // namespace shearbus::hydro

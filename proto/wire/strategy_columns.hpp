@@ -1,0 +1,46 @@
+// Which columns a step of each strategy is asked with and answered by: the one table behind requests, validation and
+// replies.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "proto/wire/batch.hpp"
+#include "proto/wire/scene.hpp"
+
+namespace shearbus::wire {
+
+struct StrategyColumns {
+  std::span<const Field> required;  // of a downscale, besides the optional node_id
+  std::span<const Field> optional;
+  std::span<const Field> reply;  // all there are; a request's `wanted` picks from them
+};
+
+namespace detail {
+inline constexpr std::array kVelocityRequired = {Field::kVelocityJump, Field::kPressure};
+inline constexpr std::array kVelocityOptional = {Field::kSoftShearRate};
+inline constexpr std::array kVelocityReply = {
+    Field::kShearStress,  Field::kSlidingVelocity, Field::kInterfaceTemperature,
+    Field::kFrictionHeat, Field::kRegime,          Field::kOutcome};
+inline constexpr std::array kForceRequired = {Field::kVelocityJump, Field::kPressure,  Field::kStressMinus,
+                                              Field::kStressPlus,   Field::kMassMinus, Field::kMassPlus};
+inline constexpr std::array kForceOptional = {Field::kSoftPlasticStrainRate};
+inline constexpr std::array kForceReply = {
+    Field::kShearStress,     Field::kSlidingVelocity, Field::kInterfaceTemperature,
+    Field::kVelocityJumpNew, Field::kFrictionHeat,    Field::kRegime,
+    Field::kOutcome};
+}  // namespace detail
+
+inline StrategyColumns columns_of(Strategy strategy) {
+  switch (strategy) {
+    case Strategy::kVelocityDriven:
+      return {detail::kVelocityRequired, detail::kVelocityOptional, detail::kVelocityReply};
+    case Strategy::kForceDriven:
+      return {detail::kForceRequired, detail::kForceOptional, detail::kForceReply};
+    case Strategy::kUnspecified:
+      break;
+  }
+  return {};
+}
+
+}  // namespace shearbus::wire

@@ -1,0 +1,91 @@
+#include "server/embedded.hpp"
+
+#include <pthread.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdint>
+#include <stdexcept>
+#include <thread>
+
+#include "server/server.hpp"
+
+namespace shearbus::server {
+namespace {
+
+constexpr const char* kEndpoint =
+    "inproc://shearbus";  // each embedded server has a context, so a name space, of its own
+
+// The host's signals are the host's: threads started while this lives take none.
+class SignalsBlocked {
+ public:
+  SignalsBlocked() {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &previous_);
+  }
+  SignalsBlocked(const SignalsBlocked&) = delete;
+  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
+  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &previous_, nullptr); }
+
+ private:
+  sigset_t previous_{};
+};
+
+class StopEvent {
+ public:
+  StopEvent() : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    if (file_ < 0) throw std::runtime_error("the embedded server got no eventfd: too many open files");
+  }
+  StopEvent(const StopEvent&) = delete;
+  StopEvent& operator=(const StopEvent&) = delete;
+  ~StopEvent() { ::close(file_); }
+
+  int file() const { return file_; }
+  void set() const {
+    const std::uint64_t one = 1;
+    // Fails only when the event is set already, to overflowing.
+    [[maybe_unused]] const ssize_t written = ::write(file_, &one, sizeof one);
+  }
+
+ private:
+  int file_;
+};
+
+}  // namespace
+
+struct Embedded::Impl {
+  explicit Impl(const ServerOptions& options) : server(options) {
+    server.bind(kEndpoint);
+    thread = std::thread([this] { server.run(stop.file()); });
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl() {
+    stop.set();
+    thread.join();
+  }
+
+  StopEvent stop;
+  Server server;
+  std::thread thread;
+  std::string endpoint = kEndpoint;
+};
+
+Embedded::Embedded(const ServerOptions& options) {
+  const SignalsBlocked blocked;
+  impl_ = std::make_unique<Impl>(options);
+}
+Embedded::Embedded(Embedded&&) noexcept = default;
+Embedded& Embedded::operator=(Embedded&&) noexcept = default;
+Embedded::~Embedded() = default;
+
+const std::string& Embedded::endpoint() const {
+  return impl_->endpoint;
+}
+void* Embedded::context() const {
+  return impl_->server.context();
+}
+
+}  // namespace shearbus::server

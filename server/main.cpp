@@ -1,0 +1,122 @@
+// shearbus-server: options -> rooms, bottom room first -> run until SIGTERM or SIGINT -> the same way back.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <pthread.h>
+#include <spdlog/sinks/basic_file_sink.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/options.hpp"
+#include "server/server.hpp"
+
+namespace {
+
+using shearbus::server::Server;
+using shearbus::server::ServerOptions;
+
+constexpr int kExitFault = 1;
+constexpr int kExitUsage = 2;
+
+void add_options(CLI::App& app, ServerOptions& options) {
+  app.add_option("--bind", options.endpoints,
+                 "Where to listen, repeatable: ipc://PATH (this machine, this user) or tcp://127.0.0.1:PORT")
+      ->type_name("ENDPOINT")
+      ->required();
+  app.add_option("--threads", options.threads, "Threads that solve layers; 0: one per core")
+      ->check(CLI::Range(0U, 4096U))
+      ->capture_default_str();
+  app.add_option("--nodes-per-task", options.nodes_per_task, "Steps of fewer nodes are solved on one thread")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option_function<std::uint64_t>(
+         "--state-memory-mb", [&](const std::uint64_t& mb) { options.max_state_bytes = mb << 20; },
+         "Memory for the states of all sessions, in MB; by default three quarters of the machine's")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
+  app.add_flag("--insecure-plaintext", options.insecure_plaintext,
+               "Allow addresses that other machines reach, though clients are not authenticated");
+  app.add_option("--log-level", options.log_level, "How much to say")
+      ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}))
+      ->capture_default_str();
+  app.add_option("--log-file", options.log_file, "Where to say it; by default standard error");
+  app.set_version_flag("--version", std::string("shearbus-server ") + SHEARBUS_VERSION);
+}
+
+void start_log(const ServerOptions& options) {
+  spdlog::sink_ptr sink;
+  if (options.log_file.empty())
+    sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+  else
+    sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(options.log_file);
+  auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));
+  logger->set_level(spdlog::level::from_str(options.log_level));
+  logger->flush_on(spdlog::level::info);
+  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %^%l%$ %v");
+  spdlog::set_default_logger(std::move(logger));
+}
+
+// Before any thread exists, so that all of them leave these signals to the descriptor.
+int block_stop_signals() {
+  sigset_t stop;
+  sigemptyset(&stop);
+  sigaddset(&stop, SIGTERM);
+  sigaddset(&stop, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &stop, nullptr);
+  return ::signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK);
+}
+
+void run(const ServerOptions& options) {
+  const int stop_fd = block_stop_signals();
+  start_log(options);
+  spdlog::info(
+      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, insecure plaintext {}, log level "
+      "{}",
+      SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
+      options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
+      options.insecure_plaintext, options.log_level);
+  {
+    Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
+                            .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
+    for (const std::string& endpoint : options.endpoints) spdlog::info("listening on {}", server.bind(endpoint));
+    server.run(stop_fd);
+    const auto status = server.status();
+    spdlog::info(
+        "stopping: {} requests ({} refused, {} repeated), {} node-steps, {} sessions were open, {} answers "
+        "undeliverable",
+        status.requests, status.refused, status.replayed, status.node_steps, status.sessions,
+        server.transport().peer_gone + server.transport().peer_full);
+  }
+  spdlog::info("stopped");
+  ::close(stop_fd);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "The subgrid friction server of shearbus: it owns the shear layers of interface nodes and steps them for "
+      "clients."};
+  ServerOptions options;
+  add_options(app, options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& fault) {
+    return app.exit(fault) == 0 ? 0 : kExitUsage;
+  }
+  try {
+    run(options);
+  } catch (const std::exception& fault) {
+    std::fprintf(stderr, "shearbus-server: %s\n", fault.what());
+    return kExitFault;
+  }
+  return 0;
+}

@@ -1,0 +1,44 @@
+// The step of one node, scalar, slow and obvious: the oracle the fast solvers are tested against. It shares the grid
+// and the material laws with them and nothing else: Eigen's sparse LU for the heat equation, plain bisection for every
+// root.
+#pragma once
+
+#include <vector>
+
+#include "server/physics/solver/model.hpp"
+
+namespace shearbus::physics::reference {
+
+struct NodeState {
+  std::vector<double> temperature;     // of each heat vertex        [K]
+  std::vector<double> plastic_strain;  // of each layer vertex
+  double shear_stress = 0.0;           // [Pa]
+  Regime regime = Regime::kOpen;
+};
+
+struct NodeInputs {
+  double velocity_jump = 0.0;
+  double pressure = 0.0;
+  double soft_shear_rate = 0.0;
+  double stress_minus = 0.0;
+  double stress_plus = 0.0;
+  double mass_minus = 1.0;
+  double mass_plus = 1.0;
+};
+
+struct NodeOutputs {
+  double shear_stress = 0.0;
+  double sliding_velocity = 0.0;
+  double interface_temperature = 0.0;
+  double velocity_jump_new = 0.0;
+  double friction_heat = 0.0;
+  Regime regime = Regime::kOpen;
+  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan)
+};
+
+NodeState initial_state(const ModelOptions& options);
+
+// Advances `state` by dt. Force-driven steps are never divided: where `answers` is above 1 the fast solver may differ.
+NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
+
+}  // namespace shearbus::physics::reference

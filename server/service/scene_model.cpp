@@ -1,0 +1,67 @@
+#include "server/service/scene_model.hpp"
+
+#include <fmt/format.h>
+
+#include <string>
+#include <utility>
+
+#include "proto/wire/scene_file.hpp"
+#include "proto/wire/status.hpp"
+#include "server/physics/material/material.hpp"
+
+namespace shearbus::service {
+namespace {
+
+physics::Material material_of(const wire::Body& body, const std::string& table) {
+  physics::MaterialResult made = physics::make_material(body.material, body.given);
+  if (!made.fault.empty())
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
+                       .remedy = "Name a material of the catalog, or give every constant.",
+                       .field = table + "." + made.fault_field});
+  return made.material;
+}
+
+physics::FarBoundary far_boundary_of(wire::FarBoundary boundary) {
+  return boundary == wire::FarBoundary::kHalfSpace ? physics::FarBoundary::kHalfSpace
+                                                   : physics::FarBoundary::kInsulated;
+}
+
+physics::Drive drive_of(wire::Drive drive) {
+  return drive == wire::Drive::kInterfaceSlip ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
+}
+
+}  // namespace
+
+SceneModel scene_model(const wire::Scene& scene) {
+  if (const wire::Status status = wire::check_scene(scene); !status.ok()) throw wire::Error(status);
+
+  SceneModel made;
+  made.options.soft = material_of(scene.soft, "soft");
+  made.options.hard = material_of(scene.hard, "hard");
+  made.options.strategy = scene.strategy == wire::Strategy::kForceDriven ? physics::Strategy::kForceDriven
+                                                                         : physics::Strategy::kVelocityDriven;
+  made.options.grid = {.thickness = scene.layer.thickness_m,
+                       .cells = static_cast<int>(scene.layer.cells),
+                       .grading = scene.layer.grading,
+                       .far_boundary = far_boundary_of(scene.layer.far_boundary)};
+  made.options.initial_temperature = scene.layer.initial_temperature_k;
+  made.options.drive = drive_of(scene.velocity_driven.drive);
+  made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
+  if (scene.interface)
+    made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
+                              .yield_strength = scene.interface->yield_strength_pa};
+  else if (scene.strategy == wire::Strategy::kForceDriven)
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = "strategy force_driven needs the table [interface]; there is none",
+                       .remedy = "Give interface.friction_coefficient and interface.yield_strength_pa.",
+                       .field = "interface"});
+
+  made.effective = scene;
+  made.effective.hydro.reset();
+  made.effective.soft.given = physics::constants_of(made.options.soft);
+  made.effective.hard.given = physics::constants_of(made.options.hard);
+  return made;
+}
+
+}  // namespace shearbus::service

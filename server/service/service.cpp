@@ -1,0 +1,341 @@
+#include "server/service/service.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "proto/wire/codec.hpp"
+#include "proto/wire/status.hpp"
+#include "server/service/scene_model.hpp"
+#include "server/service/validate.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+using wire::Field;
+
+struct Service::Member {
+  wire::SessionId id{};
+  session::Session conversation;
+  std::unique_ptr<shard::Shard> shard;  // null once closed
+  wire::Scene scene;                    // effective
+  wire::SessionClosed totals;
+};
+
+namespace {
+
+std::string short_name(const wire::SessionId& id) {
+  return fmt::format("{:02x}{:02x}{:02x}{:02x}", id[0], id[1], id[2], id[3]);
+}
+
+// A client's words, fit for one line of a log.
+std::string printable(const std::string& text) {
+  constexpr std::size_t kLongest = 80;
+  std::string shown = text.substr(0, kLongest);
+  for (char& c : shown)
+    if (c < ' ' || c > '~') c = '?';
+  return shown;
+}
+
+shard::StepInputs inputs_of(const wire::Batch& batch) {
+  return {.velocity_jump = batch.f64(Field::kVelocityJump),
+          .pressure = batch.f64(Field::kPressure),
+          .soft_shear_rate = batch.f64(Field::kSoftShearRate),
+          .stress_minus = batch.f64(Field::kStressMinus),
+          .stress_plus = batch.f64(Field::kStressPlus),
+          .mass_minus = batch.f64(Field::kMassMinus),
+          .mass_plus = batch.f64(Field::kMassPlus)};
+}
+
+shard::StepOutputs outputs_of(wire::Batch& batch) {
+  return {.shear_stress = batch.f64(Field::kShearStress),
+          .sliding_velocity = batch.f64(Field::kSlidingVelocity),
+          .interface_temperature = batch.f64(Field::kInterfaceTemperature),
+          .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
+          .friction_heat = batch.f64(Field::kFrictionHeat),
+          .regime = batch.u8(Field::kRegime),
+          .outcome = batch.u8(Field::kOutcome)};
+}
+
+void check_no_payload(const wire::Request& request) {
+  if (!request.batch.columns().empty())
+    throw Error({.code = Code::kShape,
+                 .text = fmt::format("{} columns with a request that takes none", request.batch.columns().size()),
+                 .remedy = "Send the header frame alone."});
+}
+
+}  // namespace
+
+Service::Service(ServiceOptions options, shard::TaskPool& pool) : options_(std::move(options)), pool_(pool) {
+  started_ns_ = options_.now_ns();
+}
+
+Service::~Service() = default;
+
+void Service::log(const std::string& line) const {
+  if (options_.log) options_.log(line);
+}
+
+std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
+  ++metrics_.requests;
+  auto reply = std::make_shared<wire::Reply>();
+  reply->epoch = options_.epoch;
+  try {
+    reply = answer(frames, reply);
+  } catch (const Error& error) {
+    reply->status = error.status();
+  } catch (const std::exception& fault) {
+    reply->status = {.code = Code::kInternal,
+                     .text = fmt::format("the server could not run the request: {}", fault.what()),
+                     .remedy = "Nothing was changed. Tell the maintainers of the server."};
+  }
+  if (!reply->status.ok()) {
+    ++metrics_.refused;
+    reply->body = std::monostate{};
+    reply->batch = wire::Batch();
+  }
+  ReplyFrames sent;
+  sent.header = wire::encode_header(*reply);
+  sent.has_payload = !reply->batch.columns().empty();
+  sent.payload = reply->batch.bytes();
+  sent.owner = std::move(reply);
+  return sent;
+} catch (const std::exception&) {
+  return std::nullopt;
+}
+
+// Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
+Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
+  wire::Request request;
+  const auto address = [&] {
+    reply->request_id = request.request_id;
+    reply->session_id = request.session_id;
+    reply->sequence = request.sequence;
+  };
+  try {
+    wire::decode(frames, request);
+  } catch (const Error&) {
+    address();  // with what could be read of it
+    throw;
+  }
+  address();
+  const std::uint64_t started_ns = options_.now_ns();
+  if (shutting_down_)
+    throw Error(
+        {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
+
+  if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
+    check_no_payload(request);
+    hello(*greeting, *reply);
+    return reply;
+  }
+  if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
+    check_no_payload(request);
+    reply->body = status();
+    return reply;
+  }
+  check_epoch(request);
+  const std::uint64_t hash = wire::hash_of(frames);
+  if (const auto* open = std::get_if<wire::OpenSession>(&request.body))
+    return open_session(*open, request, hash, reply);
+  return answer_in_session(request, hash, started_ns, reply);
+}
+
+void Service::check_epoch(const wire::Request& request) const {
+  if (request.epoch != 0 && request.epoch != options_.epoch)
+    throw Error(
+        {.code = Code::kEpoch,
+         .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted and "
+                             "holds none of the earlier states",
+                             request.epoch, options_.epoch),
+         .remedy = "Open a new session and start again from the host's last restart point."});
+}
+
+void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
+  if (hello.oldest_major > wire::kProtocolMajor || hello.newest_major < wire::kProtocolMajor)
+    throw Error({.code = Code::kVersion,
+                 .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
+                                     hello.newest_major, wire::kProtocolMajor),
+                 .remedy = "Use a client and a server of the same major version."});
+  wire::Welcome welcome;
+  welcome.server_version = options_.server_version;
+  welcome.limits.max_sessions = options_.max_sessions;
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial"};
+  reply.body = std::move(welcome);
+}
+
+Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wire::Request& request, std::uint64_t hash,
+                                        const ReplyPtr& reply) {
+  reply->session_id = open.session_id;
+  if (open.session_id == wire::SessionId{})
+    throw Error({.code = Code::kInvalidValue,
+                 .text = "session_id is all zero; expected 16 random bytes",
+                 .remedy = "Draw them from the system's random source.",
+                 .field = "session_id"});
+  if (const auto known = members_.find(open.session_id); known != members_.end()) {
+    session::Verdict verdict = known->second->conversation.triage(request.sequence, hash);
+    if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
+    if (verdict.triage == session::Triage::kProcess)
+      throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
+    ++metrics_.replayed;
+    known->second->conversation.kept_reply()->replayed = true;
+    return known->second->conversation.kept_reply();
+  }
+  if (request.sequence != 0)
+    throw Error({.code = Code::kSequenceGap,
+                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
+                 .remedy = "Send it with sequence 0."});
+  if (metrics_.sessions >= options_.max_sessions)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
+                 .remedy = "Close sessions that are no longer used."});
+
+  const auto node_ids = check_opening_nodes(request.batch);
+  SceneModel made = scene_model(open.scene);
+  const std::vector<double> temperatures =
+      check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
+  physics::Model model(made.options);
+  check_memory(model, node_ids.size());
+
+  wire::SessionOpened opened;
+  opened.effective_scene = made.effective;
+  opened.bytes_per_node = shard::Shard::bytes_per_node(model);
+  opened.warnings = model.warnings();
+  reply->body = std::move(opened);
+
+  auto member = std::make_unique<Member>();
+  member->id = open.session_id;
+  member->scene = std::move(made.effective);
+  member->shard = std::make_unique<shard::Shard>(
+      std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()), temperatures, pool_,
+      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  member->conversation.complete(0, hash, reply);
+  const shard::Shard& shard = *member->shard;
+  log(fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
+                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model())));
+  const std::uint64_t state_bytes = shard.state_bytes();
+  members_.emplace(open.session_id, std::move(member));
+  ++metrics_.sessions;
+  metrics_.nodes += node_ids.size();
+  metrics_.state_bytes += state_bytes;
+  return reply;
+}
+
+void Service::check_memory(const physics::Model& model, std::size_t nodes) const {
+  const std::uint64_t wanted = shard::Shard::bytes_for(model, nodes);
+  if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
+                                     metrics_.state_bytes >> 20, options_.max_state_bytes >> 20),
+                 .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
+}
+
+Service::ReplyPtr Service::answer_in_session(const wire::Request& request, std::uint64_t hash, std::uint64_t started_ns,
+                                             const ReplyPtr& reply) {
+  const auto found = members_.find(request.session_id);
+  if (found == members_.end())
+    throw Error({.code = Code::kUnknownSession,
+                 .text = "no session has this id: it was never opened here, or closed long ago",
+                 .remedy = "Open a session first."});
+  Member& member = *found->second;
+  session::Verdict verdict = member.conversation.triage(request.sequence, hash);
+  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
+  if (verdict.triage == session::Triage::kResend) {
+    ++metrics_.replayed;
+    member.conversation.kept_reply()->replayed = true;
+    return member.conversation.kept_reply();
+  }
+  if (!member.shard)
+    throw Error({.code = Code::kUnknownSession, .text = "the session is closed", .remedy = "Open a new session."});
+
+  if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
+    downscale(member, *step, request, hash, started_ns, reply);
+    return reply;
+  }
+  check_no_payload(request);
+  if (std::holds_alternative<wire::Commit>(request.body)) {
+    if (!member.shard->has_trial())
+      throw Error(
+          {.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
+    member.shard->commit();
+    reply->body = wire::Committed{.state_version = member.shard->state_version()};
+  } else if (std::holds_alternative<wire::Rollback>(request.body)) {
+    member.shard->rollback();
+    reply->body = wire::RolledBack{.state_version = member.shard->state_version()};
+  } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
+    close_session(member, *close, *reply);
+  } else {
+    throw Error({.code = Code::kUnsupported, .text = "this server does not know the request"});
+  }
+  ++member.totals.requests;
+  member.conversation.complete(request.sequence, hash, reply);
+  return reply;
+}
+
+void Service::downscale(Member& member, const wire::Downscale& step, const wire::Request& request, std::uint64_t hash,
+                        std::uint64_t started_ns, const ReplyPtr& reply) {
+  shard::Shard& shard = *member.shard;
+  // 1. everything that can fail: checks, factorisation, memory
+  const std::vector<Field> wanted = check_wanted(step, member.scene.strategy);
+  const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
+  if (step.commit_previous && !shard.has_trial())
+    throw Error({.code = Code::kNothingToCommit,
+                 .text = "commit_previous is set, and no trial is standing",
+                 .remedy = "Set it only after a trial that was neither committed nor rolled back."});
+  const auto operators = shard.operators(step.dt_s);
+  const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
+  reply->batch = wire::Batch::of(wanted, num_rows);
+  auto& upscale = reply->body.emplace<wire::Upscale>();
+
+  // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
+  if (step.commit_previous) shard.commit();
+  const std::uint64_t solver_started_ns = options_.now_ns();
+  upscale.flagged_nodes = shard.step(rows, *operators, inputs_of(request.batch), outputs_of(reply->batch));
+  const std::uint64_t ended_ns = options_.now_ns();
+  if (step.mode == wire::Mode::kAdvance) shard.commit();
+  upscale.nodes = num_rows;
+  upscale.state_version = shard.state_version();
+  upscale.solver_ns = ended_ns - solver_started_ns;
+  upscale.service_ns = ended_ns - started_ns;
+  member.conversation.complete(request.sequence, hash, reply);
+
+  ++member.totals.requests;
+  member.totals.node_steps += num_rows;
+  member.totals.solver_ns += upscale.solver_ns;
+  metrics_.node_steps += num_rows;
+  metrics_.solver_ns += upscale.solver_ns;
+}
+
+void Service::close_session(Member& member, const wire::CloseSession& close, wire::Reply& reply) {
+  wire::SessionClosed totals = member.totals;
+  ++totals.requests;  // this one
+  log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
+                  close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
+                  1e-9 * static_cast<double>(totals.solver_ns)));
+  closed_.push_back(member.id);
+  reply.body = totals;
+  --metrics_.sessions;
+  metrics_.nodes -= member.shard->nodes().size();
+  metrics_.state_bytes -= member.shard->state_bytes();
+  member.shard.reset();
+  if (closed_.size() > kClosedSessionsKept) {
+    members_.erase(closed_.front());
+    closed_.pop_front();
+  }
+}
+
+wire::ServerStatus Service::status() const {
+  wire::ServerStatus status = metrics_;
+  status.uptime_ns = options_.now_ns() - started_ns_;
+  status.threads = pool_.threads();
+  status.server_version = options_.server_version;
+  return status;
+}
+
+}  // namespace shearbus::service

@@ -1,0 +1,77 @@
+#include "server/shard/task_pool.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace shearbus::shard {
+
+TaskPool::TaskPool(unsigned threads) {
+  for (unsigned i = 1; i < threads; ++i) workers_.emplace_back([this] { work(); });
+}
+
+TaskPool::~TaskPool() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  job_posted_.notify_all();
+  for (std::thread& worker : workers_) worker.join();
+}
+
+void TaskPool::run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task) {
+  if (count == 0) return;
+  grain = std::max<std::size_t>(grain, 1);
+  const std::size_t ranges = (count + grain - 1) / grain;
+  const auto helpers = static_cast<unsigned>(
+      std::min<std::size_t>({workers_.size(), ranges - 1, max_threads > 0 ? max_threads - 1 : 0}));
+  if (helpers == 0) {
+    task(0, count);
+    return;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    task_ = &task;
+    count_ = count;
+    grain_ = grain;
+    next_ = 0;
+    fault_ = nullptr;
+    seats_ = helpers;
+  }
+  for (unsigned i = 0; i < helpers; ++i) job_posted_.notify_one();
+  take_ranges();
+
+  std::unique_lock lock(mutex_);
+  seats_ = 0;  // whoever wakes late finds the job over
+  job_left_.wait(lock, [this] { return seated_ == 0; });
+  if (fault_) std::rethrow_exception(std::exchange(fault_, nullptr));
+}
+
+void TaskPool::work() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    job_posted_.wait(lock, [this] { return stopping_ || seats_ > 0; });
+    if (stopping_) return;
+    --seats_;
+    ++seated_;
+    lock.unlock();
+    take_ranges();
+    lock.lock();
+    if (--seated_ == 0) job_left_.notify_one();
+  }
+}
+
+void TaskPool::take_ranges() {
+  try {
+    for (;;) {
+      const std::size_t first = next_.fetch_add(grain_, std::memory_order_relaxed);
+      if (first >= count_) return;
+      (*task_)(first, std::min(first + grain_, count_));
+    }
+  } catch (...) {
+    next_ = count_;
+    const std::lock_guard lock(mutex_);
+    if (!fault_) fault_ = std::current_exception();
+  }
+}
+
+}  // namespace shearbus::shard

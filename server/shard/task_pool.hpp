@@ -1,0 +1,52 @@
+// Fork and join over a few threads that sleep between jobs. The only worker threads of the server live here.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace shearbus::shard {
+
+class TaskPool {
+ public:
+  // `threads` counts the caller of run(): a pool of 1 has no thread of its own.
+  explicit TaskPool(unsigned threads);
+  TaskPool(const TaskPool&) = delete;
+  TaskPool& operator=(const TaskPool&) = delete;
+  ~TaskPool();
+
+  unsigned threads() const { return static_cast<unsigned>(workers_.size()) + 1; }
+
+  using Task = std::function<void(std::size_t first, std::size_t last)>;
+
+  // Calls task(first, last) on ranges of at most `grain` that cover 0..count, on the calling thread and at most
+  // `max_threads - 1` others; returns when every range is done. Which thread takes which range is not defined. The
+  // first exception of a task stops the handing out of ranges and is thrown here. One caller at a time.
+  void run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task);
+
+ private:
+  void work();
+  void take_ranges();
+
+  std::vector<std::thread> workers_;
+  std::mutex mutex_;
+  std::condition_variable job_posted_;
+  std::condition_variable job_left_;
+  bool stopping_ = false;
+  unsigned seats_ = 0;   // workers that may still join the job
+  unsigned seated_ = 0;  // workers at it
+  std::exception_ptr fault_;
+
+  // The job: written by run() before seats are offered, read by those who took one.
+  const Task* task_ = nullptr;
+  std::size_t count_ = 0;
+  std::size_t grain_ = 1;
+  std::atomic<std::size_t> next_{0};
+};
+
+}  // namespace shearbus::shard

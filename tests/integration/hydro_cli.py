@@ -1,0 +1,329 @@
+"""shearbus-hydro as a user runs it: what it leaves, what it says of bad input, and its answers through a server elsewhere.
+
+    hydro_cli.py --hydro PROGRAM --server PROGRAM --replay PROGRAM [unittest options]"""
+import argparse
+import json
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import h5py
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PROBLEMS = ROOT / "hydro_stub" / "problems"
+PROGRAMS = {"hydro": None, "server": None, "replay": None}
+
+SCENE = """
+name = "small"
+strategy = "force_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 50e-6
+cells = 40
+grading = 1.1
+far_boundary = "half_space"
+[interface]
+friction_coefficient = 0.3
+yield_strength_pa = 200e6
+[hydro]
+end_time_s = 200e-9
+[hydro.shear_column]
+length_m = 1e-3
+zones = 200
+velocity_jump_m_per_s = [10.0, 50.0, 100.0, -100.0, 400.0]
+pressure_pa = [11.2e9]
+"""
+
+
+class HydroTest(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory(prefix="shearbus-hydro-")
+        self.addCleanup(scratch.cleanup)
+        self.path = pathlib.Path(scratch.name)
+        self.scene = self.path / "scene.toml"
+        self.out = self.path / "results"
+        self.scene.write_text(SCENE)
+
+    def hydro(self, *arguments, scene=None):
+        command = [PROGRAMS["hydro"], str(scene or self.scene), "--out", str(self.out), *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+    def run_well(self, *arguments, scene=None):
+        run = self.hydro("--no-plot", *arguments, scene=scene)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        with h5py.File(self.out / "history.h5") as file:
+            values = {name: file[name][()] for name in file if name != "meta"}
+        values["summary"] = json.loads((self.out / "summary.json").read_text())
+        values["text"] = run.stdout
+        return values
+
+    def assert_refused(self, *texts, arguments=(), code=1, scene=None):
+        run = self.hydro("--no-plot", *arguments, scene=scene)
+        self.assertEqual(run.returncode, code, run.stdout + run.stderr)
+        for text in texts:
+            self.assertIn(text, run.stderr)
+        self.assertNotIn("terminate called", run.stderr)
+        self.assertFalse((self.out / "history.h5").exists())
+        self.assertFalse((self.out / "history.h5.partial").exists())
+
+    def edited(self, old, new):
+        self.assertIn(old, SCENE)
+        self.scene.write_text(SCENE.replace(old, new))
+        line = SCENE[:SCENE.index(old)].count("\n") + 1
+        return f"scene.toml:{line}:"
+
+
+class Results(HydroTest):
+    def test_run_leaves_histories_summary_and_pictures(self):
+        run = self.hydro()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual(run.stderr, "", "nothing but errors and warnings on stderr, no bar where there is no terminal")
+        self.assertEqual({p.name for p in self.out.iterdir()}, {"history.h5", "summary.json", "histories.png"})
+        for words in ("peak temperature", "0.99 T_melt", "slip distance", "stick", "friction work", "energy ledger", "run time"):
+            self.assertIn(words, run.stdout)
+        self.assertEqual((self.out / "histories.png").read_bytes()[:4], b"\x89PNG")
+        with h5py.File(self.out / "history.h5") as file:
+            self.assertEqual(file["shear_stress"].shape, (file["time"].size, 5))
+            self.assertEqual(file["shear_stress"].attrs["units"], "Pa")
+            self.assertIn("melting_temperature_k", file["meta/scene"][()].decode())
+
+    def test_many_columns_get_a_map_of_regimes(self):
+        self.edited("[10.0, 50.0, 100.0, -100.0, 400.0]", str([10.0 * k for k in range(1, 11)]))
+        self.assertEqual(self.hydro().returncode, 0)
+        self.assertTrue((self.out / "regimes.png").exists())
+
+    def test_summary_agrees_with_the_histories(self):
+        values = self.run_well()
+        summary = values["summary"]
+        self.assertEqual(summary["peak_interface_temperature_k"], values["interface_temperature"].max())
+        self.assertEqual(summary["peak_node"], 4)
+        slip = (np.abs(values["sliding_velocity"]) * values["dt"][:, None]).sum(axis=0)
+        np.testing.assert_allclose(summary["slip_distance_m"], slip, rtol=1e-12)
+        shares = np.bincount(values["regime"].ravel(), minlength=5) / values["regime"].size
+        np.testing.assert_allclose(list(summary["node_step_share"].values()), shares, atol=1e-15)
+        work = (values["shear_stress"] * values["dt"][:, None] * 0.5 * (values["velocity_jump"] + values["velocity_jump_new"])).sum()
+        self.assertAlmostEqual(summary["friction_work_j_per_m2"] / work, 1.0, places=9)
+        self.assertAlmostEqual(summary["heat_into_soft_body_j_per_m2"] / (work * summary["heat_partition"]), 1.0, places=9)
+        first = [None if not m.any() else values["time"][m.argmax()]
+                 for m in (values["interface_temperature"] >= summary["melting_threshold_k"]).T]
+        self.assertEqual(summary["time_to_melting_threshold_s"], first)
+        self.assertLess(summary["momentum_residual"], 1e-12)
+        self.assertLess(summary["energy_residual"], 1e-12)
+
+    def test_mirrored_jump_mirrors_every_bit(self):
+        values = self.run_well()
+        for name in ("shear_stress", "sliding_velocity", "velocity_jump_new"):
+            np.testing.assert_array_equal(values[name][:, 2], -values[name][:, 3])
+        np.testing.assert_array_equal(values["interface_temperature"][:, 2], values["interface_temperature"][:, 3])
+
+    def test_stuck_column_stays_stuck(self):
+        values = self.run_well()
+        np.testing.assert_array_equal(values["velocity_jump_new"][:, 0], 0.0)
+        self.assertEqual(set(values["regime"][:, 0]), {1})
+
+    def test_columns_together_are_the_columns_alone_bit_for_bit(self):
+        for law in ("subgrid", "coulomb_tresca"):
+            self.scene.write_text(SCENE)
+            together = self.run_well("--interface-law", law)
+            for i, jump in enumerate([10.0, 50.0, 100.0, -100.0, 400.0]):
+                self.edited("[10.0, 50.0, 100.0, -100.0, 400.0]", f"[{jump}]")
+                alone = self.run_well("--interface-law", law)
+                for name in ("shear_stress", "velocity_jump_new", "interface_temperature", "stress_minus", "stress_plus"):
+                    np.testing.assert_array_equal(together[name][:, i], alone[name][:, 0], f"{law} {jump} {name}")
+
+    def test_laws_differ_and_are_named(self):
+        subgrid = self.run_well()
+        macroscopic = self.run_well("--interface-law", "coulomb_tresca")
+        self.assertEqual(subgrid["summary"]["interface_law"], "subgrid")
+        self.assertEqual(macroscopic["summary"]["interface_law"], "coulomb_tresca")
+        self.assertGreater(np.abs(subgrid["shear_stress"] - macroscopic["shear_stress"]).max(), 1e6)
+
+    def test_effective_scene_gives_the_same_run(self):
+        first = self.run_well()
+        with h5py.File(self.out / "history.h5") as file:
+            effective = self.path / "effective.toml"
+            effective.write_bytes(file["meta/scene"][()])
+        second = self.run_well(scene=effective)
+        for name in ("time", "dt", "shear_stress", "velocity_jump_new", "interface_temperature"):
+            np.testing.assert_array_equal(first[name], second[name], name)
+
+    def test_replay_of_the_history_gives_the_same_bits(self):
+        first = self.run_well()
+        result = self.path / "replayed.h5"
+        run = subprocess.run([PROGRAMS["replay"], str(self.out / "history.h5"), "--scene", str(self.scene), "--out", str(result)],
+                             capture_output=True, text=True, timeout=120, check=False)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        with h5py.File(result) as file:
+            for name in ("shear_stress", "sliding_velocity", "interface_temperature", "velocity_jump_new", "regime"):
+                np.testing.assert_array_equal(first[name], file[name][()], name)
+
+    def test_shipped_problems_are_in_order(self):
+        problems = sorted(PROBLEMS.glob("*.toml"))
+        self.assertGreaterEqual(len(problems), 4)
+        for problem in problems:
+            self.assertIn("source", problem.read_text())
+            run = self.hydro("--check", scene=problem)
+            self.assertEqual(run.returncode, 0, f"{problem.name}: {run.stderr}")
+            self.assertIn("in order", run.stdout)
+        self.assertFalse(self.out.exists(), "--check runs nothing")
+
+    def test_released_interface_carries_nothing_and_cools(self):
+        values = self.run_well(scene=PROBLEMS / "release_and_reclose.toml")
+        is_open = values["pressure"][:, 0] <= 0
+        self.assertTrue(is_open.any())
+        np.testing.assert_array_equal(values["shear_stress"][is_open], 0.0)
+        self.assertTrue((np.diff(values["interface_temperature"][is_open], axis=0) < 0).all())
+        self.assertTrue((values["regime"][is_open] == 0).all() and (values["regime"][~is_open] != 0).all())
+        self.assertTrue((values["shear_stress"][-1] > 10e6).all(), "closed again, it rubs again")
+
+    def test_plates_slide_to_a_stop_and_do_not_ring(self):
+        for law in ("subgrid", "coulomb_tresca"):
+            values = self.run_well("--interface-law", law, scene=PROBLEMS / "sliding_to_a_stop.toml")
+            jump = values["velocity_jump_new"]
+            self.assertTrue((jump[-200:] == 0.0).all(), law)
+            self.assertTrue((jump[1:] * jump[:-1] >= 0.0).all(), "never from one direction to the other in one step")
+            slips = jump != 0.0
+            self.assertLess(np.abs(np.diff(slips.astype(int), axis=0)).sum(axis=0).max(), 12, "no chatter between stick and slip")
+
+
+class ServerElsewhere(HydroTest):
+    def test_answers_through_a_server_are_those_of_the_embedded_one(self):
+        embedded = self.run_well()
+        endpoint = f"ipc://{self.path}/bus"
+        server = subprocess.Popen([PROGRAMS["server"], "--bind", endpoint], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        try:
+            for _ in range(100):
+                if (self.path / "bus").exists():
+                    break
+                time.sleep(0.05)
+            remote = self.run_well("--server", endpoint)
+            check = self.hydro("--check", "--server", endpoint)
+            self.assertEqual(check.returncode, 0, check.stderr)
+        finally:
+            server.terminate()
+            server.communicate(timeout=30)
+        for name in ("shear_stress", "velocity_jump_new", "interface_temperature", "regime"):
+            np.testing.assert_array_equal(embedded[name], remote[name], name)
+
+    def test_nobody_at_the_endpoint(self):
+        self.assert_refused("UNREACHABLE", arguments=("--server", f"ipc://{self.path}/nobody"))
+
+    def test_endpoint_that_is_none(self):
+        self.assert_refused("shearbus-hydro:", arguments=("--server", "carrier-pigeon://roof"))
+
+
+class Interrupted(HydroTest):
+    def test_stopped_run_leaves_no_history(self):
+        self.edited("end_time_s = 200e-9", "end_time_s = 1e-3")
+        run = subprocess.Popen([PROGRAMS["hydro"], str(self.scene), "--out", str(self.out), "--no-plot"], stdout=subprocess.DEVNULL,
+                               stderr=subprocess.PIPE, text=True)
+        for _ in range(200):
+            if (self.out / "history.h5.partial").exists():
+                break
+            time.sleep(0.05)
+        time.sleep(0.2)
+        run.send_signal(signal.SIGTERM)
+        _, errors = run.communicate(timeout=30)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("interrupted at step", errors)
+        self.assertEqual(list(self.out.iterdir()), [])
+
+
+class BadInput(HydroTest):
+    def test_missing_file(self):
+        self.assert_refused("absent.toml", scene=self.path / "absent.toml")
+
+    def test_command_line(self):
+        self.assert_refused("--sever", arguments=("--sever", "x"), code=2)
+        self.assert_refused("--interface-law", arguments=("--interface-law", "glue"), code=2)
+        run = subprocess.run([PROGRAMS["hydro"]], capture_output=True, text=True, check=False)
+        self.assertEqual(run.returncode, 2)
+
+    def test_not_toml(self):
+        self.scene.write_text("name = = 3\n")
+        self.assert_refused("scene.toml:1:")
+
+    def test_unknown_key_names_the_nearest(self):
+        place = self.edited("zones = 200", "zoness = 200")
+        self.assert_refused(place, "zoness", '"zones"')
+
+    def test_missing_value(self):
+        self.edited("length_m = 1e-3\n", "")
+        self.assert_refused("length_m")
+
+    def test_wrong_type(self):
+        place = self.edited("zones = 200", 'zones = "many"')
+        self.assert_refused(place, "zones")
+
+    def test_not_finite(self):
+        for value in ("nan", "inf", "-inf"):
+            place = self.edited("[10.0, 50.0,", f"[{value}, 50.0,")
+            self.assert_refused("scene.toml:", "velocity_jump_m_per_s")
+            place = self.edited("yield_strength_pa = 200e6", f"yield_strength_pa = {value}")
+            self.assert_refused(place, "yield_strength_pa")
+
+    def test_negative_temperature(self):
+        place = self.edited('far_boundary = "half_space"', 'far_boundary = "half_space"\ninitial_temperature_k = -5.0')
+        self.assert_refused("initial_temperature_k", "scene.toml:")
+        self.assertTrue(place)
+
+    def test_unknown_material_is_shown_where_it_stands(self):
+        place = self.edited('material = "aluminium_dlp"', 'material = "aluminum_dlp"')
+        self.assert_refused(place, "aluminum_dlp", "aluminium_dlp")
+
+    def test_lists_of_different_lengths(self):
+        place = self.edited("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9, 1e9]")
+        self.assert_refused(place, "pressure_pa has 2 values, expected 1")
+
+    def test_pressure_table(self):
+        self.edited("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9, 1e9]\npressure_time_s = [0.0]")
+        self.assert_refused("pressure_pa has 2 values", "pressure_time_s")
+        self.edited("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9, 1e9]\npressure_time_s = [1e-7, 1e-7]")
+        self.assert_refused("increasing times")
+
+    def test_step_above_the_courant_limit(self):
+        place = self.edited("end_time_s = 200e-9", "end_time_s = 200e-9\ndt_s = 1e-8")
+        self.assert_refused("dt_s", "cfl 1", "scene.toml:")
+        self.assertTrue(place)
+
+    def test_scene_without_a_problem(self):
+        self.scene.write_text(SCENE[:SCENE.index("[hydro]")])
+        self.assert_refused("[hydro]")
+
+    def test_strategy_that_takes_no_far_field(self):
+        place = self.edited('strategy = "force_driven"', 'strategy = "velocity_driven"')
+        self.scene.write_text(self.scene.read_text().replace("[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 200e6\n", ""))
+        self.assert_refused(place, "force_driven")
+
+    def test_check_refuses_what_a_run_refuses(self):
+        place = self.edited('material = "steel_dlp"', 'material = "stel_dlp"')
+        run = self.hydro("--check")
+        self.assertEqual(run.returncode, 1)
+        self.assertIn(place, run.stderr)
+
+    def test_results_that_cannot_be_written(self):
+        self.out.write_text("a file stands where the directory should be")
+        run = self.hydro("--no-plot")
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("results", run.stderr)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    for program in PROGRAMS:
+        parser.add_argument(f"--{program}", required=True)
+    known, rest = parser.parse_known_args()
+    PROGRAMS.update(vars(known))
+    unittest.main(module="__main__", argv=[sys.argv[0], *rest])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+// The hydrocode coupled to the service (embedded server): what must hold of any host's coupling.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "hydro_stub/history.hpp"
+#include "hydro_stub/shear_column.hpp"
+#include "hydro_stub/subgrid_law.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "proto/wire/status.hpp"
+#include "server/physics/material/strength.hpp"
+#include "tests/support/direct_law.hpp"
+
+namespace shearbus {
+namespace {
+
+using hydro::ShearColumn;
+
+// Columns that stick, slip, melt, run the other way and stop; more than one tile of them.
+wire::Scene scene(const std::string& far_end = "free") {
+  return wire::parse_scene(R"(
+name = "coupled"
+strategy = "force_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 60e-6
+cells = 60
+grading = 1.08
+far_boundary = "half_space"
+[interface]
+friction_coefficient = 0.3
+yield_strength_pa = 200e6
+[hydro]
+end_time_s = 1.5e-6
+[hydro.shear_column]
+length_m = 1e-3
+zones = 200
+far_end = ")" + far_end + R"("
+velocity_jump_m_per_s = [5.0, 28.0, 33.0, 60.0, -60.0, 100.0, 180.0, -250.0, 320.0, 400.0, 45.0]
+initial_temperature_k = [300.0, 300.0, 300.0, 300.0, 300.0, 500.0, 300.0, 300.0, 900.0, 300.0, 300.0]
+pressure_pa = [11.2e9, 11.2e9, 11.2e9, 11.2e9, 11.2e9, 2e9, 0.3e9, 1e9, 11.2e9, 11.2e9, -1e9]
+)",
+                           "coupled.toml")
+      .scene;
+}
+
+hydro::SubgridLaw embedded(const wire::Scene& of, const hydro::Problem& problem) {
+  return {of, hydro::node_ids(problem.columns), problem.initial_temperature, ""};
+}
+
+TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
+  const wire::Scene of = scene();
+  const hydro::Problem problem = hydro::make_problem(of);
+  hydro::SubgridLaw law = embedded(of, problem);
+  test::DirectLaw direct(
+      {.strategy = physics::Strategy::kForceDriven,
+       .soft = problem.soft_material,
+       .hard = problem.hard_material,
+       .grid = {.thickness = 60e-6, .cells = 60, .grading = 1.08, .far_boundary = physics::FarBoundary::kHalfSpace},
+       .interface = {.friction_coefficient = 0.3, .yield_strength = 200e6}},
+      problem.initial_temperature);
+  ShearColumn through_the_bus(problem);
+  ShearColumn in_place(problem);
+  for (std::uint64_t step = 0; step < problem.steps; ++step) {
+    through_the_bus.advance(law);
+    in_place.advance(direct);
+    ASSERT_EQ(through_the_bus.answer().shear_stress, in_place.answer().shear_stress) << "step " << step;
+    ASSERT_EQ(through_the_bus.answer().velocity_jump_new, in_place.answer().velocity_jump_new) << "step " << step;
+    ASSERT_EQ(through_the_bus.answer().interface_temperature, in_place.answer().interface_temperature)
+        << "step " << step;
+    ASSERT_EQ(through_the_bus.answer().friction_heat, in_place.answer().friction_heat) << "step " << step;
+    ASSERT_EQ(through_the_bus.answer().regime, in_place.answer().regime) << "step " << step;
+  }
+  law.close();
+}
+
+// The answer's jump is what both sides' own momentum equations leave with the answer's stress, DLP (61).
+TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
+  const wire::Scene of = scene();
+  const hydro::Problem problem = hydro::make_problem(of);
+  hydro::SubgridLaw law = embedded(of, problem);
+  ShearColumn column(problem);
+  std::size_t regimes = 0;
+  for (std::uint64_t step = 0; step < problem.steps; ++step) {
+    column.advance(law);
+    for (std::size_t i = 0; i < problem.columns; ++i) {
+      const hydro::FreeJump free = hydro::free_jump(column.inputs(), i);
+      const double found = column.soft().velocity_at(0)[i] - column.hard().velocity_at(0)[i];
+      const double answered = column.answer().velocity_jump_new[i];
+      ASSERT_NEAR(found, answered, 1e-11 * 400.0) << "step " << step << " column " << i;
+      ASSERT_NEAR(free.jump - column.answer().shear_stress[i] * free.compliance, answered, 1e-11 * 400.0);
+      regimes |= std::size_t{1} << column.answer().regime[i];
+    }
+  }
+  EXPECT_EQ(regimes, 0b11111U) << "the columns pass through every regime";
+}
+
+TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
+  for (const char* end : {"free", "transmitting"}) {
+    const wire::Scene of = scene(end);
+    const hydro::Problem problem = hydro::make_problem(of);
+    hydro::SubgridLaw law = embedded(of, problem);
+    ShearColumn column(problem);
+    std::vector<double> heat(problem.columns, 0.0);
+    std::vector<double> clipped(problem.columns,
+                                0.0);  // work of steps in which the jump was stopped or reversed against s
+    for (std::uint64_t step = 0; step < problem.steps; ++step) {
+      column.advance(law);
+      for (std::size_t i = 0; i < problem.columns; ++i) {
+        const hydro::InterfaceAnswer& answer = column.answer();
+        heat[i] += answer.friction_heat[i];
+        const double mean = 0.5 * (column.inputs().velocity_jump[i] + answer.velocity_jump_new[i]);
+        clipped[i] += std::min(0.0, answer.shear_stress[i] * mean * column.inputs().dt);
+      }
+    }
+    const double share = physics::heat_partition(problem.soft_material, problem.hard_material);
+    for (std::size_t i = 0; i < problem.columns; ++i) {
+      const ShearColumn::Ledger ledger = column.ledger(i);
+      const double moved = ledger.energy_start + std::abs(ledger.friction_work) + std::abs(ledger.work_of_far_ends);
+      EXPECT_LT(std::abs(ledger.momentum_residual()), 1e-12 * std::abs(ledger.momentum_start)) << end << i;
+      EXPECT_LT(std::abs(ledger.energy_residual()), 1e-12 * moved) << end << i;
+      EXPECT_GE(ledger.friction_work, clipped[i] * (1 + 1e-12)) << "friction only takes energy";
+      EXPECT_NEAR(heat[i], share * (ledger.friction_work - clipped[i]), 1e-9 * share * ledger.friction_work + 1e-12)
+          << end << i;
+    }
+  }
+}
+
+TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
+  const wire::Scene of = scene();
+  const hydro::Problem problem = hydro::make_problem(of);
+  hydro::SubgridLaw law = embedded(of, problem);
+  ShearColumn column(problem);
+  std::vector<double> previous = problem.initial_jump;
+  std::size_t stopped = 0;
+  for (std::uint64_t step = 0; step < problem.steps; ++step) {
+    column.advance(law);
+    for (std::size_t i = 0; i < problem.columns; ++i) {
+      const double jump = column.soft().velocity_at(0)[i] - column.hard().velocity_at(0)[i];
+      if (problem.pressure.at(0.0, i) > 0.0) {
+        ASSERT_GE(jump * previous[i], 0.0) << "step " << step << " column " << i;
+      }
+      stopped += jump == 0.0 ? 1 : 0;
+      previous[i] = jump;
+    }
+  }
+  EXPECT_GT(stopped, problem.steps);
+}
+
+TEST(SubgridLaw, RefusalOfTheServerNamesTheField) {
+  wire::Scene of = scene();
+  const hydro::Problem problem = hydro::make_problem(of);
+  of.soft.material = "unobtainium";
+  try {
+    embedded(of, problem);
+    FAIL() << "the server took an unknown material";
+  } catch (const wire::Error& error) {
+    EXPECT_EQ(error.status().code, wire::Code::kInvalidScene);
+    EXPECT_EQ(error.status().field, "soft.material");
+  }
+}
+
+}  // namespace
+}  // namespace shearbus

@@ -1,0 +1,211 @@
+"""The numbers a replay gives: the paper's velocity-driven case (server/physics/MODEL.md, exact solutions), loops, restarts."""
+import subprocess
+import unittest
+
+import h5py
+import numpy as np
+import replay_support as support
+from replay_support import EXAMPLES, ReplayTest, force_history, velocity_history
+
+
+class PaperCase(ReplayTest):
+    """DLP 5.1: h 20 um, P 11.2 GPa, 100 m/s, dt 1 ns."""
+
+    def relative(self, found, expected, tolerance):
+        self.assertLess(abs(found / expected - 1), tolerance, f"{found!r} against {expected!r}")
+
+    def test_layer_shear_on_500_cells_to_six_digits(self):
+        self.example("constant")
+        result = self.result(scene=EXAMPLES / "paper_velocity_driven.toml")
+        for step, temperature, stress in [(10, 398.146970801, 229.2063259e6), (100, 685.320394816, 280.5250815e6),
+                                          (300, 1014.495922106, 293.2798836e6), (1000, 1218.945925353, 142.6492093e6)]:
+            self.relative(result["interface_temperature"][step - 1, 0], temperature, 1e-6)
+            self.relative(result["shear_stress"][step - 1, 0], stress, 1e-6)
+        self.relative(result["shear_stress"][599, 0], 208.7e6, 5e-3)
+        self.assertTrue(np.all(result["interface_temperature"] < 1220.0))
+
+    def test_graded_grid_agrees_with_the_converged_values(self):
+        self.example("constant", "--steps", "2000")
+        result = self.result()
+        stress, temperature = result["shear_stress"][:, 0], result["interface_temperature"][:, 0]
+        for step, expected in [(600, 208.7e6), (1000, 142.6e6), (2000, 92.8e6)]:
+            self.relative(stress[step - 1], expected, 5e-3)
+        self.assertLess(abs(temperature[99] - 685.0), 2.0)
+        self.assertLess(abs(temperature[299] - 1014.0), 2.0)
+        self.assertTrue(250 < np.argmax(stress) < 350)
+
+    def test_interface_slip_on_500_cells_to_six_digits(self):
+        self.example("constant", "--steps", "100")
+        result = self.result(scene=EXAMPLES / "interface_slip.toml")
+        for step, temperature, stress in [(10, 389.489696380, 197.9801299e6), (100, 577.994984274, 190.1699374e6)]:
+            self.relative(result["interface_temperature"][step - 1, 0], temperature, 1e-6)
+            self.relative(result["shear_stress"][step - 1, 0], stress, 1e-6)
+
+    def test_regimes_end_in_melting_and_the_summary_says_so(self):
+        self.example("constant")
+        result = self.result()
+        melting = result["regime"][:, 0] == 4
+        self.assertTrue(melting[-1] and not melting[0])
+        self.assertIn("melting %.1f %%" % (100 * melting.mean()), result["text"])
+        self.assertIn("%.3f K, node 0" % result["interface_temperature"].max(), result["text"])
+        slip = np.sum(np.abs(result["sliding_velocity"]) * result["dt"][:, None])
+        self.assertIn("%.6g m mean" % slip, result["text"])
+
+
+class Results(ReplayTest):
+    def test_layout_units_legend_and_meta(self):
+        self.write(**velocity_history(steps=4, nodes=2, t0=-1e-9))
+        self.result()
+        with h5py.File(self.out) as file:
+            self.assertEqual(set(file), {"time", "dt", "node_id", "shear_stress", "sliding_velocity", "interface_temperature",
+                                         "regime", "outcome", "friction_heat", "meta"})
+            units = {"time": "s", "shear_stress": "Pa", "sliding_velocity": "m s-1", "interface_temperature": "K"}
+            for name, unit in units.items():
+                self.assertEqual(file[name].attrs["units"], unit)
+            self.assertEqual(file["time"].attrs["t0"], -1e-9)
+            self.assertEqual(file["shear_stress"].shape, (4, 2))
+            self.assertEqual(h5py.check_enum_dtype(file["regime"].dtype),
+                             {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4})
+            self.assertEqual(list(file["node_id"]), [10, 11])
+            meta = file["meta"]
+            self.assertEqual(meta.attrs["input_file"], "history.h5")
+            self.assertRegex(meta.attrs["input_hash"], "^xxh3-64:[0-9a-f]{16}$")
+            self.assertTrue(meta.attrs["server_version"])
+            scene = meta["scene"].asstr()[()]
+            self.assertIn("paper_velocity_driven_graded", scene)
+            self.assertIn("melting_temperature_k", scene)  # the effective scene: constants filled in
+
+    def test_the_effective_scene_of_a_result_replays_to_the_same_bits(self):
+        self.example("constant", "--steps", "50")
+        first = self.result()
+        with h5py.File(self.out) as file:
+            (self.path / "effective.toml").write_text(file["meta/scene"].asstr()[()])
+        second = self.result(scene=self.path / "effective.toml")
+        np.testing.assert_array_equal(first["shear_stress"], second["shear_stress"])
+        np.testing.assert_array_equal(first["interface_temperature"], second["interface_temperature"])
+
+    def test_an_older_result_is_replaced_and_the_summary_says_so(self):
+        self.write(**velocity_history())
+        self.assertNotIn("replaced", self.result()["text"])
+        self.assertIn("replaced", self.result()["text"])
+
+    def test_open_contact_carries_no_stress_and_closes_again(self):
+        self.example("ramp")
+        with h5py.File(self.history) as file:
+            pressure = file["pressure"][()]
+            initial = file["initial_temperature"][()]
+        result = self.result()
+        is_open = pressure <= 0
+        self.assertTrue(is_open.any() and (pressure[-1] > 0).all())
+        self.assertTrue(np.all(result["shear_stress"][is_open] == 0))
+        self.assertTrue(np.all(result["regime"][is_open] == 0) and np.all(result["regime"][~is_open] != 0))
+        self.assertTrue(np.all(result["friction_heat"][is_open] == 0))
+        self.assertTrue(np.all(result["shear_stress"][-1] * np.sign([-1] * 4 + [1] * 4) > 0))  # against the jump
+        self.assertTrue(np.all(result["interface_temperature"] >= initial.min() - 1e-9))
+
+    def test_check_reads_everything_and_writes_nothing(self):
+        self.write(**velocity_history())
+        run = self.replay("--check", out=False)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("5 steps of 3 nodes", run.stdout)
+        self.assertEqual([p.name for p in self.path.iterdir()], ["history.h5"])
+
+    def test_soft_shear_rate_drives_the_layer_of_interface_slip(self):
+        scene = EXAMPLES / "interface_slip.toml"
+        without = (self.write(**velocity_history()), self.result(scene=scene))[1]
+        zero = (self.write(**velocity_history(soft_shear_rate=np.zeros((5, 3)))), self.result(scene=scene))[1]
+        driven = (self.write(**velocity_history(soft_shear_rate=np.full((5, 3), 1e7))), self.result(scene=scene))[1]
+        np.testing.assert_array_equal(without["shear_stress"], zero["shear_stress"])
+        self.assertTrue(np.all(driven["shear_stress"][-1] > zero["shear_stress"][-1]))
+        note = self.result()["text"]  # layer_shear has no use for it
+        self.assertIn("/soft_shear_rate is not used", note)
+
+
+class Elsewhere(ReplayTest):
+    def test_a_server_elsewhere_gives_the_same_bits(self):
+        self.write(**velocity_history(steps=20, nodes=3))
+        inside = self.result()
+        endpoint = f"ipc://{self.path}/bus"
+        command = [support.PROGRAMS["server"], "--bind", endpoint]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+            try:
+                outside = self.result("--server", endpoint)
+                again = self.result("--server", endpoint)  # a new session: nothing is left of the first
+            finally:
+                server.terminate()
+                server.wait(timeout=30)
+        for name in ("shear_stress", "sliding_velocity", "interface_temperature", "regime", "outcome", "friction_heat"):
+            np.testing.assert_array_equal(inside[name], outside[name], name)
+            np.testing.assert_array_equal(inside[name], again[name], name)
+
+
+class Recorded(ReplayTest):
+    """What a hydrocode recorded, sent again, gives the hydrocode's own answers."""
+
+    def test_replay_of_a_coupled_run_gives_its_bits(self):
+        problems = EXAMPLES.parents[1] / "hydro_stub" / "problems"
+        for problem in ("two_half_spaces", "release_and_reclose"):
+            with self.subTest(problem):
+                scene = problems / f"{problem}.toml"
+                subprocess.run([support.PROGRAMS["hydro"], str(scene), "--out", str(self.path / problem), "--no-plot"],
+                               check=True, capture_output=True, timeout=240)
+                recording = self.path / problem / "history.h5"
+                with h5py.File(recording) as file:
+                    coupled = {name: file[name][()] for name in file if name != "meta"}
+                    (self.path / "effective.toml").write_text(file["meta/scene"].asstr()[()])
+                for again in (scene, self.path / "effective.toml"):
+                    replayed = self.result(history=recording, scene=again)
+                    for name in ("shear_stress", "sliding_velocity", "interface_temperature", "velocity_jump_new", "regime"):
+                        np.testing.assert_array_equal(coupled[name], replayed[name], name)
+
+
+class Loops(ReplayTest):
+    scene = EXAMPLES / "force_driven.toml"
+
+    def test_plates_slow_down_stop_and_stay(self):
+        self.example("force_driven", "--steps", "1500")
+        result = self.result(scene=self.scene)
+        jump = result["velocity_jump_new"]
+        self.assertTrue(np.all(jump >= 0) and np.all(np.diff(jump, axis=0) <= 0))
+        self.assertTrue(np.all(jump[-1] == 0))  # stuck, and no ringing
+        self.assertTrue(np.all(result["regime"][-1] == 1))
+        # Momentum: what the plates lost is what the stress took, step by step.
+        slope = result["dt"][:, None] * (1 / 2.703 + 1 / 7.9)
+        before = np.vstack([[25.0, 50.0, 75.0, 100.0], jump[:-1]])
+        sliding = jump > 0
+        np.testing.assert_allclose((before - result["shear_stress"] * slope)[sliding], jump[sliding], rtol=1e-12)
+
+    def test_recorded_loop_gives_the_bits_of_the_closed_one(self):
+        parts = force_history(steps=300, nodes=5)
+        self.write(**parts)
+        closed = self.result(scene=self.scene)
+        self.assertIn("closed loop from /initial_velocity_jump", closed["text"])
+        recorded = np.vstack([parts["initial_velocity_jump"], closed["velocity_jump_new"][:-1]])
+        self.write(**(parts | {"initial_velocity_jump": None, "velocity_jump": recorded}))
+        opened = self.result(scene=self.scene)
+        self.assertIn("as recorded in /velocity_jump", opened["text"])
+        again = self.result("--closed-loop", scene=self.scene)
+        self.assertIn("closed loop from the first row of /velocity_jump", again["text"])
+        for other in (opened, again):
+            for name in ("shear_stress", "sliding_velocity", "interface_temperature", "velocity_jump_new", "regime"):
+                np.testing.assert_array_equal(closed[name], other[name], name)
+
+    def test_recorded_jump_wins_where_both_are_there(self):
+        parts = force_history(steps=10)
+        self.write(**parts, velocity_jump=np.full((10, 3), 70.0))
+        result = self.result(scene=self.scene)
+        self.assertIn("/initial_velocity_jump is not used", result["text"])
+        self.assertTrue(np.all(result["velocity_jump_new"][-1] == result["velocity_jump_new"][-1][0]))
+
+    def test_nodes_do_not_see_each_other(self):
+        parts = force_history(steps=50, nodes=11)
+        self.write(**parts)
+        together = self.result(scene=self.scene)
+        for node in (0, 7, 10):
+            alone = {k: v if k == "time" else v[..., node:node + 1] for k, v in parts.items()}
+            self.write(**alone)
+            np.testing.assert_array_equal(self.result(scene=self.scene)["shear_stress"][:, 0], together["shear_stress"][:, node])
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,317 @@
+// Faults and abuse over real sockets. After each the server answers at once, and the states of a bystander are, bit for
+// bit, those of a server that nobody troubled.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/embedded.hpp"
+#include "tests/support/raw_peer.hpp"
+#include "tests/support/running_server.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using support::RawDealer;
+using support::RawStream;
+using support::RunningServer;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(12);
+
+wire::SessionId some_id(std::uint8_t number) {
+  wire::SessionId id;
+  id.fill(number);
+  return id;
+}
+
+wire::Request opening(std::uint8_t session, std::span<const std::uint64_t> nodes = kNodes) {
+  wire::Request request;
+  request.request_id = 1;
+  request.body = wire::OpenSession{.scene = support::force_scene(), .session_id = some_id(session)};
+  request.batch = wire::Batch::of(std::vector{Field::kNodeId}, nodes.size());
+  std::ranges::copy(nodes, request.batch.u64(Field::kNodeId).begin());
+  return request;
+}
+
+wire::Request step_request(std::uint8_t session, std::uint64_t sequence,
+                           std::span<const std::uint64_t> nodes = kNodes) {
+  wire::Request request;
+  request.request_id = 100 + sequence;
+  request.session_id = some_id(session);
+  request.sequence = sequence;
+  request.body = wire::Downscale{.dt_s = 1e-9};
+  request.batch = support::step_columns(Strategy::kForceDriven, nodes, static_cast<int>(sequence));
+  return request;
+}
+
+std::vector<std::string> frames_of_reply(RawDealer& dealer) {
+  std::vector<std::string> frames;
+  for (const zmq::message_t& frame : dealer.receive()) frames.push_back(frame.to_string());
+  return frames;
+}
+
+// A server with a session that has nothing to do with the abuse, and a quiet server with the same session beside it.
+class Faults : public testing::Test {
+ protected:
+  Faults()
+      : client_(server_.client()),
+        quiet_client_({.endpoint = quiet_.endpoint(), .context = quiet_.context()}),
+        bystander_(client_.open(support::force_scene(), kNodes)),
+        twin_(quiet_client_.open(support::force_scene(), kNodes)) {
+    step_both();
+  }
+
+  void step_both() {
+    const auto request = support::step_columns(Strategy::kForceDriven, kNodes, steps_);
+    ++steps_;
+    const auto& a = bystander_.advance(request, {.dt_s = 1e-9});
+    const auto& b = twin_.advance(request, {.dt_s = 1e-9});
+    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0);
+    ASSERT_EQ(std::memcmp(a.interface_temperature_k().data(), b.interface_temperature_k().data(),
+                          kNodes.size() * sizeof(double)),
+              0);
+    ASSERT_EQ(std::memcmp(a.velocity_jump_new_m_per_s().data(), b.velocity_jump_new_m_per_s().data(),
+                          kNodes.size() * sizeof(double)),
+              0);
+  }
+
+  wire::ServerStatus status() {
+    const auto started = std::chrono::steady_clock::now();
+    const wire::ServerStatus status = client_.server_status();
+    EXPECT_LT(std::chrono::steady_clock::now() - started, 1s);
+    return status;
+  }
+
+  void TearDown() override {
+    status();
+    for (int i = 0; i < 3; ++i) step_both();
+    EXPECT_EQ(status().node_steps - foreign_node_steps_, static_cast<std::uint64_t>(steps_) * kNodes.size());
+  }
+
+  RunningServer server_;
+  server::Embedded quiet_;
+  Client client_;
+  Client quiet_client_;
+  Session bystander_;
+  Session twin_;
+  int steps_ = 0;
+  std::uint64_t foreign_node_steps_ = 0;  // that the test itself had run
+};
+
+TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
+  RawDealer dealer(server_.endpoint());
+  dealer.send(opening(1));
+  ASSERT_TRUE(dealer.receive_status()->ok());
+  const auto request = RawDealer::frames_of(step_request(1, 1));
+  dealer.send(request);
+  const auto first = frames_of_reply(dealer);
+  ASSERT_EQ(first.size(), 2u);
+  // The same bytes again, also from another connection: the payload is the same, byte for byte.
+  RawDealer elsewhere(server_.endpoint("tcp"));
+  for (RawDealer* from : {&dealer, &elsewhere, &dealer}) {
+    from->send(request);
+    const auto again = frames_of_reply(*from);
+    ASSERT_EQ(again.size(), 2u);
+    EXPECT_EQ(again[1], first[1]);
+    EXPECT_NE(again[0], first[0]);  // it says that it is a repetition
+  }
+  foreign_node_steps_ = kNodes.size();
+  EXPECT_EQ(status().replayed, 3u);
+}
+
+TEST_F(Faults, ReusedStaleAndMissingSequencesAreRefused) {
+  RawDealer dealer(server_.endpoint());
+  dealer.send(opening(1));
+  ASSERT_TRUE(dealer.receive_status()->ok());
+  for (std::uint64_t sequence = 1; sequence <= 2; ++sequence) {
+    dealer.send(step_request(1, sequence));
+    ASSERT_TRUE(dealer.receive_status()->ok());
+  }
+  auto other = step_request(1, 2);
+  other.batch.f64(Field::kPressure)[0] *= 2;
+  dealer.send(other);
+  EXPECT_EQ(dealer.receive_status()->code, Code::kSequenceReused);
+  dealer.send(step_request(1, 1));
+  EXPECT_EQ(dealer.receive_status()->code, Code::kStaleSequence);
+  dealer.send(step_request(1, 4));
+  const auto gap = dealer.receive_status();
+  EXPECT_EQ(gap->code, Code::kSequenceGap);
+  EXPECT_EQ(gap->last_sequence, 2u);
+  foreign_node_steps_ = 2 * kNodes.size();
+}
+
+TEST_F(Faults, WrongNumbersOfFramesAreBadFraming) {
+  RawDealer dealer(server_.endpoint());
+  const auto good = RawDealer::frames_of(step_request(1, 1));
+  for (const std::size_t count : {1u, 3u, 4u, 100u}) {
+    std::vector<std::string> frames(count, good[1]);
+    frames[0] = good[0];
+    dealer.send(frames);
+    const auto status = dealer.receive_status();
+    ASSERT_TRUE(status.has_value()) << count;
+    EXPECT_EQ(status->code, Code::kBadFraming) << count;
+  }
+}
+
+TEST_F(Faults, GarbageIsMalformed) {
+  RawDealer dealer(server_.endpoint());
+  const auto good = RawDealer::frames_of(opening(1));
+  const std::vector<std::vector<std::string>> bodies = {{""},
+                                                        {"GET / HTTP/1.1\r\n\r\n"},
+                                                        {std::string(1000, '\xff')},
+                                                        {std::string(1000, '\0')},
+                                                        {good[0].substr(0, good[0].size() / 2), good[1]},
+                                                        {good[0] + good[0], good[1]},
+                                                        {good[0] + "x", good[1]},
+                                                        {"", good[0], good[1]}};
+  for (const auto& body : bodies) {
+    dealer.send(body);
+    const auto status = dealer.receive_status();
+    ASSERT_TRUE(status.has_value());
+    EXPECT_LT(static_cast<int>(status->code), 200) << describe(*status);
+  }
+  EXPECT_EQ(status().sessions, 1u);
+}
+
+// Small messages that a parser would turn into large memory: refused by their size and shape.
+TEST_F(Faults, AmplifyingBodiesAreRefused) {
+  RawDealer dealer(server_.endpoint());
+  const std::string good = RawDealer::frames_of(opening(1))[0];
+  std::string submessages = good;  // field 16 (hello), length 0, again and again: 3 bytes each
+  for (int i = 0; i < 3'000'000; ++i) submessages += std::string("\x82\x01\x00", 3);
+  std::string unknown = good;  // field 1000, varint
+  for (int i = 0; i < 2'000'000; ++i) unknown += std::string("\xc0\x3e\x01", 3);
+  for (const std::string& header : {submessages, unknown}) {
+    dealer.send({header});
+    EXPECT_EQ(dealer.receive_status()->code, Code::kLimit);
+  }
+  for (const std::string& header : {submessages.substr(0, 60'000), unknown.substr(0, 60'000)}) {
+    dealer.send({header});
+    EXPECT_EQ(dealer.receive_status()->code, Code::kMalformed);
+  }
+}
+
+TEST_F(Faults, APeerThatSendsAFrameAboveTheLimitIsCutOff) {
+  RawDealer large(server_.endpoint());
+  large.send({std::string(wire::kMaxPayloadBytes + 1, 'x')});
+  EXPECT_TRUE(large.receive(500ms).empty());
+  RawDealer fits(server_.endpoint());
+  fits.send({std::string(wire::kMaxPayloadBytes, 'x')});
+  EXPECT_EQ(fits.receive_status()->code, Code::kLimit);
+}
+
+TEST_F(Faults, OtherMajorVersionsAreToldWhichOneIsSpoken) {
+  RawDealer dealer(server_.endpoint());
+  auto request = opening(1);
+  request.protocol_major = 2;
+  dealer.send(request);
+  EXPECT_EQ(dealer.receive_status()->code, Code::kVersion);
+}
+
+TEST_F(Faults, UnknownAndDuplicateNodesAreRefused) {
+  Session session = client_.open(support::force_scene(), kNodes);
+  for (const auto& [ids, code] : {std::pair{std::vector<std::uint64_t>{100, 5}, Code::kUnknownNode},
+                                  std::pair{std::vector<std::uint64_t>{100, 101, 100}, Code::kDuplicateNode}}) {
+    try {
+      session.advance(support::step_columns(Strategy::kForceDriven, ids, 0, true), {.dt_s = 1e-9});
+      ADD_FAILURE() << "accepted";
+    } catch (const Error& fault) {
+      EXPECT_EQ(fault.status().code, code);
+      EXPECT_EQ(fault.status().node_ids.size(), 1u);
+    }
+  }
+}
+
+// Each node's answer is 50 bytes: 20,000 nodes fill the buffers of a connection within a few replies.
+TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
+  const auto nodes = support::node_ids(20'000);
+  RawDealer slow(server_.endpoint("tcp"), 1);
+  slow.send(opening(1, nodes));
+  ASSERT_TRUE(slow.receive_status()->ok());
+  const auto request = RawDealer::frames_of(step_request(1, 1, nodes));
+  for (int i = 0; i < 60; ++i) slow.send(request);  // and never receives
+  foreign_node_steps_ = nodes.size();
+  std::chrono::nanoseconds slowest{0};
+  for (int i = 0; i < 50; ++i) {
+    const auto started = std::chrono::steady_clock::now();
+    step_both();
+    slowest = std::max<std::chrono::nanoseconds>(slowest, std::chrono::steady_clock::now() - started);
+  }
+  EXPECT_LT(slowest, 1s);
+  for (int i = 0; i < 100 && server_.transport().peer_full == 0; ++i) {
+    std::this_thread::sleep_for(20ms);
+    status();  // a reply: its counters are ours to read
+  }
+  EXPECT_GT(server_.transport().peer_full, 0u);
+  // The last reply is still kept: whoever asks again on a connection that reads, gets it.
+  RawDealer again(server_.endpoint());
+  again.send(request);
+  EXPECT_TRUE(again.receive_status()->ok());
+}
+
+TEST_F(Faults, StrayBytesNeverReachTheServer) {
+  const std::uint64_t before = status().requests;
+  const std::vector<std::string> strays = {
+      "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // TLS hello
+      std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
+      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
+      std::string(100'000, '\0'),
+      std::string(100'000, '\xff'),
+      "\r\n"};
+  for (const char* scheme : {"ipc", "tcp"})
+    for (const std::string& stray : strays) {
+      RawStream stream(server_.endpoint(scheme));
+      stream.send(stray);
+      stream.closed_within(50ms);
+    }
+  std::this_thread::sleep_for(200ms);
+  EXPECT_EQ(status().requests, before + 1);
+}
+
+TEST_F(Faults, ManySilentConnectionsDoNotKeepAnHonestClientWaiting) {
+  std::vector<RawStream> silent;
+  for (int i = 0; i < 300; ++i) silent.emplace_back(server_.endpoint("tcp"));
+  const auto started = std::chrono::steady_clock::now();
+  Client honest = server_.client("tcp");
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 1s);
+  // Whoever does not shake hands is shown the door.
+  EXPECT_TRUE(silent.front().closed_within(8s));
+}
+
+TEST_F(Faults, AClientThatLeftMidRequestHasItsStepRunOnce) {
+  {
+    RawDealer gone(server_.endpoint());
+    gone.send(opening(1));
+    ASSERT_TRUE(gone.receive_status()->ok());
+    gone.send(step_request(1, 1));
+    while (status().node_steps < static_cast<std::uint64_t>(steps_ + 1) * kNodes.size())
+      std::this_thread::sleep_for(1ms);
+  }
+  foreign_node_steps_ = kNodes.size();
+  RawDealer back(server_.endpoint());
+  back.send(step_request(1, 1));
+  EXPECT_TRUE(back.receive_status()->ok());
+  EXPECT_EQ(status().replayed, 1u);
+}
+
+TEST_F(Faults, DestroyedSessionsSayGoodbye) {
+  { Session short_lived = client_.open(support::force_scene(), kNodes); }
+  for (int i = 0; i < 100 && status().sessions != 1; ++i) std::this_thread::sleep_for(5ms);
+  EXPECT_EQ(status().sessions, 1u);
+  {
+    Client other = server_.client("tcp");
+    Session short_lived = other.open(support::force_scene(), kNodes);
+  }
+  for (int i = 0; i < 100 && status().sessions != 1; ++i) std::this_thread::sleep_for(5ms);
+  EXPECT_EQ(status().sessions, 1u);
+}
+
+}  // namespace
+}  // namespace shearbus

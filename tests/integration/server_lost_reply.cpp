@@ -1,0 +1,197 @@
+// A network between client and server that loses what it is told to lose. The client repeats, the server remembers.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <vector>
+#include <zmq.hpp>
+
+#include "tests/support/running_server.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using support::RunningServer;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(10);
+
+// Passes messages on; drops the next requests or replies on demand.
+class LossyBus {
+ public:
+  explicit LossyBus(const std::string& server) : front_(context_, zmq::socket_type::router) {
+    front_.set(zmq::sockopt::linger, 0);
+    front_.bind("tcp://127.0.0.1:*");
+    endpoint_ = front_.get(zmq::sockopt::last_endpoint);
+    thread_ = std::thread([this, server] { run(server); });
+  }
+  LossyBus(const LossyBus&) = delete;
+  LossyBus& operator=(const LossyBus&) = delete;
+  ~LossyBus() {
+    stopping_ = true;
+    thread_.join();
+  }
+
+  const std::string& endpoint() const { return endpoint_; }
+  std::atomic<int> requests_to_lose{0};
+  std::atomic<int> replies_to_lose{0};
+  std::atomic<int> requests_seen{0};
+
+ private:
+  using Message = std::vector<zmq::message_t>;
+
+  static bool receive(zmq::socket_t& socket, Message& message) {
+    message.clear();
+    for (bool more = true; more;) {
+      zmq::message_t frame;
+      if (!socket.recv(frame, zmq::recv_flags::dontwait)) return false;
+      more = frame.more();
+      message.push_back(std::move(frame));
+    }
+    return true;
+  }
+  static void send(zmq::socket_t& socket, Message& message) {
+    for (std::size_t i = 0; i < message.size(); ++i)
+      socket.send(message[i], i + 1 < message.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
+  }
+  static bool take(std::atomic<int>& counter) {
+    if (counter <= 0) return false;
+    --counter;
+    return true;
+  }
+
+  // The client's routing id travels in front of the request through one DEALER per client, as a proxy's does.
+  void run(const std::string& server) {
+    std::vector<std::pair<std::string, zmq::socket_t>> links;
+    while (!stopping_) {
+      zmq::pollitem_t item{front_.handle(), 0, ZMQ_POLLIN, 0};
+      zmq::poll(&item, 1, 2ms);
+      Message message;
+      while (receive(front_, message)) {
+        ++requests_seen;
+        const std::string peer = message.front().to_string();
+        message.erase(message.begin());
+        if (take(requests_to_lose)) continue;
+        auto link = std::find_if(links.begin(), links.end(), [&](const auto& l) { return l.first == peer; });
+        if (link == links.end()) {
+          links.emplace_back(peer, zmq::socket_t(context_, zmq::socket_type::dealer));
+          link = links.end() - 1;
+          link->second.set(zmq::sockopt::linger, 0);
+          link->second.connect(server);
+        }
+        send(link->second, message);
+      }
+      for (auto& [peer, link] : links)
+        while (receive(link, message)) {
+          if (take(replies_to_lose)) continue;
+          message.insert(message.begin(), zmq::message_t(peer));
+          send(front_, message);
+        }
+    }
+  }
+
+  zmq::context_t context_;
+  zmq::socket_t front_;
+  std::string endpoint_;
+  std::atomic<bool> stopping_{false};
+  std::thread thread_;
+};
+
+class LostReply : public testing::Test {
+ protected:
+  LostReply() : bus_(server_.endpoint()), direct_(server_.client()) {}
+
+  ClientOptions options() const { return {.endpoint = bus_.endpoint(), .reply_deadline = 3s, .retry_after = 150ms}; }
+  static Batch columns(int step) { return support::step_columns(Strategy::kForceDriven, kNodes, step); }
+
+  RunningServer server_;
+  LossyBus bus_;
+  Client direct_;
+};
+
+TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
+  Client client(options());
+  Session session = client.open(support::force_scene(), kNodes);
+  Session twin = direct_.open(support::force_scene(), kNodes);
+  int losses = 0;
+  for (int step = 0; step < 12; ++step) {
+    if (step % 3 == 0) bus_.replies_to_lose = 1 + step / 6;
+    if (step % 3 == 1) bus_.requests_to_lose = 1;
+    losses += bus_.replies_to_lose + bus_.requests_to_lose;
+    const auto& a = session.advance(columns(step), {.dt_s = 1e-9});
+    const auto& b = twin.advance(columns(step), {.dt_s = 1e-9});
+    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
+        << step;
+    ASSERT_EQ(a.upscale().state_version, static_cast<std::uint64_t>(step + 1));
+  }
+  const auto status = direct_.server_status();
+  EXPECT_EQ(status.node_steps, 2 * 12 * kNodes.size());
+  EXPECT_EQ(status.replayed, 6u);
+  EXPECT_EQ(losses, 10);
+}
+
+TEST_F(LostReply, ALostOpeningReplyOpensOneSession) {
+  Client client(options());
+  bus_.replies_to_lose = 2;
+  Session session = client.open(support::force_scene(), kNodes);
+  EXPECT_EQ(direct_.server_status().sessions, 1u);
+}
+
+TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {
+  ClientOptions impatient = options();
+  impatient.reply_deadline = 400ms;
+  Client client(impatient);
+  Session session = client.open(support::force_scene(), kNodes);
+  Session twin = direct_.open(support::force_scene(), kNodes);
+  const auto request = columns(0);
+  bus_.replies_to_lose = 1000;
+  try {
+    session.advance(request, {.dt_s = 1e-9});
+    FAIL() << "a reply came from nowhere";
+  } catch (const Error& fault) {
+    EXPECT_EQ(fault.status().code, Code::kUnknownOutcome);
+  }
+  bus_.replies_to_lose = 0;
+  const auto& a = session.advance(request, {.dt_s = 1e-9});
+  EXPECT_EQ(a.upscale().state_version, 1u);
+  const auto& b = twin.advance(request, {.dt_s = 1e-9});
+  EXPECT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa()));
+  EXPECT_EQ(direct_.server_status().node_steps, 2 * kNodes.size());
+}
+
+TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
+  ClientOptions impatient = options();
+  impatient.reply_deadline = 400ms;
+  Client client(impatient);
+  Session session = client.open(support::force_scene(), kNodes);
+  bus_.replies_to_lose = 1000;
+  EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);
+  bus_.replies_to_lose = 0;
+  try {
+    session.advance(columns(1), {.dt_s = 1e-9});
+    FAIL() << "another step was run under the number of the lost one";
+  } catch (const Error& fault) {
+    EXPECT_EQ(fault.status().code, Code::kSequenceReused);
+  }
+  // The session goes on from after the lost step.
+  EXPECT_EQ(session.advance(columns(1), {.dt_s = 1e-9}).upscale().state_version, 2u);
+}
+
+TEST_F(LostReply, AServerThatStopsAnsweringIsNoticedWithinTheDeadline) {
+  ClientOptions impatient = options();
+  impatient.reply_deadline = 500ms;
+  Client client(impatient);
+  Session session = client.open(support::force_scene(), kNodes);
+  server_.stop();
+  const auto started = std::chrono::steady_clock::now();
+  EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 1500ms);
+}
+
+}  // namespace
+}  // namespace shearbus

@@ -1,0 +1,108 @@
+// One model with its tiles, for tests: set inputs, step, look at a lane.
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/physics/reference/advance_one.hpp"
+#include "server/physics/solver/model.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::testing {
+
+using namespace shearbus::physics;  // NOLINT(google-build-using-namespace): tests of that room
+
+inline ModelOptions paper_options(Strategy strategy = Strategy::kVelocityDriven) {
+  ModelOptions options;
+  options.strategy = strategy;
+  options.soft = make_material("aluminium_dlp", {}).material;
+  options.hard = make_material("steel_dlp", {}).material;
+  options.interface = {0.3, 200e6};
+  return options;
+}
+
+inline ModelOptions graded(ModelOptions options, int cells = 60, double grading = 1.08) {
+  options.grid.cells = cells;
+  options.grid.grading = grading;
+  return options;
+}
+
+class Rig {
+ public:
+  explicit Rig(const ModelOptions& options, std::uint32_t active = 0xff)
+      : model(options), committed(model.layout().doubles), trial(model.layout().doubles) {
+    double temperature[kLanes];
+    for (double& T : temperature) T = options.initial_temperature;
+    start(temperature);
+    inputs.active = active;
+    for (int l = 0; l < kLanes; ++l) inputs.mass_minus[l] = inputs.mass_plus[l] = 1.0;
+  }
+
+  void start(const double (&temperature)[kLanes]) { model.initialise(committed.data(), temperature); }
+
+  // One accepted step of every active lane.
+  void step(double dt) {
+    if (!operators || operators->dt() != dt) operators = model.operators(dt);
+    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
+    std::swap(committed, trial);
+  }
+
+  void set_all(double velocity_jump, double pressure) {
+    for (int l = 0; l < kLanes; ++l) {
+      inputs.velocity_jump[l] = velocity_jump;
+      inputs.pressure[l] = pressure;
+    }
+  }
+
+  double T(int vertex, int lane = 0) const { return committed[model.layout().temperature + vertex * kLanes + lane]; }
+  double ep(int vertex, int lane = 0) const {
+    return committed[model.layout().plastic_strain + vertex * kLanes + lane];
+  }
+  double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
+
+  // (k/alpha) integral (T - reference), with the weights of the conduction.
+  double stored_heat(double reference, int lane = 0) const {
+    const HeatGrid grid(model.grid(), model.options().grid.far_boundary);
+    double sum = 0.0;
+    for (int i = 0; i < grid.num_vertices(); ++i) sum += grid.weight[i] * (T(i, lane) - reference);
+    return sum * model.options().soft.conductivity / model.options().soft.diffusivity;
+  }
+
+  // sqrt(3) integral(ep) over the layer: the slip it has carried  [m]
+  double plastic_slip(int lane = 0) const {
+    double sum = 0.0;
+    for (int i = 0; i < model.grid().num_vertices(); ++i) sum += model.grid().weight[i] * ep(i, lane);
+    return kSqrt3 * sum;
+  }
+
+  reference::NodeState node_state(int lane) const {
+    reference::NodeState state;
+    for (std::size_t i = 0; i < model.layout().num_vertices; ++i)
+      state.temperature.push_back(T(static_cast<int>(i), lane));
+    for (int i = 0; i < model.grid().num_vertices(); ++i) {
+      state.plastic_strain.push_back(model.layout().plastic_strain == TileLayout::kAbsent ? 0.0 : ep(i, lane));
+    }
+    state.shear_stress = stress(lane);
+    state.regime = static_cast<Regime>(static_cast<int>(committed[model.layout().regime + lane]));
+    return state;
+  }
+
+  reference::NodeInputs node_inputs(int lane) const {
+    return {inputs.velocity_jump[lane], inputs.pressure[lane],    inputs.soft_shear_rate[lane],
+            inputs.stress_minus[lane],  inputs.stress_plus[lane], inputs.mass_minus[lane],
+            inputs.mass_plus[lane]};
+  }
+
+  Model model;
+  std::shared_ptr<const StepOperators> operators;
+  TileInputs inputs;
+  TileOutputs outputs{};
+  std::vector<double> committed, trial;
+};
+
+}  // namespace shearbus::testing

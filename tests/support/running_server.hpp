@@ -1,0 +1,89 @@
+// A server on real sockets, on a thread of the test's process: what Embedded is, with endpoints of its own.
+#pragma once
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/include/shearbus/client.hpp"
+#include "server/server.hpp"
+
+namespace shearbus::support {
+
+// A directory of this test's own, short enough for the path of a socket.
+class ScratchDirectory {
+ public:
+  ScratchDirectory() {
+    char name[] = "/tmp/shearbus-test-XXXXXX";
+    if (::mkdtemp(name) == nullptr) throw std::runtime_error("no scratch directory");
+    path_ = name;
+  }
+  ScratchDirectory(const ScratchDirectory&) = delete;
+  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
+  ~ScratchDirectory() { std::filesystem::remove_all(path_); }
+
+  const std::filesystem::path& path() const { return path_; }
+  std::string ipc(const std::string& name = "bus") const { return "ipc://" + (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+class RunningServer {
+ public:
+  explicit RunningServer(const server::ServerOptions& options = {}, const std::vector<std::string>& endpoints = {})
+      : stop_(::eventfd(0, EFD_CLOEXEC)), server_(options) {
+    std::vector<std::string> wanted = endpoints;
+    if (wanted.empty()) wanted = {scratch_.ipc(), "tcp://127.0.0.1:*", "inproc://test"};
+    for (const std::string& endpoint : wanted) endpoints_.push_back(server_.bind(endpoint));
+    thread_ = std::thread([this] { server_.run(stop_); });
+  }
+  RunningServer(const RunningServer&) = delete;
+  RunningServer& operator=(const RunningServer&) = delete;
+  ~RunningServer() {
+    stop();
+    ::close(stop_);
+  }
+
+  void stop() {
+    if (!thread_.joinable()) return;
+    const std::uint64_t one = 1;
+    if (::write(stop_, &one, sizeof one) != sizeof one) std::abort();
+    thread_.join();
+  }
+
+  // "ipc", "tcp" or "inproc": where it listens by that scheme.
+  const std::string& endpoint(const std::string& scheme = "ipc") const {
+    for (const std::string& endpoint : endpoints_)
+      if (endpoint.starts_with(scheme + "://")) return endpoint;
+    throw std::runtime_error("the server does not listen by " + scheme);
+  }
+  const std::vector<std::string>& endpoints() const { return endpoints_; }
+  void* context() { return server_.context(); }
+
+  ClientOptions client_options(const std::string& scheme = "ipc") {
+    ClientOptions options;
+    options.endpoint = endpoint(scheme);
+    if (scheme == "inproc") options.context = context();
+    return options;
+  }
+  Client client(const std::string& scheme = "ipc") { return Client(client_options(scheme)); }
+
+  // Counters; only when stopped, or in a quiet moment after a reply.
+  const transport::RouterCounters& transport() const { return server_.transport(); }
+
+ private:
+  ScratchDirectory scratch_;
+  int stop_;
+  server::Server server_;
+  std::vector<std::string> endpoints_;
+  std::thread thread_;
+};
+
+}  // namespace shearbus::support

@@ -1,0 +1,84 @@
+// Small scenes of both strategies, and columns of inputs that differ from node to node.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <numeric>
+#include <span>
+#include <vector>
+
+#include "proto/wire/batch.hpp"
+#include "proto/wire/scene.hpp"
+#include "proto/wire/strategy_columns.hpp"
+
+namespace shearbus::support {
+
+inline wire::Scene velocity_scene(std::uint32_t cells = 24) {
+  wire::Scene scene;
+  scene.name = "small_velocity_driven";
+  scene.strategy = wire::Strategy::kVelocityDriven;
+  scene.soft.material = "aluminium_dlp";
+  scene.hard.material = "steel_dlp";
+  scene.layer = {.thickness_m = 20e-6, .cells = cells, .grading = 1.15};
+  return scene;
+}
+
+inline wire::Scene force_scene(std::uint32_t cells = 24) {
+  wire::Scene scene = velocity_scene(cells);
+  scene.name = "small_force_driven";
+  scene.strategy = wire::Strategy::kForceDriven;
+  scene.interface = wire::Interface{.friction_coefficient = 0.3, .yield_strength_pa = 200e6};
+  return scene;
+}
+
+inline wire::Scene scene_of(wire::Strategy strategy) {
+  return strategy == wire::Strategy::kForceDriven ? force_scene() : velocity_scene();
+}
+
+inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t first = 100) {
+  std::vector<std::uint64_t> ids(count);
+  std::iota(ids.begin(), ids.end(), first);
+  return ids;
+}
+
+// What node `id` meets in step `step`: slow and fast slip, stick, reversal, an open interface now and then.
+inline double input_of(wire::Field field, std::uint64_t id, int step) {
+  const double a = static_cast<double>(id % 17) / 17.0;
+  switch (field) {
+    case wire::Field::kVelocityJump:
+      return (id % 5 == 4 ? -1.0 : 1.0) * (0.5 + 150.0 * a);
+    case wire::Field::kPressure:
+      return (id + static_cast<std::uint64_t>(step)) % 7 == 6 ? -1e8 : 5e9 + 8e9 * a;
+    case wire::Field::kStressMinus:
+      return 1e8 + 2e8 * a;
+    case wire::Field::kStressPlus:
+      return 2e8 - 1e8 * a;
+    case wire::Field::kMassMinus:
+      return 0.0135 * (1.0 + a);
+    case wire::Field::kMassPlus:
+      return 0.0395 * (1.0 + a);
+    default:
+      return 0.0;
+  }
+}
+
+// The columns of a step; rows follow `ids`. `with_ids` adds the node_id column.
+inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step,
+                                bool with_ids = false) {
+  std::vector<wire::Field> fields;
+  if (with_ids) fields.push_back(wire::Field::kNodeId);
+  const auto required = wire::columns_of(strategy).required;
+  fields.insert(fields.end(), required.begin(), required.end());
+  wire::Batch batch = wire::Batch::of(fields, ids.size());
+  for (const wire::Field field : required)
+    for (std::size_t row = 0; row < ids.size(); ++row) batch.f64(field)[row] = input_of(field, ids[row], step);
+  if (with_ids)
+    for (std::size_t row = 0; row < ids.size(); ++row) batch.u64(wire::Field::kNodeId)[row] = ids[row];
+  return batch;
+}
+
+inline std::vector<std::byte> bytes_of(const wire::Batch& batch) {
+  return {batch.bytes().begin(), batch.bytes().end()};
+}
+
+}  // namespace shearbus::support

@@ -1,0 +1,99 @@
+// build/bin/shearbus-server as a process of its own.
+#pragma once
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/support/running_server.hpp"
+
+extern char** environ;
+
+namespace shearbus::support {
+
+class Process {
+ public:
+  explicit Process(std::vector<std::string> command, const std::string& output_file) {
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 1, output_file.c_str(), O_CREAT | O_WRONLY | O_APPEND, 0600);
+    posix_spawn_file_actions_adddup2(&actions, 1, 2);
+    std::vector<char*> argv;
+    for (std::string& word : command) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    if (::posix_spawn(&pid_, argv[0], &actions, nullptr, argv.data(), environ) != 0)
+      throw std::runtime_error("cannot start " + command[0]);
+    posix_spawn_file_actions_destroy(&actions);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+  ~Process() {
+    if (!exit_code(std::chrono::milliseconds(0))) {
+      signal(SIGKILL);
+      exit_code(std::chrono::seconds(10));
+    }
+  }
+
+  void signal(int number) const { ::kill(pid_, number); }
+
+  // Exit code (128 + n for signal n), or nothing where it still runs after the time.
+  std::optional<int> exit_code(std::chrono::milliseconds time) {
+    const auto end = std::chrono::steady_clock::now() + time;
+    while (!exit_code_) {
+      int status = 0;
+      if (::waitpid(pid_, &status, WNOHANG) == pid_)
+        exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+      else if (std::chrono::steady_clock::now() >= end)
+        return std::nullopt;
+      else
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return exit_code_;
+  }
+
+ private:
+  pid_t pid_ = 0;
+  std::optional<int> exit_code_;
+};
+
+inline std::string text_of(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+class ServerProcess {
+ public:
+  explicit ServerProcess(std::vector<std::string> arguments) : log_(scratch_.path() / "log") {
+    arguments.insert(arguments.begin(), SHEARBUS_BINARY_DIR "/bin/shearbus-server");
+    process_.emplace(std::move(arguments), log_.string());
+  }
+  bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) const {
+    const auto end = std::chrono::steady_clock::now() + time;
+    while (std::chrono::steady_clock::now() < end) {
+      if (log().find("listening on") != std::string::npos) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return false;
+  }
+  std::string log() const { return text_of(log_); }
+  Process& process() { return *process_; }
+
+ private:
+  ScratchDirectory scratch_;
+  std::filesystem::path log_;
+  std::optional<Process> process_;
+};
+
+}  // namespace shearbus::support

@@ -1,0 +1,97 @@
+// A service without a socket: requests and replies pass through the codec as they would on the wire. The clock is a
+// counter.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "proto/wire/codec.hpp"
+#include "proto/wire/messages.hpp"
+#include "server/service/service.hpp"
+#include "server/shard/task_pool.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus::support {
+
+struct Answer {
+  service::ReplyFrames frames;
+  wire::Reply reply;  // its batch points into frames
+
+  std::vector<std::byte> payload() const { return {frames.payload.begin(), frames.payload.end()}; }
+  wire::Code code() const { return reply.status.code; }
+};
+
+struct ServiceHarness {
+  explicit ServiceHarness(unsigned threads = 1, service::ServiceOptions options = {})
+      : pool(threads), service(complete(std::move(options)), pool) {}
+
+  Answer ask_bytes(service::Frames frames) {
+    auto answered = service.handle(frames);
+    if (!answered) throw std::runtime_error("the service did not answer");
+    Answer answer{.frames = std::move(*answered), .reply = {}};
+    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
+    wire::decode(std::span(views, answer.frames.has_payload ? 2 : 1), answer.reply);
+    return answer;
+  }
+
+  Answer ask(const wire::Request& request) {
+    const std::string header = wire::encode_header(request);
+    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
+    return ask_bytes(std::span(views, request.batch.columns().empty() ? 1 : 2));
+  }
+
+  static wire::SessionId id(std::uint8_t number) {
+    wire::SessionId session_id{};
+    session_id.fill(number);
+    return session_id;
+  }
+
+  static wire::Request opening(const wire::Scene& scene, std::span<const std::uint64_t> nodes,
+                               std::uint8_t session = 1) {
+    wire::Request request;
+    request.request_id = 1;
+    request.body = wire::OpenSession{.scene = scene, .session_id = id(session)};
+    request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
+    std::copy(nodes.begin(), nodes.end(), request.batch.u64(wire::Field::kNodeId).begin());
+    return request;
+  }
+
+  template <typename Body>
+  static wire::Request in_session(Body body, std::uint64_t sequence, std::uint8_t session = 1) {
+    wire::Request request;
+    request.request_id = 1000 + sequence;
+    request.session_id = id(session);
+    request.sequence = sequence;
+    request.body = std::move(body);
+    return request;
+  }
+
+  static wire::Request step(std::uint64_t sequence, wire::Batch batch, wire::Mode mode = wire::Mode::kAdvance,
+                            std::uint8_t session = 1) {
+    wire::Request request = in_session(wire::Downscale{.dt_s = 1e-9, .mode = mode}, sequence, session);
+    request.batch = std::move(batch);
+    return request;
+  }
+
+  std::uint64_t clock = 0;
+  bool clock_fails = false;  // the next look at it throws: a fault inside the server, on demand
+  std::vector<std::string> log;
+  shard::TaskPool pool;
+  service::Service service;
+
+ private:
+  service::ServiceOptions complete(service::ServiceOptions options) {
+    options.epoch = 77;
+    options.server_version = "test";
+    options.now_ns = [this] {
+      if (std::exchange(clock_fails, false)) throw std::runtime_error("the clock stands still");
+      return ++clock;
+    };
+    options.log = [this](const std::string& line) { log.push_back(line); };
+    return options;
+  }
+};
+
+}  // namespace shearbus::support

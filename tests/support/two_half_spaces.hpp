@@ -1,0 +1,86 @@
+// Two elastic half-spaces that slide under the thermally softened interface law (server/physics/MODEL.md, exact
+// solutions), as one Volterra equation solved here to high accuracy. Shares no line with the layer, the hydro or the
+// bus.
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+namespace shearbus::test {
+
+struct HalfSpaces {
+  double initial_jump;          // V0  [m/s]
+  double pressure;              // [Pa]
+  double friction_coefficient;  // mu
+  double yield_strength;        // of the interface  [Pa]
+  double initial_temperature = 300.0;
+  // The paper's constants, aluminium on steel.
+  double density_soft = 2703.0, density_hard = 7900.0;
+  double modulus_soft = 27.6e9, modulus_hard = 77e9;
+  double conductivity_soft = 117.0, conductivity_hard = 16.1;
+  double diffusivity_soft = 48.9e-6, diffusivity_hard = 4.076e-6;
+  double pressure_coefficient = 6.52e-11, temperature_coefficient = 6.16e-4, melting_temperature = 1220.0;
+
+  double limit(double temperature) const {
+    if (temperature >= melting_temperature) return 0.0;
+    const double bracket = 1.0 + pressure_coefficient * pressure - temperature_coefficient * (temperature - 300.0);
+    const double g = std::max(0.0, bracket) * std::exp(-0.001 * temperature / (melting_temperature - temperature));
+    return std::min(friction_coefficient * pressure, yield_strength * g / std::sqrt(3.0));
+  }
+  // [V] = V0 - s (1/Z_soft + 1/Z_hard)
+  double jump(double stress) const {
+    return initial_jump -
+           stress * (1.0 / std::sqrt(density_soft * modulus_soft) + 1.0 / std::sqrt(density_hard * modulus_hard));
+  }
+  double heat_partition() const {
+    const double soft = conductivity_soft * std::sqrt(diffusivity_hard);
+    return soft / (soft + conductivity_hard * std::sqrt(diffusivity_soft));
+  }
+};
+
+struct HalfSpaceState {
+  double time, stress, jump, temperature;
+};
+
+// At `intervals`+1 times from 0 to `end`, quadratically graded: the solution is smooth in sqrt(t). Product integration:
+// the friction power is linear in each interval, the kernel (t - x)^(-1/2) is integrated exactly, so the error falls as
+// intervals^-2.
+inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& problem, double end, int intervals) {
+  const double pi = std::acos(-1.0);
+  const double factor = problem.heat_partition() / problem.conductivity_soft * std::sqrt(problem.diffusivity_soft / pi);
+  const auto state_at = [&](double time, double temperature) {
+    const double stress = problem.limit(temperature);
+    return HalfSpaceState{time, stress, problem.jump(stress), temperature};
+  };
+  std::vector<HalfSpaceState> states = {state_at(0.0, problem.initial_temperature)};
+  for (int i = 1; i <= intervals; ++i) {
+    const double share = static_cast<double>(i) / intervals;
+    const double time = end * share * share;
+    double known = problem.initial_temperature;
+    double weight_of_last = 0.0;
+    for (std::size_t j = 0; j < states.size(); ++j) {
+      const double right = j + 1 < states.size() ? states[j + 1].time : time;
+      const double a = time - states[j].time;
+      const double b = time - right;
+      const double whole = 2.0 * (std::sqrt(a) - std::sqrt(b));
+      const double rising = (a * whole - 2.0 / 3.0 * (a * std::sqrt(a) - b * std::sqrt(b))) / (right - states[j].time);
+      known += factor * (whole - rising) * states[j].stress * states[j].jump;
+      if (j + 1 < states.size()) {
+        known += factor * rising * states[j + 1].stress * states[j + 1].jump;
+      } else {
+        weight_of_last = factor * rising;
+      }
+    }
+    double low = problem.initial_temperature;
+    double high = problem.melting_temperature;
+    for (int bisection = 0; bisection < 60; ++bisection) {
+      const double middle = 0.5 * (low + high);
+      const HalfSpaceState state = state_at(time, middle);
+      (known + weight_of_last * state.stress * state.jump > middle ? low : high) = middle;
+    }
+    states.push_back(state_at(time, 0.5 * (low + high)));
+  }
+  return states;
+}
+
+}  // namespace shearbus::test

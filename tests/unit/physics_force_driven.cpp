@@ -1,0 +1,179 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// Half zones of 5 um of the paper's pair.
+void set_masses(Rig& rig, double zone = 5e-6) {
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.mass_minus[l] = 2703.0 * 0.5 * zone;
+    rig.inputs.mass_plus[l] = 7900.0 * 0.5 * zone;
+  }
+}
+
+TEST(PhysicsForceDriven, OpenContactAcceleratesFreely) {
+  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
+  set_masses(rig);
+  rig.set_all(3.0, -1e9);
+  rig.inputs.stress_minus[0] = 1e8;
+  rig.step(1e-9);
+  const double jump_new = 3.0 + 1e-9 * (1e8 / rig.inputs.mass_minus[0]);
+  EXPECT_DOUBLE_EQ(rig.outputs.velocity_jump_new[0], jump_new);
+  EXPECT_DOUBLE_EQ(rig.outputs.sliding_velocity[0], 0.5 * (3.0 + jump_new));
+  EXPECT_EQ(rig.outputs.shear_stress[0], 0.0);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kOpen);
+}
+
+TEST(PhysicsForceDriven, SlipStressIsTheLimitAtTheTemperatureItMakes) {
+  const ModelOptions options = graded(paper_options(Strategy::kForceDriven));
+  Rig rig(options, 1);
+  set_masses(rig);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 200; ++n) {
+    rig.step(1e-9);
+    const double limit = 200e6 * softening(options.soft, 11.2e9, rig.T(0)).g / kSqrt3;
+    ASSERT_NEAR(rig.outputs.shear_stress[0] / limit, 1.0, 1e-11) << n;
+    ASSERT_EQ(rig.outputs.regime[0], rig.T(0) < 0.99 * 1220 ? Regime::kTresca : Regime::kMelting);
+  }
+}
+
+TEST(PhysicsForceDriven, LowPressureSlipsAtCoulomb) {
+  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
+  set_masses(rig);
+  rig.set_all(-100.0, 0.1e9);
+  rig.step(1e-9);
+  EXPECT_EQ(rig.outputs.shear_stress[0], -0.3 * 0.1e9);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
+}
+
+TEST(PhysicsForceDriven, StickingDoesNotRing) {
+  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
+  set_masses(rig);
+  double jump = 1.0;
+  for (int n = 0; n < 500; ++n) {
+    rig.set_all(jump, 11.2e9);
+    rig.inputs.stress_minus[0] = 5e7 * std::sin(0.01 * n);
+    rig.inputs.stress_plus[0] = 3e7 * std::cos(0.02 * n);
+    rig.step(1e-9);
+    jump = rig.outputs.velocity_jump_new[0];
+    ASSERT_EQ(jump, 0.0) << n;
+    ASSERT_EQ(rig.outputs.regime[0], Regime::kStick) << n;
+    if (n > 0) {
+      ASSERT_EQ(rig.outputs.sliding_velocity[0], 0.0) << n;
+      ASSERT_EQ(rig.outputs.friction_heat[0], 0.0) << n;
+    }
+  }
+}
+
+TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
+  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
+  set_masses(rig);
+  rig.set_all(2.0, 11.2e9);
+  rig.step(1e-9);
+  ASSERT_EQ(rig.outputs.regime[0], Regime::kStick);
+  const double reduced = 1.0 / (1.0 / rig.inputs.mass_minus[0] + 1.0 / rig.inputs.mass_plus[0]);
+  const double beta_T = heat_partition(rig.model.options().soft, rig.model.options().hard);
+  EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
+}
+
+// MODEL.md section 6: half zones of 5 um, dt 1 ns, T_ad 1215 K, [V]mid without friction 33.888 m/s, interface yield
+// 0.68 GPa.
+struct ThreeRoots {
+  ModelOptions options = paper_options(Strategy::kForceDriven);
+  ThreeRoots() {
+    options.interface.yield_strength = 0.68e9;
+    options.initial_temperature = 1215.0;
+  }
+  StressLimit limit() const { return {0.3 * 11.2e9, 0.68e9 / kSqrt3, 11.2e9, &options.soft}; }
+  FrictionHeating heating() const {
+    // The example's numbers are those of a half-space without a grid.
+    const double B0 = std::sqrt(options.soft.diffusivity * 1e-9) / options.soft.conductivity;
+    const double b = 0.5 * 1e-9 * (1 / (2703 * 2.5e-6) + 1 / (7900 * 2.5e-6));
+    return {1215.0, heat_partition(options.soft, options.hard) * B0, 33.888, b};
+  }
+};
+
+TEST(PhysicsForceDriven, AStepNearMeltingHasThreeAnswers) {
+  const ThreeRoots example;
+  const StressLimit limit = example.limit();
+  const FrictionHeating heating = example.heating();
+  const double a_stick = heating.c / heating.b;
+  std::vector<double> T0;
+  double before = 0.0;
+  for (int i = 1; i <= 20000; ++i) {
+    const double a = a_stick * i / 20000.0;
+    if ((spare_strength(limit, heating, before) > 0) != (spare_strength(limit, heating, a) > 0)) {
+      T0.push_back(heating.temperature(0.5 * (a + before)));
+    }
+    before = a;
+  }
+  ASSERT_EQ(T0.size(), 2u);  // and stick is the third
+  EXPECT_NEAR(T0[0], 1218.688, 0.001);
+  EXPECT_NEAR(T0[1], 1218.161, 0.001);
+  EXPECT_GE(spare_strength(limit, heating, a_stick), 0.0);
+  EXPECT_EQ(heating.temperature(a_stick), 1215.0);
+
+  EXPECT_FALSE(slip_is_unique(limit, heating, a_stick));
+  const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
+  EXPECT_TRUE(slip.found);
+  EXPECT_TRUE(slip.several || spare_strength(limit, heating, a_stick) >= 0.0);
+  EXPECT_NEAR(heating.temperature(slip.stress), 1218.688, 0.001);
+  EXPECT_NEAR(spare_strength(limit, heating, slip.stress) / slip.stress, 0.0, 1e-10);
+}
+
+TEST(PhysicsForceDriven, AStepWithSeveralAnswersIsDivided) {
+  const ThreeRoots example;
+  for (Regime previous : {Regime::kStick, Regime::kTresca}) {
+    Rig rig(example.options, 1);
+    set_masses(rig);
+    rig.set_all(0.0, 11.2e9);
+    rig.committed[rig.model.layout().regime] = static_cast<double>(previous);
+    rig.inputs.stress_minus[0] = 2 * 33.888 / 1e-9 * rig.inputs.mass_minus[0];
+    const double heat_before = rig.stored_heat(300.0);
+    rig.step(1e-9);
+    EXPECT_EQ(rig.outputs.outcome[0], kSubstepped);
+    // At rest and below the limit it stays at rest, whatever it was called before: short steps have one answer.
+    EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
+    EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
+    EXPECT_NEAR(rig.stored_heat(300.0) - heat_before, rig.outputs.friction_heat[0], 1e-9 * heat_before);
+  }
+}
+
+TEST(PhysicsForceDriven, SubstepsKeepTheMomentumAndHeatOfTheStep) {
+  const ThreeRoots example;
+  Rig rig(example.options, 1);
+  set_masses(rig);
+  int divided = 0;
+  double jump = 20.0;
+  for (int n = 0; n < 200; ++n) {
+    rig.set_all(jump, 11.2e9);
+    const double acceleration = 6e10 * std::sin(0.05 * n);
+    rig.inputs.stress_minus[0] = acceleration * rig.inputs.mass_minus[0];
+    const double heat_before = rig.stored_heat(300.0);
+    rig.step(1e-9);
+    const double b = 1e-9 * (1 / rig.inputs.mass_minus[0] + 1 / rig.inputs.mass_plus[0]);
+    const double s = rig.outputs.shear_stress[0];
+    ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump + 1e-9 * acceleration - s * b, 1e-12 * (60 + std::abs(s * b)))
+        << n;
+    ASSERT_NEAR(rig.stored_heat(300.0) - heat_before, rig.outputs.friction_heat[0], 1e-12 * heat_before) << n;
+    ASSERT_LT(rig.outputs.interface_temperature[0], 1220.0) << n;
+    divided += rig.outputs.outcome[0] & kSubstepped ? 1 : 0;
+    jump = rig.outputs.velocity_jump_new[0];
+  }
+  EXPECT_GT(divided, 0);
+}
+
+TEST(PhysicsForceDriven, ThereIsNoPlasticStrain) {
+  const Model model(paper_options(Strategy::kForceDriven));
+  EXPECT_EQ(model.layout().plastic_strain, TileLayout::kAbsent);
+  EXPECT_EQ(model.layout().doubles % kLanes, 0u);
+}
+
+}  // namespace
+}  // namespace shearbus::testing

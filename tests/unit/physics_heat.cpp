@@ -1,0 +1,107 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// Backward Euler on a uniform grid with an insulated end, exactly: MODEL.md section 3.
+double exact_response(double dt, double dz, int cells, const Material& m) {
+  const double Fo = m.diffusivity * dt / (dz * dz);
+  const double theta = 2.0 * std::asinh(0.5 / std::sqrt(Fo));
+  return std::sqrt(m.diffusivity * dt) / m.conductivity / std::sqrt(1.0 + 0.25 / Fo) / std::tanh(cells * theta);
+}
+
+TEST(PhysicsHeat, UnitResponseIsTheClosedForm) {
+  const Material m = paper_options().soft;
+  for (int cells : {1, 10, 500}) {
+    const Grid grid({20e-6, cells, 1.0, FarBoundary::kInsulated});
+    for (double dt : {1e-14, 1e-12, 1e-9, 1e-6, 1e-3}) {
+      const HeatOperator heat(HeatGrid(grid, FarBoundary::kInsulated), m, dt);
+      const double exact = exact_response(dt, 20e-6 / cells, cells, m);
+      EXPECT_NEAR(heat.response[0] / exact, 1.0, 1e-12) << cells << " cells, dt " << dt;
+    }
+  }
+  const HeatOperator paper(HeatGrid(Grid({}), FarBoundary::kInsulated), m, 1e-9);
+  EXPECT_NEAR(paper.response[0], 1.8823463565e-9, 1e-19);
+}
+
+TEST(PhysicsHeat, ResponseHoldsExactlyTheHeatOfOneStep) {
+  const Material m = paper_options().soft;
+  for (double grading : {1.0, 1.08, 1.5}) {
+    for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
+      const HeatGrid grid(Grid({20e-6, 60, grading, far}), far);
+      for (double dt : {1e-12, 1e-9, 1e-5}) {
+        const HeatOperator heat(grid, m, dt);
+        double stored = 0.0;
+        for (int i = 0; i < grid.num_vertices(); ++i) stored += grid.weight[i] * heat.response[i];
+        EXPECT_NEAR(stored * m.conductivity / m.diffusivity / dt, 1.0, 2e-13) << grading << ", dt " << dt;
+      }
+    }
+  }
+}
+
+TEST(PhysicsHeat, UniformTemperatureStaysToTheLastBit) {
+  Rig rig(graded(paper_options()));
+  rig.start({300.1, 317.3, 1e-3, 1219.999, 5000.0, 77.7, 300.0, 1e4});
+  const std::vector<double> before = rig.committed;
+  rig.set_all(0.0, 1e9);
+  for (double dt : {1e-12, 1e-9, 1e-5}) rig.step(dt);
+  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
+    for (int l = 0; l < kLanes; ++l) ASSERT_EQ(rig.T(i, l), before[i * kLanes + l]) << i << ", lane " << l;
+  }
+}
+
+TEST(PhysicsHeat, OneLaneConductsAsTheTileDoes) {
+  const HeatGrid grid(Grid({20e-6, 37, 1.1, FarBoundary::kHalfSpace}), FarBoundary::kHalfSpace);
+  const HeatOperator heat(grid, paper_options().soft, 3e-9);
+  std::vector<double> tile(grid.num_vertices() * kLanes);
+  for (std::size_t i = 0; i < tile.size(); ++i)
+    tile[i] = 300.0 + 700.0 * std::sin(0.1 * static_cast<double>(i)) + 700.0;
+  std::vector<double> all(tile.size()), one = tile;
+  conduct(heat, grid.num_vertices(), tile.data(), all.data());
+  conduct_lane(heat, grid.num_vertices(), 5, one.data());
+  for (std::size_t i = 0; i < tile.size(); ++i) ASSERT_EQ(one[i], i % kLanes == 5 ? all[i] : tile[i]);
+}
+
+// Open contact only conducts: what heat there is stays, spreads and never leaves the range it had.
+TEST(PhysicsHeat, AnOpenLayerOnlyConducts) {
+  for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
+    ModelOptions options = graded(paper_options());
+    options.grid.far_boundary = far;
+    Rig rig(options);
+    rig.set_all(100.0, 11.2e9);
+    for (int n = 0; n < 300; ++n) rig.step(1e-9);
+    const double heat = rig.stored_heat(300.0);
+    const double hottest = rig.T(0);
+    rig.set_all(100.0, -1e9);
+    for (int n = 0; n < 2000; ++n) {
+      rig.step(1e-8);
+      ASSERT_EQ(rig.outputs.shear_stress[0], 0.0);
+      ASSERT_EQ(rig.outputs.friction_heat[0], 0.0);
+      ASSERT_EQ(rig.outputs.regime[0], Regime::kOpen);
+    }
+    EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-11);
+    for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
+      EXPECT_GE(rig.T(static_cast<int>(i)), 300.0);
+      EXPECT_LT(rig.T(static_cast<int>(i)), hottest);
+    }
+  }
+}
+
+TEST(PhysicsHeat, GridFillsTheLayer) {
+  for (double grading : {1.0, 1.0 + 1e-12, 1.08, 2.0}) {
+    const Grid grid({20e-6, 50, grading, FarBoundary::kInsulated});
+    EXPECT_NEAR(grid.vertex.back() / 20e-6, 1.0, 1e-12) << grading;
+    EXPECT_NEAR(std::accumulate(grid.weight.begin(), grid.weight.end(), 0.0) / 20e-6, 1.0, 1e-12) << grading;
+    for (int j = 1; j < grid.num_cells(); ++j) EXPECT_NEAR(grid.width[j] / grid.width[j - 1], grading, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

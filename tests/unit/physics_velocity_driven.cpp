@@ -1,0 +1,172 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+struct Point {
+  int step;
+  double T0, s;  // K, Pa
+};
+
+void expect_history(const ModelOptions& options, const std::vector<Point>& points) {
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  int n = 0;
+  for (const Point& point : points) {
+    for (; n < point.step; ++n) rig.step(1e-9);
+    EXPECT_NEAR(rig.outputs.interface_temperature[0] / point.T0, 1.0, 1e-11) << n << " ns";
+    EXPECT_NEAR(rig.outputs.shear_stress[0] / point.s, 1.0, 3e-9) << n << " ns";
+  }
+}
+
+// MODEL.md section 10: h/500, dt = 1 ns, to rounding.
+TEST(PhysicsVelocityDriven, PaperCaseToTenDigits) {
+  expect_history(paper_options(), {{10, 398.146970801, 229.2063259e6},
+                                   {100, 685.320394816, 280.5250815e6},
+                                   {300, 1014.495922106, 293.2798836e6},
+                                   {1000, 1218.945925353, 142.6492093e6}});
+}
+
+TEST(PhysicsVelocityDriven, InterfaceSlipToTenDigits) {
+  ModelOptions options = paper_options();
+  options.drive = Drive::kInterfaceSlip;
+  EXPECT_NEAR(flow_stress(options.soft, 0.0, 11.2e9, 300.0) / kSqrt3, 199.7257674e6, 0.1);
+  expect_history(options, {{10, 389.489696380, 197.9801299e6}, {100, 577.994984274, 190.1699374e6}});
+}
+
+TEST(PhysicsVelocityDriven, AnElasticStepIsTheTrialStress) {
+  Rig rig(graded(paper_options()), 1);
+  rig.set_all(10.0, 11.2e9);
+  rig.step(1e-9);
+  EXPECT_DOUBLE_EQ(rig.outputs.shear_stress[0], 27.6e9 * 1e-9 * 10.0 / 20e-6);
+  EXPECT_EQ(rig.outputs.sliding_velocity[0], 0.0);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
+  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // the layer does not carry the imposed jump yet
+  EXPECT_GT(rig.outputs.friction_heat[0], 0.0);       // the imposed jump heats all the same: DLP (18)
+}
+
+TEST(PhysicsVelocityDriven, FlowingLayerCarriesTheJump) {
+  Rig rig(graded(paper_options()), 1);
+  rig.set_all(-100.0, 11.2e9);
+  for (int n = 0; n < 100; ++n) rig.step(1e-9);
+  EXPECT_NEAR(rig.outputs.sliding_velocity[0], -100.0, 1.0);
+  EXPECT_LT(rig.outputs.shear_stress[0], 0.0);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kTresca);
+  EXPECT_EQ(rig.outputs.outcome[0], 0);
+}
+
+TEST(PhysicsVelocityDriven, StressStartsFromZeroAfterOpening) {
+  Rig rig(graded(paper_options()), 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 50; ++n) rig.step(1e-9);
+  const double ep = rig.ep(0);
+  rig.set_all(100.0, 0.0);
+  rig.step(1e-9);
+  EXPECT_EQ(rig.stress(), 0.0);
+  EXPECT_EQ(rig.ep(0), ep);
+  rig.set_all(1.0, 11.2e9);
+  rig.step(1e-9);
+  EXPECT_DOUBLE_EQ(rig.stress(), 27.6e9 * 1e-9 / 20e-6);
+}
+
+TEST(PhysicsVelocityDriven, SlidingInterfaceStartsAndReversesAtTheYieldStress) {
+  ModelOptions options = graded(paper_options());
+  options.drive = Drive::kInterfaceSlip;
+  Rig rig(options, 1);
+  rig.set_all(0.0, 11.2e9);
+  rig.step(1e-9);
+  EXPECT_EQ(rig.stress(), 0.0);  // contact without slip
+  rig.set_all(1e-3, 11.2e9);
+  rig.step(1e-12);
+  EXPECT_NEAR(rig.stress() / 199.7257674e6, 1.0, 1e-6);
+  rig.set_all(-1e-3, 11.2e9);
+  rig.step(1e-12);
+  EXPECT_NEAR(rig.stress() / -199.7257674e6, 1.0, 1e-6);
+  EXPECT_LE(rig.outputs.sliding_velocity[0], 0.0);
+}
+
+TEST(PhysicsVelocityDriven, CoulombLimitHoldsAndItsSlipCounts) {
+  ModelOptions options = graded(paper_options());
+  options.friction_coefficient = 0.3;
+  Rig rig(options, 1);
+  rig.set_all(100.0, 0.2e9);
+  for (int n = 0; n < 20; ++n) rig.step(1e-9);
+  EXPECT_EQ(rig.outputs.shear_stress[0], 0.3 * 0.2e9);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
+  EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);  // constant stress: all the jump is slip
+  EXPECT_EQ(rig.ep(0), 0.0);
+  EXPECT_EQ(rig.outputs.outcome[0], 0);
+}
+
+TEST(PhysicsVelocityDriven, AtTheCeilingTheHottestVertexTakesTheSurplus) {
+  ModelOptions options = graded(paper_options());
+  options.soft.yield_strength_max = 0.25e9;
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 100; ++n) {
+    const double before = rig.plastic_slip();
+    const double s_old = rig.stress();
+    rig.step(1e-9);
+    const double g = softening(options.soft, 11.2e9, rig.T(0)).g;
+    ASSERT_LE(rig.stress(), 0.25e9 * g / kSqrt3 * (1 + 1e-12));
+    const double carried = 100.0 * 1e-9 - 20e-6 * (rig.stress() - s_old) / 27.6e9;
+    ASSERT_NEAR(rig.plastic_slip() - before, carried, 1e-9 * 100.0 * 1e-9) << n;
+  }
+  EXPECT_NEAR(rig.stress() / (0.25e9 * softening(options.soft, 11.2e9, rig.T(0)).g / kSqrt3), 1.0, 1e-12);
+  EXPECT_GT(rig.ep(0), 100 * rig.ep(5));
+}
+
+TEST(PhysicsVelocityDriven, PerfectPlasticityIsACeilingAtY0) {
+  ModelOptions options = graded(paper_options());
+  options.soft.hardening_coefficient = 0.0;
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 100; ++n) rig.step(1e-9);
+  EXPECT_NEAR(rig.stress() / (200e6 * softening(options.soft, 11.2e9, rig.T(0)).g / kSqrt3), 1.0, 1e-12);
+  EXPECT_EQ(rig.ep(1), 0.0);
+  EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1.0);
+}
+
+TEST(PhysicsVelocityDriven, AMoltenLayerCarriesNothing) {
+  ModelOptions options = graded(paper_options());
+  options.initial_temperature = 1300.0;
+  Rig rig(options);
+  rig.set_all(100.0, 11.2e9);
+  rig.inputs.pressure[1] = -1e9;
+  rig.step(1e-9);
+  EXPECT_EQ(rig.stress(), 0.0);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kMelting);
+  EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);
+  EXPECT_EQ(rig.T(0), 1300.0);
+  EXPECT_EQ(rig.ep(0, 1), 0.0);  // open: nothing flows
+}
+
+TEST(PhysicsVelocityDriven, ReversalUnloadsElastically) {
+  Rig rig(graded(paper_options()), 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 50; ++n) rig.step(1e-9);
+  const double s = rig.stress(), ep = rig.ep(0);
+  rig.set_all(-10.0, 11.2e9);
+  rig.step(1e-9);
+  EXPECT_NEAR(rig.stress(), s - 27.6e9 * 1e-9 * 10.0 / 20e-6, 1e-3);
+  EXPECT_EQ(rig.ep(0), ep);
+  EXPECT_EQ(rig.outputs.friction_heat[0], 0.0);
+}
+
+TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
+  ModelOptions options = paper_options();
+  EXPECT_EQ(Model(options).warnings().size(), 1u);  // insulated far face
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  EXPECT_TRUE(Model(options).warnings().empty());
+  std::swap(options.soft, options.hard);
+  ASSERT_EQ(Model(options).warnings().size(), 1u);
+  EXPECT_NE(Model(options).warnings()[0].find("weaker body"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace shearbus::testing

@@ -1,0 +1,337 @@
+// The service as a function of bytes: sessions, sequences, repeats, trials. No socket.
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::Answer;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Field;
+using wire::Mode;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(11);
+
+wire::Batch columns(Strategy strategy, int step) {
+  return support::step_columns(strategy, kNodes, step);
+}
+
+class ServiceOf : public testing::TestWithParam<Strategy> {
+ protected:
+  wire::Scene scene() const { return support::scene_of(GetParam()); }
+  wire::Batch columns(int step) const { return service::columns(GetParam(), step); }
+};
+INSTANTIATE_TEST_SUITE_P(Strategies, ServiceOf, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST(Service, HelloTellsVersionLimitsAndEpoch) {
+  ServiceHarness harness;
+  wire::Request request;
+  request.request_id = 5;
+  request.body = wire::Hello{.client_name = "test"};
+  const Answer answer = harness.ask(request);
+  ASSERT_TRUE(answer.reply.status.ok());
+  EXPECT_EQ(answer.reply.request_id, 5u);
+  EXPECT_EQ(answer.reply.epoch, 77u);
+  const auto& welcome = std::get<wire::Welcome>(answer.reply.body);
+  EXPECT_EQ(welcome.protocol_major, wire::kProtocolMajor);
+  EXPECT_EQ(welcome.server_version, "test");
+  EXPECT_EQ(welcome.durability, "none");
+  EXPECT_EQ(welcome.limits.max_nodes_per_session, wire::kMaxNodesPerSession);
+}
+
+TEST(Service, ClientsOfOtherMajorVersionsAreToldTheRange) {
+  ServiceHarness harness;
+  wire::Request request;
+  request.body = wire::Hello{.oldest_major = 2, .newest_major = 3};
+  const Answer answer = harness.ask(request);
+  EXPECT_EQ(answer.code(), Code::kVersion);
+  EXPECT_NE(answer.reply.status.text.find("2 to 3"), std::string::npos);
+  EXPECT_NE(answer.reply.status.text.find("speaks 1"), std::string::npos);
+}
+
+TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
+  ServiceHarness harness;
+  const Answer answer = harness.ask(ServiceHarness::opening(scene(), kNodes));
+  ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+  const auto& opened = std::get<wire::SessionOpened>(answer.reply.body);
+  EXPECT_EQ(answer.reply.session_id, ServiceHarness::id(1));
+  EXPECT_GE(opened.effective_scene.soft.given.size(), 10u);
+  EXPECT_GT(opened.bytes_per_node, 24u * 2 * 8);
+  const wire::ServerStatus status = harness.service.status();
+  EXPECT_EQ(status.sessions, 1u);
+  EXPECT_EQ(status.nodes, kNodes.size());
+  EXPECT_EQ(status.state_bytes, 16 * opened.bytes_per_node);
+  EXPECT_EQ(harness.log.size(), 1u);
+}
+
+TEST_P(ServiceOf, OpeningTheEffectiveSceneAgainGivesTheSameScene) {
+  ServiceHarness harness;
+  const auto first = harness.ask(ServiceHarness::opening(scene(), kNodes, 1));
+  const auto& effective = std::get<wire::SessionOpened>(first.reply.body).effective_scene;
+  const auto second = harness.ask(ServiceHarness::opening(effective, kNodes, 2));
+  ASSERT_TRUE(second.reply.status.ok()) << describe(second.reply.status);
+  EXPECT_EQ(std::get<wire::SessionOpened>(second.reply.body).effective_scene.soft.given, effective.soft.given);
+}
+
+TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
+  ServiceHarness harness;
+  const auto opening = ServiceHarness::opening(scene(), kNodes);
+  EXPECT_FALSE(harness.ask(opening).reply.replayed);
+  const Answer again = harness.ask(opening);
+  ASSERT_TRUE(again.reply.status.ok());
+  EXPECT_TRUE(again.reply.replayed);
+  EXPECT_TRUE(std::holds_alternative<wire::SessionOpened>(again.reply.body));
+  EXPECT_EQ(harness.service.status().sessions, 1u);
+  // The same id for another scene is not a repetition.
+  auto other = scene();
+  other.name = "other";
+  EXPECT_EQ(harness.ask(ServiceHarness::opening(other, kNodes)).code(), Code::kSequenceReused);
+}
+
+TEST_P(ServiceOf, SameRequestTwiceAgesOnce) {
+  ServiceHarness once, twice;
+  for (ServiceHarness* harness : {&once, &twice}) harness->ask(ServiceHarness::opening(scene(), kNodes));
+  for (std::uint64_t sequence = 1; sequence <= 12; ++sequence) {
+    const int step = static_cast<int>(sequence);
+    const Answer expected = once.ask(ServiceHarness::step(sequence, columns(step)));
+    ASSERT_TRUE(expected.reply.status.ok()) << describe(expected.reply.status);
+    const Answer first = twice.ask(ServiceHarness::step(sequence, columns(step)));
+    const Answer second = twice.ask(ServiceHarness::step(sequence, columns(step)));
+    const Answer third = twice.ask(ServiceHarness::step(sequence, columns(step)));
+    EXPECT_EQ(first.payload(), expected.payload());
+    EXPECT_EQ(second.payload(), first.payload());
+    EXPECT_FALSE(first.reply.replayed);
+    EXPECT_TRUE(second.reply.replayed);
+    EXPECT_EQ(second.frames.header, third.frames.header);
+    EXPECT_EQ(std::get<wire::Upscale>(second.reply.body).state_version, sequence);
+  }
+  EXPECT_EQ(twice.service.status().node_steps, once.service.status().node_steps);
+  EXPECT_EQ(twice.service.status().replayed, 24u);
+}
+
+TEST_P(ServiceOf, WrongSequencesRunNothingAndSayWhereTheSessionStands) {
+  ServiceHarness harness, twin;
+  for (ServiceHarness* h : {&harness, &twin}) {
+    h->ask(ServiceHarness::opening(scene(), kNodes));
+    for (std::uint64_t s = 1; s <= 3; ++s) h->ask(ServiceHarness::step(s, columns(static_cast<int>(s))));
+  }
+  const struct {
+    std::uint64_t sequence;
+    Code code;
+  } cases[] = {{3, Code::kSequenceReused},
+               {2, Code::kStaleSequence},
+               {0, Code::kStaleSequence},
+               {5, Code::kSequenceGap},
+               {~0ULL, Code::kSequenceGap}};
+  for (const auto& c : cases) {
+    const Answer answer = harness.ask(ServiceHarness::step(c.sequence, columns(50)));
+    EXPECT_EQ(answer.code(), c.code) << c.sequence;
+    EXPECT_EQ(answer.reply.status.last_sequence, 3u);
+    EXPECT_TRUE(answer.reply.batch.columns().empty());
+  }
+  EXPECT_EQ(harness.ask(ServiceHarness::step(4, columns(4))).payload(),
+            twin.ask(ServiceHarness::step(4, columns(4))).payload());
+}
+
+TEST_P(ServiceOf, RefusedRequestLeavesItsSequenceFree) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  auto bad = columns(1);
+  bad.f64(Field::kPressure)[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(harness.ask(ServiceHarness::step(1, std::move(bad))).code(), Code::kInvalidValue);
+  EXPECT_TRUE(harness.ask(ServiceHarness::step(1, columns(1))).reply.status.ok());
+}
+
+TEST_P(ServiceOf, TrialRollbackTrialCommitIsAdvance) {
+  ServiceHarness direct, hesitant;
+  for (ServiceHarness* h : {&direct, &hesitant}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  std::uint64_t sequence = 0;
+  for (int step = 1; step <= 10; ++step) {
+    const Answer expected = direct.ask(ServiceHarness::step(static_cast<std::uint64_t>(step), columns(step)));
+    hesitant.ask(ServiceHarness::step(++sequence, columns(step + 70), Mode::kTrial));
+    const Answer back = hesitant.ask(ServiceHarness::in_session(wire::Rollback{}, ++sequence));
+    EXPECT_EQ(std::get<wire::RolledBack>(back.reply.body).state_version, static_cast<std::uint64_t>(step - 1));
+    const Answer trial = hesitant.ask(ServiceHarness::step(++sequence, columns(step), Mode::kTrial));
+    const Answer done = hesitant.ask(ServiceHarness::in_session(wire::Commit{}, ++sequence));
+    EXPECT_EQ(trial.payload(), expected.payload());
+    EXPECT_EQ(std::get<wire::Committed>(done.reply.body).state_version, static_cast<std::uint64_t>(step));
+  }
+}
+
+TEST_P(ServiceOf, CommitCanRideOnTheNextTrial) {
+  ServiceHarness direct, riding;
+  for (ServiceHarness* h : {&direct, &riding}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  for (std::uint64_t step = 1; step <= 10; ++step) {
+    const Answer expected = direct.ask(ServiceHarness::step(step, columns(static_cast<int>(step))));
+    auto request = ServiceHarness::step(step, columns(static_cast<int>(step)), Mode::kTrial);
+    std::get<wire::Downscale>(request.body).commit_previous = step > 1;
+    EXPECT_EQ(riding.ask(request).payload(), expected.payload());
+  }
+}
+
+TEST_P(ServiceOf, ARefusedStepDoesNotCommitThePreviousOne) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  harness.ask(ServiceHarness::step(1, columns(1), Mode::kTrial));
+  auto request = ServiceHarness::step(2, columns(2), Mode::kTrial);
+  auto& step = std::get<wire::Downscale>(request.body);
+  step.commit_previous = true;
+  step.dt_s = -1.0;
+  EXPECT_EQ(harness.ask(request).code(), Code::kInvalidValue);
+  const Answer back = harness.ask(ServiceHarness::in_session(wire::Rollback{}, 2));
+  EXPECT_EQ(std::get<wire::RolledBack>(back.reply.body).state_version, 0u);
+}
+
+TEST_P(ServiceOf, ThereIsNothingToCommitWithoutATrial) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 1)).code(), Code::kNothingToCommit);
+  harness.ask(ServiceHarness::step(1, columns(1)));
+  EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 2)).code(), Code::kNothingToCommit);
+  auto request = ServiceHarness::step(2, columns(2), Mode::kTrial);
+  std::get<wire::Downscale>(request.body).commit_previous = true;
+  EXPECT_EQ(harness.ask(request).code(), Code::kNothingToCommit);
+}
+
+TEST_P(ServiceOf, OnlyWantedColumnsAreSent) {
+  ServiceHarness harness, full;
+  for (ServiceHarness* h : {&harness, &full}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  auto request = ServiceHarness::step(1, columns(1));
+  std::get<wire::Downscale>(request.body).wanted = {Field::kRegime, Field::kShearStress};
+  const Answer some = harness.ask(request);
+  const Answer all = full.ask(ServiceHarness::step(1, columns(1)));
+  ASSERT_EQ(some.reply.batch.columns().size(), 2u);
+  EXPECT_TRUE(std::ranges::equal(some.reply.batch.f64(Field::kShearStress), all.reply.batch.f64(Field::kShearStress)));
+  EXPECT_TRUE(std::ranges::equal(some.reply.batch.u8(Field::kRegime), all.reply.batch.u8(Field::kRegime)));
+}
+
+TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  const Answer answer = harness.ask(ServiceHarness::step(1, support::step_columns(GetParam(), {}, 1, true)));
+  ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+  EXPECT_EQ(std::get<wire::Upscale>(answer.reply.body).nodes, 0u);
+}
+
+TEST_P(ServiceOf, ClosingFreesTheStatesAndIsAnsweredAgain) {
+  ServiceHarness harness;
+  const auto opening = ServiceHarness::opening(scene(), kNodes);
+  harness.ask(opening);
+  harness.ask(ServiceHarness::step(1, columns(1)));
+  const auto goodbye = ServiceHarness::in_session(wire::CloseSession{.reason = "done"}, 2);
+  const Answer closed = harness.ask(goodbye);
+  const auto totals = std::get<wire::SessionClosed>(closed.reply.body);
+  EXPECT_EQ(totals.requests, 2u);
+  EXPECT_EQ(totals.node_steps, kNodes.size());
+  EXPECT_EQ(harness.service.status().sessions, 0u);
+  EXPECT_EQ(harness.service.status().nodes, 0u);
+  EXPECT_EQ(harness.service.status().state_bytes, 0u);
+  EXPECT_TRUE(harness.ask(goodbye).reply.replayed);
+  EXPECT_EQ(harness.ask(ServiceHarness::step(3, columns(3))).code(), Code::kUnknownSession);
+  // A late copy of the opening must not bring the session back.
+  EXPECT_EQ(harness.ask(opening).code(), Code::kStaleSequence);
+  EXPECT_EQ(harness.service.status().sessions, 0u);
+}
+
+TEST(Service, ClosedSessionsAreForgottenInTheEnd) {
+  ServiceHarness harness;
+  const std::vector<std::uint64_t> node = {1};
+  const auto scene = support::velocity_scene(2);
+  for (int round = 0; round < 600; ++round) {
+    auto opening = ServiceHarness::opening(scene, node);
+    auto& id = std::get<wire::OpenSession>(opening.body).session_id;
+    id[0] = static_cast<std::uint8_t>(round);
+    id[1] = static_cast<std::uint8_t>(round >> 8);
+    ASSERT_TRUE(harness.ask(opening).reply.status.ok());
+    auto goodbye = ServiceHarness::in_session(wire::CloseSession{}, 1);
+    goodbye.session_id = id;
+    ASSERT_TRUE(harness.ask(goodbye).reply.status.ok());
+    ASSERT_TRUE(harness.ask(goodbye).reply.replayed);
+  }
+  EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::CloseSession{}, 1, 0)).code(), Code::kUnknownSession);
+}
+
+TEST_P(ServiceOf, SessionsDoNotSeeEachOther) {
+  ServiceHarness together, apart;
+  together.ask(ServiceHarness::opening(scene(), kNodes, 1));
+  together.ask(ServiceHarness::opening(scene(), kNodes, 2));
+  apart.ask(ServiceHarness::opening(scene(), kNodes, 2));
+  for (std::uint64_t step = 1; step <= 6; ++step) {
+    together.ask(ServiceHarness::step(step, columns(static_cast<int>(step) + 9), Mode::kAdvance, 1));
+    const Answer a = together.ask(ServiceHarness::step(step, columns(static_cast<int>(step)), Mode::kAdvance, 2));
+    const Answer b = apart.ask(ServiceHarness::step(step, columns(static_cast<int>(step)), Mode::kAdvance, 2));
+    EXPECT_EQ(a.payload(), b.payload());
+  }
+}
+
+TEST_P(ServiceOf, AFaultInsideTheServerIsAReplyAndChangesNothing) {
+  ServiceHarness harness, twin;
+  for (ServiceHarness* h : {&harness, &twin}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  harness.clock_fails = true;
+  const Answer fault = harness.ask(ServiceHarness::step(1, columns(1)));
+  EXPECT_EQ(fault.code(), Code::kInternal);
+  EXPECT_NE(fault.reply.status.text.find("the clock stands still"), std::string::npos);
+  EXPECT_EQ(harness.ask(ServiceHarness::step(1, columns(1))).payload(),
+            twin.ask(ServiceHarness::step(1, columns(1))).payload());
+}
+
+TEST(Service, RequestsForAnEarlierServerAreToldOfTheRestart) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes));
+  auto request = ServiceHarness::step(1, columns(Strategy::kVelocityDriven, 1));
+  request.epoch = 76;
+  EXPECT_EQ(harness.ask(request).code(), Code::kEpoch);
+  request.epoch = 77;
+  EXPECT_TRUE(harness.ask(request).reply.status.ok());
+}
+
+TEST(Service, UnknownSessionIsSaidToBeUnknown) {
+  ServiceHarness harness;
+  EXPECT_EQ(harness.ask(ServiceHarness::step(1, columns(Strategy::kVelocityDriven, 1))).code(), Code::kUnknownSession);
+}
+
+TEST(Service, NoNewWorkWhileShuttingDown) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes));
+  harness.service.begin_shutdown();
+  EXPECT_EQ(harness.ask(ServiceHarness::step(1, columns(Strategy::kVelocityDriven, 1))).code(), Code::kShuttingDown);
+}
+
+TEST(Service, SessionAndMemoryLimitsAreHeld) {
+  const std::vector<std::uint64_t> nodes = support::node_ids(64);
+  ServiceHarness few(1, {.max_sessions = 1});
+  EXPECT_TRUE(few.ask(ServiceHarness::opening(support::velocity_scene(), nodes, 1)).reply.status.ok());
+  EXPECT_EQ(few.ask(ServiceHarness::opening(support::velocity_scene(), nodes, 2)).code(), Code::kLimit);
+  few.ask(ServiceHarness::in_session(wire::CloseSession{}, 1, 1));
+  EXPECT_TRUE(few.ask(ServiceHarness::opening(support::velocity_scene(), nodes, 2)).reply.status.ok());
+
+  ServiceHarness small(1, {.max_state_bytes = 1 << 20});
+  EXPECT_TRUE(small.ask(ServiceHarness::opening(support::velocity_scene(100), nodes, 1)).reply.status.ok());
+  auto fine = support::velocity_scene(1000);
+  fine.layer.grading = 1.0;
+  const Answer refused = small.ask(ServiceHarness::opening(fine, nodes, 2));
+  EXPECT_EQ(refused.code(), Code::kLimit);
+  EXPECT_NE(refused.reply.status.text.find("64 nodes"), std::string::npos);
+}
+
+TEST(Service, LogLinesStayOneLine) {
+  ServiceHarness harness;
+  auto scene = support::velocity_scene();
+  scene.name = "first\nsecond\x1b[31m";
+  harness.ask(ServiceHarness::opening(scene, kNodes));
+  ASSERT_EQ(harness.log.size(), 1u);
+  EXPECT_EQ(harness.log[0].find('\n'), std::string::npos);
+  EXPECT_EQ(harness.log[0].find('\x1b'), std::string::npos);
+}
+
+}  // namespace
+}  // namespace shearbus::service

@@ -1,0 +1,68 @@
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "server/session/session.hpp"
+
+namespace shearbus::session {
+namespace {
+
+constexpr std::uint64_t kHash = 11;
+constexpr std::uint64_t kOtherHash = 12;
+
+Session session_at(std::uint64_t sequence) {
+  Session session;
+  session.complete(sequence, kHash, std::make_shared<wire::Reply>());
+  return session;
+}
+
+TEST(Session, StartsWithItsOpening) {
+  const Session session;
+  EXPECT_EQ(session.triage(0, kHash).triage, Triage::kProcess);
+  EXPECT_EQ(session.triage(1, kHash).status.code, wire::Code::kSequenceGap);
+}
+
+TEST(Session, NextSequenceIsProcessed) {
+  EXPECT_EQ(session_at(0).triage(1, kOtherHash).triage, Triage::kProcess);
+  EXPECT_EQ(session_at(41).triage(42, kOtherHash).triage, Triage::kProcess);
+}
+
+TEST(Session, SameBytesAgainAreAnsweredFromMemory) {
+  const Session session = session_at(5);
+  EXPECT_EQ(session.triage(5, kHash).triage, Triage::kResend);
+  EXPECT_NE(session.kept_reply(), nullptr);
+}
+
+TEST(Session, SameSequenceWithOtherBytesIsRefused) {
+  const Verdict verdict = session_at(5).triage(5, kOtherHash);
+  EXPECT_EQ(verdict.triage, Triage::kReject);
+  EXPECT_EQ(verdict.status.code, wire::Code::kSequenceReused);
+  EXPECT_EQ(verdict.status.last_sequence, 5u);
+}
+
+TEST(Session, OldSequenceIsStaleEvenWithTheSameBytes) {
+  const Verdict verdict = session_at(5).triage(4, kHash);
+  EXPECT_EQ(verdict.status.code, wire::Code::kStaleSequence);
+  EXPECT_EQ(verdict.status.last_sequence, 5u);
+}
+
+TEST(Session, GapIsRefusedAndNamesWhereTheSessionStands) {
+  const Verdict verdict = session_at(5).triage(7, kOtherHash);
+  EXPECT_EQ(verdict.status.code, wire::Code::kSequenceGap);
+  EXPECT_EQ(verdict.status.last_sequence, 5u);
+}
+
+TEST(Session, ARefusedRequestLeavesItsSequenceFree) {
+  Session session = session_at(5);
+  static_cast<void>(session.triage(6, kOtherHash));  // looked at, then refused by whoever runs requests: no complete()
+  EXPECT_EQ(session.triage(6, kHash).triage, Triage::kProcess);
+  EXPECT_EQ(session.triage(5, kHash).triage, Triage::kResend);
+}
+
+TEST(Session, LargestSequenceDoesNotWrapAround) {
+  const Session session = session_at(~std::uint64_t{0});
+  EXPECT_EQ(session.triage(0, kOtherHash).triage, Triage::kReject);
+}
+
+}  // namespace
+}  // namespace shearbus::session

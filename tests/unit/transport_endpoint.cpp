@@ -1,0 +1,36 @@
+#include "server/transport/endpoint.hpp"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+namespace shearbus::transport {
+namespace {
+
+TEST(Endpoint, OnlyThisMachinesOwnAddressesAreLoopback) {
+  for (const char* text :
+       {"tcp://127.0.0.1:5555", "tcp://127.3.2.1:1", "tcp://localhost:0", "tcp://[::1]:9", "tcp://127.0.0.1:*"})
+    EXPECT_TRUE(Endpoint::parse(text).loopback) << text;
+  for (const char* text :
+       {"tcp://0.0.0.0:5555", "tcp://*:5555", "tcp://eth0:5555", "tcp://192.168.1.7:5555", "tcp://[::]:5555",
+        "tcp://127.example.org:5555", "tcp://localhost.example.org:5555", "tcp://12.7.0.0:1"})
+    EXPECT_FALSE(Endpoint::parse(text).loopback) << text;
+}
+
+TEST(Endpoint, OtherTransportsOfTheLibraryAreRefused) {
+  for (const char* text :
+       {"pgm://eth0;239.0.0.1:5555", "ws://127.0.0.1:80", "tipc://{5560,0,0}", "udp://127.0.0.1:1", "norm://1:1",
+        "vmci://*:1", "127.0.0.1:5555", "", "tcp://", "ipc://", "ipc://*", "ipc://@name", "tcp://127.0.0.1",
+        "tcp://:5555", "tcp://127.0.0.1:65536", "tcp://127.0.0.1:port", "tcp://127.0.0.1:", "TCP://127.0.0.1:1"})
+    EXPECT_THROW(Endpoint::parse(text), std::invalid_argument) << text;
+}
+
+TEST(Endpoint, PartsAreFound) {
+  const Endpoint tcp = Endpoint::parse("tcp://[::1]:5555");
+  EXPECT_EQ(tcp.host, "::1");
+  EXPECT_EQ(tcp.port, "5555");
+  EXPECT_EQ(Endpoint::parse("ipc:///run/bus").path, "/run/bus");
+}
+
+}  // namespace
+}  // namespace shearbus::transport

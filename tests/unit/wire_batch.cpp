@@ -1,0 +1,120 @@
+#include "proto/wire/batch.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "proto/wire/limits.hpp"
+#include "proto/wire/status.hpp"
+
+namespace shearbus::wire {
+namespace {
+
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+constexpr Column kJump{Field::kVelocityJump, 0, Element::kFloat64, 0, 2};
+constexpr Column kPressure{Field::kPressure, 0, Element::kFloat64, 16, 2};
+constexpr Column kRegime{Field::kRegime, 0, Element::kUint8, 32, 3};
+
+std::string refusal(std::vector<Column> columns, std::size_t bytes) {
+  std::vector<std::uint64_t> memory(bytes / 8 + 1);
+  try {
+    Batch::over(std::move(columns), std::as_bytes(std::span(memory)).first(bytes));
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status().code, Code::kShape);
+    return error.what();
+  }
+  return "";
+}
+
+Column with(Column column, auto change) {
+  change(column);
+  return column;
+}
+
+TEST(Batch, ColumnsOfItsOwnStartAtZeroAndApart) {
+  const Field fields[] = {Field::kRegime, Field::kVelocityJump, Field::kOutcome, Field::kNodeId};
+  Batch batch = Batch::of(fields, 5);
+  EXPECT_EQ(batch.bytes().size(), 8U + 40U + 8U + 40U);
+  EXPECT_THAT(batch.f64(Field::kVelocityJump), SizeIs(5));
+  EXPECT_THAT(batch.f64(Field::kVelocityJump), Each(0.0));
+  std::ranges::fill(batch.u8(Field::kRegime), std::uint8_t{4});
+  std::ranges::fill(batch.f64(Field::kVelocityJump), -1.0);
+  EXPECT_THAT(batch.u8(Field::kOutcome), Each(0));
+  EXPECT_THAT(batch.u64(Field::kNodeId), Each(0U));
+  EXPECT_THAT(batch.u8(Field::kRegime), ElementsAre(4, 4, 4, 4, 4));
+}
+
+TEST(Batch, AnswersOnlyToTheRightTypeAndComponent) {
+  const Field fields[] = {Field::kVelocityJump};
+  const Batch batch = Batch::of(fields, 2);
+  EXPECT_TRUE(batch.has(Field::kVelocityJump));
+  EXPECT_FALSE(batch.has(Field::kVelocityJump, 1));
+  EXPECT_TRUE(batch.u64(Field::kVelocityJump).empty());
+  EXPECT_TRUE(batch.u8(Field::kVelocityJump).empty());
+  EXPECT_TRUE(batch.f64(Field::kPressure).empty());
+}
+
+TEST(Batch, OfNoNodesIsEmptyNotAbsent) {
+  const Field fields[] = {Field::kVelocityJump, Field::kRegime};
+  const Batch batch = Batch::of(fields, 0);
+  EXPECT_TRUE(batch.has(Field::kRegime));
+  EXPECT_TRUE(batch.bytes().empty());
+  const Batch over = Batch::over(batch.columns(), {});
+  EXPECT_TRUE(over.f64(Field::kVelocityJump).empty());
+}
+
+TEST(Batch, WritingToReceivedColumnsLeavesTheFrameAsItCame) {
+  const std::vector<double> memory = {1.0, 2.0};
+  Batch batch = Batch::over({kJump}, std::as_bytes(std::span(memory)));
+  EXPECT_EQ(std::as_const(batch).f64(Field::kVelocityJump).data(), memory.data());  // no copy to read
+  batch.f64(Field::kVelocityJump)[1] = 7.0;
+  EXPECT_THAT(std::as_const(batch).f64(Field::kVelocityJump), ElementsAre(1.0, 7.0));
+  EXPECT_THAT(memory, ElementsAre(1.0, 2.0));
+}
+
+TEST(Batch, SoundColumnsAreTaken) {
+  EXPECT_EQ(refusal({kJump, kPressure, kRegime}, 35), "");
+  EXPECT_EQ(refusal({kRegime, kPressure, kJump}, 40), "");  // any order, room to spare
+  EXPECT_EQ(refusal({kJump, with(kPressure, [](Column& c) { c.field = Field::kVelocityJump, c.component = 1; })}, 32),
+            "");
+  EXPECT_EQ(refusal({}, 0), "");
+}
+
+TEST(Batch, DamagedColumnsAreNamed) {
+  EXPECT_THAT(refusal({kJump, kPressure}, 31),
+              HasSubstr("pressure_pa (field 11, component 0) needs 2 elements from byte 16"));
+  EXPECT_THAT(refusal({kJump, kJump}, 32), HasSubstr("is given twice"));
+  EXPECT_THAT(refusal({with(kJump, [](Column& c) { c.offset_bytes = 4; })}, 32), HasSubstr("not a multiple of 8"));
+  EXPECT_THAT(refusal({with(kJump, [](Column& c) { c.element = Element::kUint64; })}, 32),
+              HasSubstr("wrong element type"));
+  EXPECT_THAT(refusal({with(kJump, [](Column& c) { c.element = Element::kUnspecified; })}, 32),
+              HasSubstr("wrong element type"));
+  EXPECT_THAT(refusal({with(kJump, [](Column& c) { c.field = static_cast<Field>(99); })}, 32),
+              HasSubstr("is not a field"));
+  EXPECT_THAT(refusal({with(kJump, [](Column& c) { c.component = 2; })}, 32), HasSubstr("component above 1"));
+  EXPECT_THAT(refusal({kJump, with(kPressure, [](Column& c) { c.offset_bytes = 8; })}, 32),
+              HasSubstr("overlap at byte 8"));
+  EXPECT_THAT(refusal(std::vector<Column>(kMaxColumns + 1, kJump), 32), HasSubstr("33 columns, at most 32"));
+}
+
+// Sums that would wrap around 64 bits must not look small.
+TEST(Batch, EnormousCountsAndOffsetsAreOutside) {
+  for (std::uint64_t huge : {~0ULL, ~0ULL / 8, ~0ULL / 8 + 1, 1ULL << 61, 1ULL << 63, 3ULL}) {
+    EXPECT_THAT(refusal({with(kJump, [&](Column& c) { c.count = huge; })}, 16), HasSubstr("needs")) << huge;
+    EXPECT_NE(refusal({with(kJump, [&](Column& c) { c.offset_bytes = huge & ~7ULL, c.count = huge; })}, 16), "")
+        << huge;
+  }
+  EXPECT_THAT(refusal({with(kJump, [](Column& c) { c.offset_bytes = ~0ULL & ~7ULL; })}, 16), HasSubstr("needs"));
+}
+
+}  // namespace
+}  // namespace shearbus::wire
