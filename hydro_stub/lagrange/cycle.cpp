@@ -35,7 +35,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
       velocity_mean_(bodies_.mesh.num_nodes()),
       volume_new_(bodies_.mesh.num_zones()),
       gradient_(bodies_.mesh.num_zones()),
-      kinematic_viscosity_(bodies_.mesh.num_zones(), 0.0),
+      viscous_rate_(bodies_.mesh.num_zones(), 0.0),
       heating_(bodies_.mesh.num_zones(), 0.0),
       heating_new_(bodies_.mesh.num_zones(), 0.0),
       dilatation_(bodies_.mesh.num_zones(), 0.0) {
@@ -119,7 +119,7 @@ bool Cycle::try_step(double dt) {
 
 void Cycle::choose_step(double end_time) {
   const TimeStep next = next_time_step(bodies_.mesh, bodies_.time_step, middle_, state_.position, state_.sound_speed,
-                                       kinematic_viscosity_, dilatation_, step_);
+                                       viscous_rate_, dilatation_, step_);
   step_ = next;
   if (!std::isfinite(step_.dt) || !(step_.dt > 0.0)) {
     throw std::runtime_error(fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
@@ -181,7 +181,7 @@ void Cycle::find_forces() {
     const Block& block = mesh.blocks()[body];
     add_viscosity(mesh, bodies_.viscosity, bodies_.materials[body].eos.half_shock_slope(), middle_,
                   middle_position_, gradient_, middle_density_, state_.sound_speed, block.first_zone,
-                  block.first_zone + block.num_zones(), corner_force_, kinematic_viscosity_);
+                  block.first_zone + block.num_zones(), corner_force_, viscous_rate_);
   }
   add_hourglass(mesh, bodies_.hourglass, middle_, middle_position_, state_.velocity, middle_density_, state_.sound_speed,
                 corner_force_);

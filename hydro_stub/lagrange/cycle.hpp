@@ -119,7 +119,7 @@ class Cycle {
   std::vector<Vec2> velocity_mean_;  // of the step's beginning and end: moves the nodes and does the work
   std::vector<double> volume_new_;
   std::vector<Gradient> gradient_;  // at n+1/2 with the velocities of n
-  std::vector<double> kinematic_viscosity_;
+  std::vector<double> viscous_rate_;
   std::vector<double> heating_;     // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // dV/dt / V of the last step  [1/s]

@@ -26,7 +26,7 @@ const char* name(StepLimit limit) {
 
 TimeStep next_time_step(const Mesh& mesh, const TimeStepOptions& options, const Geometry& geometry,
                         const std::vector<Vec2>& position, const std::vector<double>& sound_speed,
-                        const std::vector<double>& kinematic_viscosity, const std::vector<double>& dilatation,
+                        const std::vector<double>& viscous_rate, const std::vector<double>& dilatation,
                         const TimeStep& old) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   TimeStep courant{kNone, StepLimit::kCourant, -1};
@@ -39,7 +39,7 @@ TimeStep next_time_step(const Mesh& mesh, const TimeStepOptions& options, const 
       longest = std::max(longest, dot(edge, edge));
     }
     const double width = geometry.area[zone] / std::sqrt(longest);
-    const double b = kinematic_viscosity[zone] / width;
+    const double b = viscous_rate[zone] * width;
     const double c = sound_speed[zone];
     const double speed = b + std::sqrt(b * b + c * c);
     if (options.cfl * width < courant.dt * speed) {

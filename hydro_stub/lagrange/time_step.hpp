@@ -24,10 +24,10 @@ struct TimeStepOptions {
 };
 
 // Courant's limit of a wave equation with viscosity, (l/c) (sqrt(1 + (b/c)^2) - b/c), written without the difference; l
-// = area / longest edge, b = kinematic viscosity / l. `old` is the step before; its dt is 0 at the start.
+// = area / longest edge, b = l times the viscous rate. `old` is the step before; its dt is 0 at the start.
 TimeStep next_time_step(const Mesh& mesh, const TimeStepOptions& options, const Geometry& geometry,
                         const std::vector<Vec2>& position, const std::vector<double>& sound_speed,
-                        const std::vector<double>& kinematic_viscosity, const std::vector<double>& dilatation,
+                        const std::vector<double>& viscous_rate, const std::vector<double>& dilatation,
                         const TimeStep& old);
 
 }  // namespace shearbus::lagrange

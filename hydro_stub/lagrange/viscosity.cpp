@@ -57,10 +57,10 @@ double smoothness(const Mesh& mesh, const std::vector<Gradient>& gradient, int z
 void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
                    const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
                    const std::vector<double>& density, const std::vector<double>& sound_speed, int first, int last,
-                   std::vector<Vec2>& corner_force, std::vector<double>& kinematic_viscosity) {
+                   std::vector<Vec2>& corner_force, std::vector<double>& viscous_rate) {
 #pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
   for (int zone = first; zone < last; ++zone) {
-    kinematic_viscosity[zone] = 0.0;
+    viscous_rate[zone] = 0.0;
     const Gradient& d = gradient[zone];
     const Compression c = strongest_compression(d);
     if (!(c.rate < 0.0)) continue;
@@ -72,11 +72,12 @@ void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double hal
     const double limit = 1.0 - smoothness(mesh, gradient, zone, c);
     const double shock = options.quadratic * half_shock_slope * length * -c.rate;
     const double sound = options.linear * sound_speed[zone];
-    kinematic_viscosity[zone] = limit * length * (shock + std::sqrt(shock * shock + sound * sound));
-    const double mu = density[zone] * kinematic_viscosity[zone];
-    const double xx = mu * d.xx;
-    const double yy = mu * d.yy;
-    const double xy = 0.5 * mu * (d.xy + d.yx);
+    const double diffusivity = limit * length * (shock + std::sqrt(shock * shock + sound * sound));
+    viscous_rate[zone] = diffusivity / (length * length);
+    const double stress = density[zone] * diffusivity * c.rate;
+    const double xx = stress * c.direction.x * c.direction.x;
+    const double yy = stress * c.direction.y * c.direction.y;
+    const double xy = stress * c.direction.x * c.direction.y;
     for (int k = 0; k < 4; ++k) {
       const Vec2 b = geometry.gradient_weight[4 * zone + k];
       corner_force[4 * zone + k] -= Vec2{xx * b.x + xy * b.y, xy * b.x + yy * b.y};

@@ -67,6 +67,13 @@ TEST(Hydro2dGas, Noh) {
                   symmetry == Symmetry::kPlane ? "plane" : "axial", zones, static_cast<int>(cycle.steps()), mass / volume,
                   exact, front, error, last > 0.0 ? error / last : 0.0,
                   (end.total_energy() - end.work_given - start.total_energy()) / start.total_energy());
+      EXPECT_NEAR(end.total_energy() - end.work_given, start.total_energy(), 1e-12 * start.total_energy());
+      if (last > 0.0) {
+        EXPECT_LT(error / last, 0.65);  // first order
+        EXPECT_LT(error, symmetry == Symmetry::kPlane ? 0.12 : 0.18);
+        EXPECT_NEAR(front, 0.2, 0.015);
+        EXPECT_NEAR(mass / volume / exact, 1.0, symmetry == Symmetry::kPlane ? 0.09 : 0.17);
+      }
       last = error;
     }
   }
@@ -106,6 +113,13 @@ TEST(Hydro2dGas, Sedov) {
                   symmetry == Symmetry::kPlane ? "plane" : "axial", zones, static_cast<int>(cycle.steps()),
                   0.5 * (outermost + innermost), peak, outermost - innermost,
                   (end.total_energy() - end.work_given - start.total_energy()) / start.total_energy());
+      EXPECT_NEAR(end.total_energy() - end.work_given, start.total_energy(), 1e-12 * start.total_energy());
+      if (zones == 48) {
+        EXPECT_NEAR(0.5 * (outermost + innermost), 1.0, 0.015);
+        EXPECT_LT(outermost - innermost, 0.025);  // a zone's width
+        EXPECT_GT(peak, 5.0);
+        EXPECT_LT(peak, 6.3);
+      }
     }
   }
 }
@@ -145,6 +159,13 @@ TEST(Hydro2dGas, Saltzman) {
     std::printf(" %3d x %2d  %5d    %.4f          %.4f         %.3f   %.4f            %.1e\n", nx, ny, static_cast<int>(cycle.steps()),
                 mass / volume, error, last > 0.0 ? error / last : 0.0, crossing,
                 (end.total_energy() - end.work_given - start.total_energy()) / end.total_energy());
+    EXPECT_NEAR(end.total_energy() - end.work_given, start.total_energy(), 1e-12 * end.total_energy());
+    EXPECT_NEAR(mass / volume, 4.0, 0.04);
+    if (last > 0.0) {
+      EXPECT_LT(error / last, 0.65);
+      EXPECT_LT(error, 0.04);
+      EXPECT_LT(crossing, 0.08);
+    }
     last = error;
   }
 }
