@@ -29,6 +29,7 @@ void stop_at_next_step() {
   struct sigaction action = {};
   action.sa_handler = [](int) { interrupted = 1; };
   sigemptyset(&action.sa_mask);
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second one ends the program at once
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 }

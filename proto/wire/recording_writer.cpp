@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/chrono.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -6,8 +7,6 @@
 #include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <cstring>
-#include <ctime>
 #include <system_error>
 
 #include "proto/wire/messages.hpp"
@@ -32,12 +31,8 @@ constexpr const char* kOutcomeLegend =
     "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 128 failed (the node kept its old state)";
 
 std::string now_iso_8601() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text.data();
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
+                     fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
 }
 
 // HDF5 issues no fsync of its own, on flush or on close.

@@ -105,6 +105,7 @@ class Reader {
 
   void unknown(std::string_view key, const Descriptor& table, const std::string& path, Place place) {
     std::vector<std::string_view> known;
+    known.reserve(static_cast<std::size_t>(table.field_count()));
     for (int i = 0; i < table.field_count(); ++i) known.push_back(table.field(i)->name());
     constexpr std::size_t kShown = 60;
     std::string text = fmt::format("{}{} is not a key of {}", path.empty() ? "" : path + ".", as_utf8(key, kShown),
@@ -353,6 +354,7 @@ Status check_scene(const Scene& scene) {
   const std::vector<Fault> faults = faults_of(message, [](std::string_view) { return false; });
   if (faults.empty()) return {};
   std::vector<std::string_view> lines;
+  lines.reserve(faults.size());
   for (const Fault& fault : faults) lines.push_back(fault.text);
   return {.code = Code::kInvalidScene, .text = fmt::format("{}", fmt::join(lines, "\n")), .field = faults.front().path};
 }

@@ -12,7 +12,6 @@
 namespace shearbus::wire {
 namespace {
 
-using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 

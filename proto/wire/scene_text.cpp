@@ -42,6 +42,7 @@ std::string value_text(const Message& message, const FieldDescriptor& field) {
   const auto& reflection = *message.GetReflection();
   if (field.is_repeated()) {
     std::vector<std::string> items;
+    items.reserve(static_cast<std::size_t>(reflection.FieldSize(message, &field)));
     for (int i = 0; i < reflection.FieldSize(message, &field); ++i)
       items.push_back(number_text(reflection.GetRepeatedDouble(message, &field, i)));
     return fmt::format("[{}]", fmt::join(items, ", "));

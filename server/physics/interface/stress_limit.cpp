@@ -10,6 +10,7 @@ namespace {
 constexpr int kMaxIterations = 200;    // bisection alone needs some 60
 constexpr int kNewtonIterations = 12;  // more than it has ever taken; from then on every second step bisects
 constexpr double kConverged = 1e-9;    // relative: the next Newton step is below rounding
+constexpr double kLeastGuess = 1e-12;  // of the upper end: a start below it says nothing
 constexpr int kMaxSearchIterations = 400;
 
 // One Newton step on H itself from next to its zero takes out what the iteration's tolerance left.
@@ -50,7 +51,7 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
   // Where slip is at least c/2 this much stress would melt the interface: with fast slip it is far below `hi`.
   const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
-  double a = guess > 0.0 && guess < hi ? guess : 0.5 * hi;
+  double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const double T0 = heating.temperature(a);
     const StressLimit::Value s = limit.at(T0);

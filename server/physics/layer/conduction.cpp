@@ -1,5 +1,6 @@
 #include "server/physics/layer/conduction.hpp"
 
+#include <cmath>
 #include <cstddef>
 
 namespace shearbus::physics {
@@ -13,11 +14,11 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
       depth += width.back();
     }
   }
-  weight.assign(width.size() + 1, 0.0);
-  for (std::size_t j = 0; j < width.size(); ++j) {
-    weight[j] += 0.5 * width[j];
-    weight[j + 1] += 0.5 * width[j];
-  }
+  weight = grid.weight;
+  if (width.size() == grid.width.size()) return;
+  weight.pop_back();
+  for (std::size_t i = grid.width.size(); i < width.size(); ++i) weight.push_back(std::sqrt(width[i - 1] * width[i]));
+  weight.push_back(0.5 * width.back());
 }
 
 HeatOperator::HeatOperator(const HeatGrid& grid, const Material& material, double step) : dt(step) {

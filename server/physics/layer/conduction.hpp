@@ -11,9 +11,11 @@ namespace shearbus::physics {
 
 // The vertices heat lives on: those of the layer and, for a half-space, of the soft body behind it. The extension
 // begins with the layer's last cell and widens by kExtensionGrading up to kExtensionDepth thicknesses, where it is
-// insulated.
+// insulated. Its vertices hold the geometric mean of their two cells: on geometric cells that makes the response of the
+// discrete half-space that of the real one (arithmetic means leave it (ln grading)^2/16 too stiff, at all times), so
+// few wide cells will do.
 struct HeatGrid {
-  static constexpr double kExtensionGrading = 1.2;
+  static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
 
   HeatGrid(const Grid& grid, FarBoundary far_boundary);
@@ -21,7 +23,7 @@ struct HeatGrid {
   int num_vertices() const { return static_cast<int>(weight.size()); }
 
   std::vector<double> width;   // of each cell                                   [m]
-  std::vector<double> weight;  // of each vertex: half of its two cells          [m]
+  std::vector<double> weight;  // of each vertex: the length whose heat it holds [m]
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.

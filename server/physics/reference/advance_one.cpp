@@ -88,7 +88,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     s_old = std::copysign(flow_stress(soft, state.plastic_strain[0], in.pressure, state.temperature[0]) / kSqrt3, V);
   }
   const double trial = s_old + soft.shear_modulus * dt * w / h;
-  const double direction = trial < 0.0 ? -1.0 : 1.0;
+  const double direction = (trial != 0.0 ? trial : V) < 0.0 ? -1.0 : 1.0;
   const double heating = heat_partition(soft, options.hard) * std::max(0.0, direction * V);
   const auto slip = [&](double a) {
     double sum = 0.0;
@@ -110,20 +110,21 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
         return g > 0.0 ? a - Y_max * g / kSqrt3 : 1.0;
       },
       0.0, std::abs(trial) * 2.0);
-  double a = std::min({flowing, ceiling, std::abs(trial)});
+  const bool molten = softening(soft, in.pressure, T_ad[0]).g <= 0.0;  // the interface carries nothing at all
+  double a = molten ? 0.0 : std::min({flowing, ceiling, std::abs(trial)});
   const bool coulomb = options.friction_coefficient && *options.friction_coefficient * in.pressure < a;
   if (coulomb) a = *options.friction_coefficient * in.pressure;
 
   const double flux = heating * a;
   double layer_slip = a > 0.0 ? slip(a) : 0.0;
   const double surplus = std::max(0.0, (std::abs(trial) - a) / compliance - layer_slip);
-  for (int i = 0; i < grid.num_vertices(); ++i) {
+  for (int i = 0; i < grid.num_vertices() && a > 0.0; ++i) {
     state.plastic_strain[i] += strain_increment(soft, a, in.pressure, T_ad[i] + flux * B[i], state.plastic_strain[i]);
   }
   double interface_slip = 0.0;
   if (coulomb) {
     interface_slip = surplus;
-  } else if (ceiling < flowing) {
+  } else if (molten || ceiling < flowing) {
     state.plastic_strain[0] += surplus / grid.weight[0];
     layer_slip += surplus;
   }
@@ -191,6 +192,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
+    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, met without heating
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool stick = can_stick && (state.regime == Regime::kStick || slips.empty());
     a = stick ? a_stick : slips.empty() ? end : slips.front();

@@ -5,6 +5,16 @@
 
 #include "server/physics/material/strength.hpp"
 
+// Lane kernels are compiled twice, the wider version taken where the machine has the registers. Every lane is computed
+// by the same products and sums in the same order either way (none fused: contraction is off), so its bits are the
+// same; tests/unit/physics_bits.cpp holds them. Sanitizers start too late for functions chosen at load time.
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
+#define SHEARBUS_WIDE [[gnu::target_clones("avx2", "default")]]
+#else
+#define SHEARBUS_WIDE
+#endif
+
 namespace shearbus::physics {
 namespace {
 
@@ -47,8 +57,8 @@ inline bool any_positive(const double (&value)[kLanes]) {
 }
 
 template <bool kWrite>
-void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows, const double* threshold,
-          double* strain_new, FlowSum& sum) {
+[[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
+                                        const double* threshold, double* strain_new, FlowSum& sum) {
   const FlowLaw law(*problem.soft);
   const std::ptrdiff_t heated = problem.num_heated;
   std::ptrdiff_t num_yielding = 0;
@@ -106,7 +116,7 @@ int num_heated_vertices(const Grid& grid, const double* response) {
   return n;
 }
 
-void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
+SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
   const FlowLaw law(*problem.soft);
   const double beta = problem.soft->hardening_coefficient;
   const std::ptrdiff_t n = problem.grid->num_vertices();
@@ -120,12 +130,13 @@ void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* t
   }
 }
 
-void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum) {
+SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,
+                              FlowSum& sum) {
   flow<false>(problem, load, num_rows, threshold, nullptr, sum);
 }
 
-void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
-             FlowSum& sum) {
+SHEARBUS_WIDE void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
+                           FlowSum& sum) {
   flow<true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(num_rows) * kLanes;
   const std::ptrdiff_t end = static_cast<std::ptrdiff_t>(problem.grid->num_vertices()) * kLanes;

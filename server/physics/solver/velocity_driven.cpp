@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
 constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
-constexpr double kFarAbove = 1000.0;         // flow against what it must take: Newton changes its function here
+constexpr double kFarAbove = 100.0;          // flow against the trial stress: Newton changes its function here
+constexpr double kLeastGuess = 1e-12;        // of the upper end: a start below it says nothing
 constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
 constexpr int kMaxIterations = 300;          // bisection alone, from 1e300 to rounding, needs fewer
 
@@ -39,7 +40,9 @@ struct Lane {
 // The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
 // again when the jump turns against the stress: DLP 5.2.
 double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
-  if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || s_old * jump > 0.0) return s_old;
+  if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || (s_old < 0.0 && jump < 0.0) ||
+      (s_old > 0.0 && jump > 0.0))
+    return s_old;
   return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
 }
 
@@ -56,11 +59,12 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
   const double pressure = inputs.pressure[lane];
   const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
   Lane state;
+  const double jump = inputs.velocity_jump[lane];
+  state.direction = (trial != 0.0 ? trial : jump) < 0.0 ? -1.0 : 1.0;
   if (trial == 0.0) return state;
   state.loaded = true;
-  state.direction = trial < 0.0 ? -1.0 : 1.0;
   state.a_trial = std::abs(trial);
-  state.heating = problem.heat_partition * std::max(0.0, state.direction * inputs.velocity_jump[lane]);
+  state.heating = problem.heat_partition * std::max(0.0, state.direction * jump);
 
   // Upper ends. Elastic: nothing yields.
   state.hi = state.a_trial;
@@ -95,7 +99,9 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
   }
 
   const double guess = state.direction * s_start;
-  state.a = guess > 0.0 && guess < state.hi ? guess : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
+  state.a = guess > kLeastGuess * state.hi && guess < state.hi
+                ? guess
+                : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
   return state;
 }
 
@@ -125,15 +131,14 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     lane.done = true;
     return;
   }
-  // 2. Newton: on F itself, nearly straight over the strain of one step; on log(flow / left) far above the root, where
-  // flow
-  //    is a high power of the stress.
+  // 2. Newton: on F itself, nearly straight over the strain of one step. Where the flow is beyond all the step could
+  // ask for
+  //    it is a high power of the stress: there on its logarithm, down to what could be asked for.
   double next = -1.0;
   if (flow > 0.0 && lane.a > 0.0) {
-    const bool far_above = flow > kFarAbove * left && left > 0.0;
-    const double step = far_above ? logarithm(flow / left) / (slope / (slip * lane.a) + 1.0 / left)
-                                  : (flow - left) / (compliance * slope / lane.a + 1.0);
+    const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
+    if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
     if (std::abs(step) <= kConverged * lane.a) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;

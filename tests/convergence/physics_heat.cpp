@@ -1,0 +1,143 @@
+// Conduction against exact solutions: DLP (20-23) with constant flux.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kFlux = 1e10;    // [W/m2]
+constexpr double kStart = 300.0;  // [K]
+
+// Integral of the complementary error function.
+double ierfc(double x) {
+  return std::exp(-x * x) / std::sqrt(M_PI) - x * std::erfc(x);
+}
+
+double half_space_rise(const Material& m, double t) {
+  return 2.0 * kFlux / m.conductivity * std::sqrt(m.diffusivity * t / M_PI);
+}
+
+// Half-space plus the images of the insulated face.
+double slab_rise(const Material& m, double h, double t) {
+  const double depth = std::sqrt(m.diffusivity * t);
+  double sum = ierfc(0.0);
+  for (int i = 1; i < 200; ++i) sum += 2.0 * ierfc(i * h / depth);
+  return 2.0 * kFlux * depth / m.conductivity * sum;
+}
+
+// Backward Euler in time, exact in space: sqrt(alpha dt)/k times the sum of binom(2j, j)/4^j.
+double half_space_rise_backward_euler(const Material& m, double dt, int steps) {
+  double sum = 0.0, term = 1.0;
+  for (int j = 0; j < steps; ++j) {
+    sum += term;
+    term *= (2.0 * j + 1.0) / (2.0 * j + 2.0);
+  }
+  return kFlux * std::sqrt(m.diffusivity * dt) / m.conductivity * sum;
+}
+
+double computed_rise(const Material& m, const GridOptions& options, double dt, int steps) {
+  const HeatGrid grid(Grid(options), options.far_boundary);
+  const HeatOperator heat(grid, m, dt);
+  std::vector<double> T(static_cast<std::size_t>(grid.num_vertices()) * kLanes, kStart);
+  double flux[kLanes];
+  for (double& q : flux) q = kFlux;
+  for (int n = 0; n < steps; ++n) {
+    conduct(heat, grid.num_vertices(), T.data(), T.data());
+    add_flux(heat, grid.num_vertices(), flux, T.data());
+  }
+  return T[0] - kStart;
+}
+
+TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
+  const Material m = paper_options().soft;
+  const double t = 100e-9;
+  std::printf("constant flux into a half-space, t = 100 ns, 4000 cells: dt, T0 error, 8 n error, order\n");
+  double before = 0.0;
+  for (int steps : {25, 50, 100, 200}) {
+    const double rise = computed_rise(m, {20e-6, 4000, 1.0, FarBoundary::kInsulated}, t / steps, steps);
+    const double error = rise / half_space_rise(m, t) - 1.0;
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %8.2g s  %11.4e  %8.4f  %6.3f\n", t / steps, error, 8 * steps * error, order);
+    EXPECT_NEAR(8 * steps * error, -1.0, 0.03);  // the law of backward Euler: low by 1/(8n)
+    if (before != 0.0) {
+      EXPECT_NEAR(order, 1.0, 0.02);
+    }
+    before = error;
+  }
+}
+
+TEST(PhysicsHeatConvergence, SecondOrderInSpace) {
+  const Material m = paper_options().soft;
+  const double exact = half_space_rise_backward_euler(m, 1e-9, 100);
+  std::printf("constant flux, 100 steps of 1 ns, against backward Euler exact in space: cells, T0 error, order\n");
+  double before = 0.0;
+  for (int cells : {100, 200, 400, 800}) {
+    const double error = computed_rise(m, {20e-6, cells, 1.0, FarBoundary::kInsulated}, 1e-9, 100) / exact - 1.0;
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %5d  %11.4e  %6.3f\n", cells, error, order);
+    if (before != 0.0) {
+      EXPECT_NEAR(order, 2.0, 0.1);
+    }
+    before = error;
+  }
+  EXPECT_LT(std::abs(before), 5e-5);
+}
+
+TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
+  const Material m = paper_options().soft;
+  const double t = 3e-6;  // the heat is 12 um deep: the far face has been felt
+  EXPECT_GT(slab_rise(m, 20e-6, t) / half_space_rise(m, t), 1.01);
+  std::printf("constant flux into an insulated slab of 20 um, 3 us, 2000 cells: steps, T0 error, order\n");
+  double before = 0.0;
+  for (int steps : {25, 50, 100, 200}) {
+    const double error =
+        computed_rise(m, {20e-6, 2000, 1.0, FarBoundary::kInsulated}, t / steps, steps) / slab_rise(m, 20e-6, t) - 1.0;
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %5d  %11.4e  %6.3f\n", steps, error, order);
+    if (before != 0.0) {
+      EXPECT_NEAR(order, 1.0, 0.1);
+    }
+    before = error;
+  }
+  EXPECT_LT(std::abs(before), 1e-3);
+  // Once the slab fills evenly the error of the beginning is forgotten.
+  EXPECT_NEAR(computed_rise(m, {20e-6, 500, 1.0, FarBoundary::kInsulated}, 12e-9, 1000) / slab_rise(m, 20e-6, 12e-6),
+              1.0, 1e-6);
+}
+
+TEST(PhysicsHeatConvergence, GradedGridDoesWithATenthOfTheCells) {
+  const Material m = paper_options().soft;
+  for (double t : {10e-9, 100e-9, 1e-6}) {
+    const int steps = static_cast<int>(std::lround(t / 1e-9));
+    const double fine = computed_rise(m, {20e-6, 1000, 1.0, FarBoundary::kInsulated}, 1e-9, steps);
+    const double graded = computed_rise(m, {20e-6, 60, 1.08, FarBoundary::kInsulated}, 1e-9, steps);
+    EXPECT_NEAR(graded / fine, 1.0, 1e-3) << t;
+  }
+}
+
+// The few wide cells behind z = h: the error of T0 as the heat goes 1, 3, 10, 50 thicknesses deep.
+TEST(PhysicsHeatConvergence, HalfSpaceBehindTheLayerIsWithinAThousandth) {
+  const Material m = paper_options().soft;
+  const int steps = 2000;
+  std::printf(
+      "half-space behind a layer of 20 um: heat depth / h, T0 error of 500 uniform cells, of 60 graded, of an "
+      "insulated face\n");
+  for (double depth : {1.0, 3.0, 10.0, 50.0}) {
+    const double t = std::pow(depth * 20e-6, 2) / m.diffusivity;
+    const double exact = half_space_rise_backward_euler(m, t / steps, steps);
+    const double uniform = computed_rise(m, {20e-6, 500, 1.0, FarBoundary::kHalfSpace}, t / steps, steps) / exact - 1.0;
+    const double graded = computed_rise(m, {20e-6, 60, 1.08, FarBoundary::kHalfSpace}, t / steps, steps) / exact - 1.0;
+    const double insulated = slab_rise(m, 20e-6, t) / half_space_rise(m, t) - 1.0;
+    std::printf("  %4.0f  %10.2e  %10.2e  %10.2e\n", depth, uniform, graded, insulated);
+    EXPECT_LT(std::abs(uniform), 1e-4) << depth;
+    EXPECT_LT(std::abs(graded), 8e-4) << depth;
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

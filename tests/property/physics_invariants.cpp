@@ -1,0 +1,200 @@
+// server/physics/MODEL.md, "What always holds", over random scenes, states and inputs.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr int kScenes = 120;
+constexpr int kSteps = 25;
+constexpr double kTiny = 1e-290;  // products of denormal inputs have no relative accuracy
+
+// What one unit in the last place of T0 makes of a stress limit, relative: near melting the limit cannot be met closer.
+double limit_resolution(const Material& m, double T0) {
+  const double to_melting = std::max(m.melting_temperature - T0, 1e-300);
+  return 16.0 * std::numeric_limits<double>::epsilon() * T0 * 0.001 * m.melting_temperature / (to_melting * to_melting);
+}
+
+struct Before {
+  Before(const Rig& rig, int lane) : heat(rig.stored_heat(0.0, lane)), s(rig.stress(lane)) {
+    for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
+      coldest = std::min(coldest, rig.T(static_cast<int>(i), lane));
+    }
+    if (rig.model.layout().plastic_strain == TileLayout::kAbsent) return;
+    slip = rig.plastic_slip(lane);
+    for (int i = 0; i < rig.model.grid().num_vertices(); ++i) ep.push_back(rig.ep(i, lane));
+  }
+  double heat, s, slip = 0.0, coldest = 1e300;
+  std::vector<double> ep;
+};
+
+// 1, 3, 5: temperatures in their range and falling from the interface, heat and work balanced, no energy from friction.
+void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
+  const ModelOptions& options = rig.model.options();
+  const TileOutputs& out = rig.outputs;
+  ASSERT_FALSE(out.outcome[lane] & kFailed);
+  ASSERT_TRUE(std::isfinite(out.shear_stress[lane]) && std::isfinite(out.sliding_velocity[lane]) &&
+              std::isfinite(out.velocity_jump_new[lane]) && std::isfinite(out.friction_heat[lane]));
+  ASSERT_EQ(out.interface_temperature[lane], rig.T(0, lane));
+  for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
+    const double T = rig.T(static_cast<int>(i), lane);
+    ASSERT_GE(T, before.coldest);
+    ASSERT_LT(T, options.soft.melting_temperature);
+    if (i > 0) {
+      ASSERT_LE(T, rig.T(static_cast<int>(i) - 1, lane) * (1 + 1e-15));
+    }
+  }
+  ASSERT_GE(out.shear_stress[lane] * out.sliding_velocity[lane], 0.0);
+  ASSERT_GE(out.friction_heat[lane], 0.0);
+  ASSERT_NEAR(rig.stored_heat(0.0, lane) - before.heat, out.friction_heat[lane], 1e-12 * before.heat);
+
+  const double beta_T = heat_partition(options.soft, options.hard);
+  const double s = out.shear_stress[lane];
+  if (options.strategy == Strategy::kVelocityDriven) {
+    const double work = std::max(0.0, s * rig.inputs.velocity_jump[lane]) * dt;
+    ASSERT_NEAR(out.friction_heat[lane], beta_T * work, 1e-13 * work + kTiny);
+  } else if (!(out.outcome[lane] & kSubstepped)) {
+    const double work = s * out.sliding_velocity[lane] * dt;
+    ASSERT_NEAR(out.friction_heat[lane], beta_T * work, 1e-13 * work + kTiny);
+  }
+}
+
+// 2: the layer never carries more than its flow stress, and exactly that where it flowed.
+void expect_complementary_flow(const Rig& rig, const Before& before, int lane) {
+  const Material& soft = rig.model.options().soft;
+  const double a = std::abs(rig.stress(lane));
+  const double P = rig.inputs.pressure[lane];
+  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
+    const double ep = rig.ep(i, lane);
+    ASSERT_GE(ep, before.ep[i]);
+    if (P <= 0.0) continue;
+    const double limit = flow_stress(soft, ep, P, rig.T(i, lane)) / kSqrt3;
+    const double tolerance = limit * (1e-10 + limit_resolution(soft, rig.T(i, lane)));
+    ASSERT_LE(a, limit + tolerance) << "vertex " << i;
+    if (ep > before.ep[i] * (1 + 1e-12) + 1e-15) {
+      // Strain resolves to an ulp of itself; a smaller step of it moved the limit by less than it can show.
+      ASSERT_GE(a, limit - tolerance) << "vertex " << i << " T " << rig.T(i, lane) << " ep " << ep << " from "
+                                      << before.ep[i];
+    }
+  }
+}
+
+// sqrt(3) integral(dep) = w dt - h ds/G0 where the layer carries all the slip.
+void expect_slip_balance(const Rig& rig, const Before& before, int lane, double dt) {
+  const ModelOptions& options = rig.model.options();
+  if (options.drive != Drive::kLayerShear || rig.inputs.pressure[lane] <= 0.0) return;
+  if (rig.outputs.regime[lane] == Regime::kCoulomb) return;
+  const double h = options.grid.thickness;
+  const double wanted =
+      std::abs(rig.inputs.velocity_jump[lane]) * dt + h * std::abs(before.s) / options.soft.shear_modulus;
+  const double elastic = h * (rig.stress(lane) - before.s) / options.soft.shear_modulus;
+  const double direction = rig.stress(lane) != 0.0 ? std::copysign(1.0, rig.stress(lane))
+                                                   : std::copysign(1.0, rig.outputs.sliding_velocity[lane]);
+  const double plastic = direction * (rig.plastic_slip(lane) - before.slip);
+  // dep is (1/beta + ep) times what an excess of load over strength makes of it: an ulp of T0 or of a in the excess is
+  // an ulp of all the strain there is, however small the step's share.
+  const Material& soft = options.soft;
+  const double strain =
+      rig.plastic_slip(lane) + (soft.hardening_coefficient > 0.0 ? kSqrt3 * h / soft.hardening_coefficient : 0.0);
+  const double resolution = strain * (1e-15 + limit_resolution(soft, rig.T(0, lane))) / soft.hardening_exponent;
+  ASSERT_NEAR(plastic + elastic, rig.inputs.velocity_jump[lane] * dt, 1e-9 * wanted + resolution)
+      << "T0 " << rig.T(0, lane) << " s " << rig.stress(lane);
+  ASSERT_NEAR(rig.outputs.sliding_velocity[lane] * dt, plastic, 1e-9 * wanted + resolution);
+}
+
+void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) {
+  const ModelOptions& options = rig.model.options();
+  const TileInputs& in = rig.inputs;
+  const TileOutputs& out = rig.outputs;
+  const double s = out.shear_stress[lane];
+  // DLP (61).
+  const double driven = dt * (in.stress_minus[lane] / in.mass_minus[lane] + in.stress_plus[lane] / in.mass_plus[lane]);
+  const double taken = s * (dt * (1 / in.mass_minus[lane] + 1 / in.mass_plus[lane]));
+  const double size = std::abs(jump_old) +
+                      dt * (std::abs(in.stress_minus[lane]) / in.mass_minus[lane] +
+                            std::abs(in.stress_plus[lane]) / in.mass_plus[lane]) +
+                      std::abs(taken);
+  ASSERT_NEAR(out.velocity_jump_new[lane], jump_old + driven - taken, 1e-13 * size + kTiny);
+  if (out.outcome[lane] & kSubstepped) return;  // the mean of several answers
+  if (in.pressure[lane] <= 0.0) {
+    ASSERT_EQ(s, 0.0);
+    return;
+  }
+  const double T0 = out.interface_temperature[lane];
+  const double yield = options.interface.yield_strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
+  const double limit = std::min(options.interface.friction_coefficient * in.pressure[lane], yield);
+  const double tolerance = limit * (1e-10 + limit_resolution(options.soft, T0));
+  ASSERT_LE(std::abs(s), limit + tolerance) << "T0 " << T0;
+  if (out.regime[lane] == Regime::kStick) {
+    ASSERT_EQ(out.velocity_jump_new[lane], 0.0);
+  } else {
+    ASSERT_GE(std::abs(s), limit - tolerance) << "T0 " << T0;
+    ASSERT_GE(s * out.velocity_jump_new[lane], -1e-12 * std::abs(s) * size);  // friction never pulls past rest
+  }
+}
+
+struct Case {
+  Strategy strategy;
+  bool extreme;
+};
+void PrintTo(const Case& c, std::ostream* os) {
+  *os << (c.strategy == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven") << (c.extreme ? "Extreme" : "");
+}
+
+class PhysicsInvariants : public ::testing::TestWithParam<Case> {};
+
+TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
+  const auto [strategy, extreme] = GetParam();
+  Draw draw(2024 + (extreme ? 1 : 0));
+  int flowing = 0, melting = 0, sticking = 0, coulomb = 0, divided = 0;
+  for (int scene = 0; scene < kScenes; ++scene) {
+    Rig rig(random_options(draw, strategy, extreme));
+    const bool closed_loop = draw.chance(0.5);
+    for (int step = 0; step < kSteps; ++step) {
+      random_inputs(draw, rig, extreme);
+      if (closed_loop && step > 0 && strategy == Strategy::kForceDriven) {
+        std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
+      }
+      const double dt = random_dt(draw, extreme);
+      std::vector<Before> before;
+      for (int l = 0; l < kLanes; ++l) before.emplace_back(rig, l);
+      rig.step(dt);
+      for (int l = 0; l < kLanes; ++l) {
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step) + ", lane " +
+                     std::to_string(l));
+        expect_sound(rig, before[l], l, dt);
+        if (strategy == Strategy::kVelocityDriven) {
+          expect_complementary_flow(rig, before[l], l);
+          expect_slip_balance(rig, before[l], l, dt);
+        } else {
+          expect_interface_law(rig, l, dt, rig.inputs.velocity_jump[l]);
+        }
+        if (::testing::Test::HasFatalFailure()) return;
+        flowing += rig.outputs.regime[l] == Regime::kTresca;
+        melting += rig.outputs.regime[l] == Regime::kMelting;
+        sticking += rig.outputs.regime[l] == Regime::kStick;
+        coulomb += rig.outputs.regime[l] == Regime::kCoulomb;
+        divided += (rig.outputs.outcome[l] & kSubstepped) != 0;
+      }
+    }
+  }
+  std::printf("%d node-steps: stick %d, coulomb %d, tresca %d, melting %d, divided %d\n", kScenes * kSteps * kLanes,
+              sticking, coulomb, flowing, melting, divided);
+  // The draws reach every regime: an invariant of a regime never visited would be no test.
+  EXPECT_GT(std::min({flowing, melting, sticking, coulomb}), 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsInvariants,
+                         ::testing::Values(Case{Strategy::kVelocityDriven, false},
+                                           Case{Strategy::kVelocityDriven, true}, Case{Strategy::kForceDriven, false},
+                                           Case{Strategy::kForceDriven, true}),
+                         [](const auto& test) { return ::testing::PrintToString(test.param); });
+
+}  // namespace
+}  // namespace shearbus::testing

@@ -1,0 +1,180 @@
+// A node's answer depends on its own state and inputs only, to the last bit.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <numeric>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+void copy_inputs(const TileInputs& from, int i, TileInputs& to, int j) {
+  to.velocity_jump[j] = from.velocity_jump[i];
+  to.pressure[j] = from.pressure[i];
+  to.soft_shear_rate[j] = from.soft_shear_rate[i];
+  to.stress_minus[j] = from.stress_minus[i];
+  to.stress_plus[j] = from.stress_plus[i];
+  to.mass_minus[j] = from.mass_minus[i];
+  to.mass_plus[j] = from.mass_plus[i];
+}
+
+void copy_state(const std::vector<double>& from, int i, std::vector<double>& to, int j) {
+  for (std::size_t row = 0; row < from.size(); row += kLanes) to[row + j] = from[row + i];
+}
+
+bool same_bits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+
+// Lane j of `b` answers as lane i of `a`.
+void expect_same(const Rig& a, int i, const Rig& b, int j) {
+  const TileOutputs& x = a.outputs;
+  const TileOutputs& y = b.outputs;
+  ASSERT_TRUE(same_bits(x.shear_stress[i], y.shear_stress[j]));
+  ASSERT_TRUE(same_bits(x.sliding_velocity[i], y.sliding_velocity[j]));
+  ASSERT_TRUE(same_bits(x.interface_temperature[i], y.interface_temperature[j]));
+  ASSERT_TRUE(same_bits(x.velocity_jump_new[i], y.velocity_jump_new[j]));
+  ASSERT_TRUE(same_bits(x.friction_heat[i], y.friction_heat[j]));
+  ASSERT_EQ(x.regime[i], y.regime[j]);
+  ASSERT_EQ(x.outcome[i], y.outcome[j]);
+  for (std::size_t row = 0; row < a.committed.size(); row += kLanes) {
+    ASSERT_TRUE(same_bits(a.committed[row + i], b.committed[row + j])) << row / kLanes;
+  }
+}
+
+class PhysicsLanes : public ::testing::TestWithParam<Strategy> {};
+
+TEST_P(PhysicsLanes, PermutedAndAloneGiveTheSameBits) {
+  Draw draw(7);
+  for (int scene = 0; scene < 60; ++scene) {
+    const bool extreme = scene % 2 == 1;
+    const ModelOptions options = random_options(draw, GetParam(), extreme);
+    Rig rig(options), permuted(options), alone(options, 1);
+    std::array<int, kLanes> order;
+    std::iota(order.begin(), order.end(), 0);
+    for (int step = 0; step < 10; ++step) {
+      random_inputs(draw, rig, extreme);
+      for (int l = kLanes - 1; l > 0; --l) std::swap(order[l], order[draw.integer(0, l)]);
+      for (int l = 0; l < kLanes; ++l) {
+        copy_inputs(rig.inputs, l, permuted.inputs, order[l]);
+        copy_state(rig.committed, l, permuted.committed, order[l]);
+      }
+      const int chosen = draw.integer(0, kLanes - 1);
+      copy_inputs(rig.inputs, chosen, alone.inputs, 0);
+      copy_state(rig.committed, chosen, alone.committed, 0);
+      const double dt = random_dt(draw, extreme);
+      rig.step(dt);
+      permuted.step(dt);
+      alone.step(dt);
+      for (int l = 0; l < kLanes; ++l) expect_same(rig, l, permuted, order[l]);
+      expect_same(rig, chosen, alone, 0);
+      if (::testing::Test::HasFatalFailure()) return;
+    }
+  }
+}
+
+TEST_P(PhysicsLanes, InactiveLanesAreLeftAlone) {
+  Draw draw(8);
+  Rig rig(graded(random_options(draw, GetParam(), false)));
+  for (int step = 0; step < 30; ++step) {
+    random_inputs(draw, rig, true);
+    rig.inputs.active = static_cast<std::uint32_t>(draw.integer(0, 255));
+    const TileOutputs outputs = rig.outputs;
+    const std::vector<double> committed = rig.committed;
+    rig.step(1e-9);
+    for (int l = 0; l < kLanes; ++l) {
+      if (rig.inputs.active >> l & 1u) continue;
+      for (std::size_t row = 0; row < committed.size(); row += kLanes) {
+        ASSERT_TRUE(same_bits(rig.committed[row + l], committed[row + l]));
+      }
+      ASSERT_TRUE(same_bits(rig.outputs.shear_stress[l], outputs.shear_stress[l]));
+      ASSERT_TRUE(same_bits(rig.outputs.interface_temperature[l], outputs.interface_temperature[l]));
+      ASSERT_EQ(rig.outputs.outcome[l], outputs.outcome[l]);
+    }
+  }
+}
+
+TEST_P(PhysicsLanes, MirroredInputsGiveMirroredBits) {
+  Draw draw(9);
+  for (int scene = 0; scene < 60; ++scene) {
+    const bool extreme = scene % 2 == 1;
+    const ModelOptions options = random_options(draw, GetParam(), extreme);
+    Rig rig(options), mirror(options);
+    for (int step = 0; step < 15; ++step) {
+      random_inputs(draw, rig, extreme);
+      mirror.inputs = rig.inputs;
+      for (int l = 0; l < kLanes; ++l) {
+        mirror.inputs.velocity_jump[l] *= -1;
+        mirror.inputs.soft_shear_rate[l] *= -1;
+        mirror.inputs.stress_minus[l] *= -1;
+        mirror.inputs.stress_plus[l] *= -1;
+      }
+      const double dt = random_dt(draw, extreme);
+      rig.step(dt);
+      mirror.step(dt);
+      for (int l = 0; l < kLanes; ++l) {
+        ASSERT_EQ(rig.outputs.shear_stress[l], -mirror.outputs.shear_stress[l]);
+        ASSERT_EQ(rig.outputs.sliding_velocity[l], -mirror.outputs.sliding_velocity[l]);
+        ASSERT_EQ(rig.outputs.velocity_jump_new[l], -mirror.outputs.velocity_jump_new[l]);
+        ASSERT_EQ(rig.outputs.friction_heat[l], mirror.outputs.friction_heat[l]);
+        ASSERT_EQ(rig.outputs.regime[l], mirror.outputs.regime[l]);
+        ASSERT_EQ(rig.outputs.outcome[l], mirror.outputs.outcome[l]);
+      }
+      const std::size_t without_stress = rig.model.layout().shear_stress;
+      ASSERT_EQ(std::memcmp(rig.committed.data(), mirror.committed.data(), without_stress * sizeof(double)), 0);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsLanes, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& test) {
+                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+// (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) changes neither temperature nor stress, in the scheme
+// either.
+class PhysicsSimilarity : public ::testing::TestWithParam<Strategy> {};
+
+TEST_P(PhysicsSimilarity, ScaledProblemsHaveTheSameAnswer) {
+  for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
+    for (double L : {2.0, 3.7, 1e-3}) {
+      ModelOptions options = graded(paper_options(GetParam()));
+      options.grid.far_boundary = far;
+      ModelOptions scaled_options = options;
+      scaled_options.grid.thickness /= L;
+      Rig rig(options, 1), scaled(scaled_options, 1);
+      rig.inputs.mass_minus[0] = 6.7575e-3;
+      rig.inputs.mass_plus[0] = 19.75e-3;
+      scaled.inputs.mass_minus[0] = rig.inputs.mass_minus[0] / (L * L * L);
+      scaled.inputs.mass_plus[0] = rig.inputs.mass_plus[0] / (L * L * L);
+      double jump = 100.0, scaled_jump = 100.0 * L;
+      for (int n = 0; n < 400; ++n) {
+        rig.set_all(jump, 11.2e9);
+        scaled.set_all(scaled_jump, 11.2e9);
+        rig.inputs.stress_minus[0] = scaled.inputs.stress_minus[0] = 150e6;
+        rig.step(1e-9);
+        scaled.step(1e-9 / (L * L));
+        ASSERT_NEAR(rig.outputs.interface_temperature[0] / scaled.outputs.interface_temperature[0], 1.0, 1e-12) << n;
+        ASSERT_NEAR(rig.outputs.shear_stress[0] / scaled.outputs.shear_stress[0], 1.0, 1e-11) << n;
+        const double slip = L * rig.outputs.sliding_velocity[0];
+        ASSERT_NEAR(scaled.outputs.sliding_velocity[0], slip, 1e-8 * std::abs(slip)) << n;
+        if (GetParam() == Strategy::kForceDriven) {
+          jump = rig.outputs.velocity_jump_new[0];
+          scaled_jump = scaled.outputs.velocity_jump_new[0];
+        }
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsSimilarity, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& test) {
+                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+}  // namespace
+}  // namespace shearbus::testing

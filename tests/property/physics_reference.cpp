@@ -1,0 +1,132 @@
+// The fast solvers against the slow twin, from the states random histories reach.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+struct Worst {
+  double stress = 0.0, temperature = 0.0, slip = 0.0;
+};
+
+// Relative agreement to expect of two roots of the same balance, each resolved to an ulp of T0: softening multiplies
+// it.
+double resolution(const Material& m, double T0) {
+  const double to_melting = m.melting_temperature - T0;
+  return 1e-10 + 4e-13 * 0.001 * m.melting_temperature * T0 / (to_melting * to_melting) / m.hardening_exponent;
+}
+
+void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const reference::NodeState& twin_state, int l,
+                      double dt, Worst& worst) {
+  const TileOutputs& out = rig.outputs;
+  const Material& soft = rig.model.options().soft;
+  const double eps = resolution(soft, twin.interface_temperature);
+  const double s = std::abs(twin.shear_stress);
+  ASSERT_NEAR(out.shear_stress[l], twin.shear_stress, eps * s + 1e-6);
+  ASSERT_NEAR(out.interface_temperature[l], twin.interface_temperature, 1e-9);
+  const double size = std::abs(rig.inputs.velocity_jump[l]) + std::abs(twin.sliding_velocity) +
+                      rig.model.options().grid.thickness * s / (soft.shear_modulus * dt);
+  // The printed (48) takes differences of strains: their rounding over dt is a velocity.
+  double strain = 1.0 / soft.hardening_coefficient;
+  for (double ep : twin_state.plastic_strain) strain = std::max(strain, ep);
+  const double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * soft.hardening_exponent);
+  ASSERT_NEAR(out.sliding_velocity[l], twin.sliding_velocity, (1e-8 + eps) * size + noise);
+  ASSERT_NEAR(out.velocity_jump_new[l], twin.velocity_jump_new,
+              1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])));
+  ASSERT_NEAR(out.friction_heat[l], twin.friction_heat, eps * twin.friction_heat + 1e-9);
+  if (std::abs(twin.sliding_velocity) > noise || twin.regime == Regime::kOpen) {
+    ASSERT_EQ(out.regime[l], twin.regime) << "T0 " << twin.interface_temperature;
+  }
+  for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
+    ASSERT_NEAR(rig.T(static_cast<int>(i), l), twin_state.temperature[i], 1e-9);
+  }
+  if (s > 0.0) worst.stress = std::max(worst.stress, std::abs(out.shear_stress[l] / twin.shear_stress - 1.0));
+  worst.temperature = std::max(worst.temperature, std::abs(out.interface_temperature[l] - twin.interface_temperature));
+  if (size > noise) worst.slip = std::max(worst.slip, std::abs(out.sliding_velocity[l] - twin.sliding_velocity) / size);
+}
+
+class PhysicsReference : public ::testing::TestWithParam<Strategy> {};
+
+TEST_P(PhysicsReference, FastAndSlowAgree) {
+  Draw draw(11);
+  Worst worst;
+  int compared = 0, ambiguous = 0;
+  for (int scene = 0; scene < 40; ++scene) {
+    ModelOptions options = random_options(draw, GetParam(), false);
+    options.grid.cells = draw.integer(1, 16);
+    if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
+    Rig rig(options);
+    const int lanes[] = {1, kLanes - 1, kLanes};  // part of a tile, nearly all, all
+    rig.inputs.active = (1u << lanes[scene % 3]) - 1u;
+    for (int step = 0; step < 12; ++step) {
+      random_inputs(draw, rig, false);
+      const double dt = random_dt(draw, false);
+      std::vector<reference::NodeState> twin_states;
+      std::vector<reference::NodeOutputs> twins;
+      for (int l = 0; l < lanes[scene % 3]; ++l) {
+        twin_states.push_back(rig.node_state(l));
+        twins.push_back(reference::advance_one(options, dt, rig.node_inputs(l), twin_states.back()));
+      }
+      rig.step(dt);
+      for (int l = 0; l < lanes[scene % 3]; ++l) {
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step) + ", lane " +
+                     std::to_string(l));
+        if (rig.outputs.outcome[l] & kSubstepped) {
+          ++ambiguous;
+          continue;
+        }
+        ASSERT_EQ(twins[l].answers, 1);  // not divided: the criterion promised a single answer
+        expect_agreement(rig, twins[l], twin_states[l], l, dt, worst);
+        if (::testing::Test::HasFatalFailure()) return;
+        ++compared;
+      }
+    }
+  }
+  std::printf("%d node-steps compared (%d divided): worst s %.1e, T0 %.1e K, [v] %.1e\n", compared, ambiguous,
+              worst.stress, worst.temperature, worst.slip);
+  EXPECT_GT(compared, 2000);
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsReference, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& test) {
+                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+// Work bound: a half-space pinned at melting takes no more heat, whatever the history.
+TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
+  Draw draw(12);
+  for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    ModelOptions options = graded(paper_options(strategy));
+    options.grid.far_boundary = FarBoundary::kHalfSpace;
+    const double e = options.soft.conductivity / std::sqrt(options.soft.diffusivity) +
+                     options.hard.conductivity / std::sqrt(options.hard.diffusivity);
+    EXPECT_NEAR(e, 24706, 1.0);
+    Rig rig(options);
+    double work[kLanes] = {};
+    double fullest = 0.0;
+    const double dt = 1e-9;
+    for (int n = 1; n <= 3000; ++n) {
+      for (int l = 0; l < kLanes; ++l) {
+        if (n % 100 == 1) rig.inputs.velocity_jump[l] = draw.sign() * draw.log_uniform(1.0, 1e4);
+        rig.inputs.pressure[l] = 11.2e9;
+      }
+      rig.step(dt);
+      const double t = n * dt;
+      // Backward Euler pins a little more heat into its first steps than the exact kernel: 1/(8n).
+      const double bound = 2 * e * (1220 - 300) * std::sqrt(t / M_PI) * (1 + 0.25 / n);
+      for (int l = 0; l < kLanes; ++l) {
+        work[l] += rig.outputs.friction_heat[l] / heat_partition(options.soft, options.hard);
+        ASSERT_LE(work[l], bound) << "step " << n << ", lane " << l;
+        fullest = std::max(fullest, work[l] / bound);
+      }
+    }
+    EXPECT_GT(fullest, 0.5);  // the bound is near enough to mean something
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

@@ -1,0 +1,170 @@
+// Hostile bytes under a fixed seed: whatever arrives, decoding and loading end in a value or in a typed error. Meant
+// for the sanitizers as much as for the expectations.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <iterator>
+#include <random>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "proto/wire/codec.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "tests/support/wire_samples.hpp"
+
+namespace shearbus::wire {
+namespace {
+
+using samples::Bytes;
+using samples::Frames;
+
+class Mutator {
+ public:
+  explicit Mutator(std::uint64_t seed) : random_(seed) {}
+
+  std::size_t below(std::size_t n) { return n == 0 ? 0 : random_() % n; }
+
+  // One to four small damages, of the kinds networks, disks and enemies make.
+  void damage(Bytes& bytes, const Bytes& donor) {
+    for (std::size_t times = 1 + below(4); times > 0; --times) damage_once(bytes, donor);
+  }
+
+ private:
+  void damage_once(Bytes& bytes, const Bytes& donor) {
+    const std::size_t at = below(bytes.size() + 1);
+    switch (below(8)) {
+      case 0:
+        if (!bytes.empty()) bytes[below(bytes.size())] ^= std::byte(1U << below(8));
+        break;
+      case 1:
+        if (!bytes.empty()) bytes[below(bytes.size())] = interesting();
+        break;
+      case 2:
+        bytes.resize(at);
+        break;
+      case 3:
+        insert(bytes, at, Bytes(1 + below(12), interesting()));
+        break;
+      case 4: {
+        const auto first = bytes.begin() + static_cast<std::ptrdiff_t>(at);
+        bytes.erase(first, first + static_cast<std::ptrdiff_t>(std::min(bytes.size() - at, 1 + below(12))));
+        break;
+      }
+      case 5:
+        insert(bytes, at, piece(donor, below(donor.size() + 1)));
+        break;  // of another message
+      case 6:
+        insert(bytes, at, piece(bytes, at));
+        break;  // said twice
+      default:  // a number of eight bytes: a size, an offset, a double
+        if (bytes.size() >= 8) {
+          const std::uint64_t number = below(2) == 0 ? random_() : ~std::uint64_t{0} >> below(64);
+          std::memcpy(bytes.data() + below(bytes.size() - 7), &number, sizeof number);
+        }
+    }
+  }
+
+  Bytes piece(const Bytes& from, std::size_t at) {
+    const auto first = from.begin() + static_cast<std::ptrdiff_t>(at);
+    return {first, first + static_cast<std::ptrdiff_t>(std::min(from.size() - at, 1 + below(24)))};
+  }
+
+  static void insert(Bytes& bytes, std::size_t at, const Bytes& more) {
+    bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), more.begin(), more.end());
+  }
+
+  std::byte interesting() {
+    static constexpr unsigned char kBytes[] = {0x00, 0x01, 0x7F, 0x80, 0xFF, 0x08, 0x0A, 0x42,
+                                               '[',  '"',  '.',  '=',  '\n', '{',  'e',  '-'};
+    return below(2) == 0 ? std::byte(kBytes[below(std::size(kBytes))]) : std::byte(below(256));
+  }
+
+  std::mt19937_64 random_;
+};
+
+struct Tally {
+  std::size_t taken = 0;
+  std::size_t refused = 0;
+};
+
+template <typename Message>
+Tally bombard(const std::vector<std::pair<std::string, Message>>& messages, std::size_t rounds, std::uint64_t seed) {
+  std::vector<Frames> valid;
+  for (const auto& [name, message] : messages) valid.push_back(samples::frames_of(message));
+  Mutator mutator(seed);
+  Tally tally;
+  for (std::size_t i = 0; i < rounds; ++i) {
+    Frames frames = valid[mutator.below(valid.size())];
+    const Frames& donor = valid[mutator.below(valid.size())];
+    Bytes& target = frames.frames[mutator.below(4) == 0 ? mutator.below(frames.frames.size()) : 0];
+    mutator.damage(target, donor.frames.back());
+    Message found;
+    try {
+      decode(frames.views(), found);
+    } catch (const Error& error) {
+      ++tally.refused;
+      EXPECT_NE(error.status().code, Code::kOk);
+      EXPECT_FALSE(error.status().text.empty());
+      continue;
+    }
+    ++tally.taken;
+    // What was taken can be said again, and what its columns promise is there.
+    const Frames again = samples::frames_of(found);
+    EXPECT_EQ(again.frames.size(), found.batch.columns().empty() ? 1U : 2U);
+    for (const Column& column : found.batch.columns())
+      EXPECT_LE(column.offset_bytes + column.count * size_of(column.element), found.batch.bytes().size());
+  }
+  return tally;
+}
+
+TEST(Mutations, DamagedRequestsEndInAValueOrATypedError) {
+  const Tally tally = bombard(samples::requests(), 80'000, 1);
+  EXPECT_GT(tally.refused, 40'000U);
+  EXPECT_GT(tally.taken, 1'000U);  // the damage is small enough to get past the first gate
+}
+
+TEST(Mutations, DamagedRepliesEndInAValueOrATypedError) {
+  const Tally tally = bombard(samples::replies(), 80'000, 2);
+  EXPECT_GT(tally.refused, 40'000U);
+  EXPECT_GT(tally.taken, 1'000U);
+}
+
+TEST(Mutations, DamagedScenesEndInASceneOrInLinesThatPointIntoTheFile) {
+  Scene guest = samples::scene();
+  guest.hydro = Hydro{.end_time_s = 1e-6};
+  guest.hydro->shear_column = ShearColumn{.length_m = 1e-3,
+                                          .zones = 100,
+                                          .velocity_jump_m_per_s = {1.0, 2.5},
+                                          .pressure_pa = {1e9, 2e9, 3e9},
+                                          .pressure_time_s = {0.0, 1e-9, 2e-9}};
+  const std::vector<Bytes> valid = {samples::to_bytes(scene_to_toml(samples::scene())),
+                                    samples::to_bytes(scene_to_toml(guest))};
+  Mutator mutator(3);
+  Tally tally;
+  for (std::size_t i = 0; i < 40'000; ++i) {
+    Bytes bytes = valid[mutator.below(valid.size())];
+    mutator.damage(bytes, valid[mutator.below(valid.size())]);
+    const std::string_view toml(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    SceneFile file;
+    try {
+      file = parse_scene(toml, "m.toml");
+    } catch (const Error& error) {
+      ++tally.refused;
+      EXPECT_EQ(error.status().code, Code::kInvalidScene);
+      EXPECT_TRUE(error.status().text.starts_with("m.toml:")) << error.status().text;
+      continue;
+    }
+    ++tally.taken;
+    EXPECT_TRUE(check_scene(file.scene).ok()) << check_scene(file.scene).text;
+    const std::string again = scene_to_toml(file.scene);
+    EXPECT_EQ(scene_to_toml(parse_scene(again, "again.toml").scene), again);
+  }
+  EXPECT_GT(tally.refused, 10'000U);
+  EXPECT_GT(tally.taken, 1'000U);
+}
+
+}  // namespace
+}  // namespace shearbus::wire

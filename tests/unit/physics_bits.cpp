@@ -1,0 +1,43 @@
+// The bits of an answer do not depend on the machine, the build type or the width of its registers.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cstdint>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// FNV-1a over the states of a tile after a history that loads, flows, melts, opens and sticks in different lanes.
+std::uint64_t fingerprint(const ModelOptions& options) {
+  Rig rig(options);
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.mass_minus[l] = 6.7575e-3;
+    rig.inputs.mass_plus[l] = 19.75e-3;
+  }
+  for (int n = 0; n < 400; ++n) {
+    for (int l = 0; l < kLanes; ++l) {
+      rig.inputs.velocity_jump[l] = (l % 2 == 0 ? 1.0 : -1.0) * (1.0 + 40.0 * l) * (n < 300 ? 1.0 : -0.25);
+      rig.inputs.pressure[l] = n % 100 == 99 ? -1e9 : 1e9 * (1.0 + l);
+      rig.inputs.stress_minus[l] = 2e7 * l;
+    }
+    rig.step(n % 3 == 0 ? 1e-9 : 2.5e-9);
+  }
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  for (double value : rig.committed) hash = (hash ^ std::bit_cast<std::uint64_t>(value)) * 0x100000001b3u;
+  return hash;
+}
+
+TEST(PhysicsBits, AreTheSameOnEveryMachine) {
+  ModelOptions options = graded(paper_options());
+  EXPECT_EQ(fingerprint(options), 14347720042825256616u);
+  options.drive = Drive::kInterfaceSlip;
+  options.soft.yield_strength_max = 0.4e9;
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  EXPECT_EQ(fingerprint(options), 152961982383356132u);
+  EXPECT_EQ(fingerprint(graded(paper_options(Strategy::kForceDriven))), 11846622903504313490u);
+}
+
+}  // namespace
+}  // namespace shearbus::testing
