@@ -73,6 +73,8 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
+  // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
+  virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
 };
 

@@ -8,12 +8,18 @@
 #include <utility>
 
 namespace shearbus::lagrange {
+namespace {
+
+// A node that the hard surface covers less than this does not rub: stresses over so small an area mean nothing.
+constexpr double kLeastCovered = 0.05;
+
+}  // namespace
 
 Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes)
     : weights_(symmetry, std::move(lines)),
       options_(options),
-      inputs_(weights_.size()),
-      answer_(weights_.size()),
+      inputs_(weights_.rubbing()),
+      answer_(weights_.rubbing()),
       pressing_(weights_.size(), 0.0),
       impulse_(num_nodes) {}
 
@@ -83,7 +89,7 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
 // coupling of neighbours is never stronger, so sticking converges without ringing.
 void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                       const std::vector<Vec2>& velocity) {
-  const int size = weights_.size();
+  const int size = weights_.rubbing();
   std::vector<double> hard_area(state.node_mass.size(), 0.0);
   for (int i = 0; i < size; ++i) {
     for (const RubWeight& w : weights_.rub(i)) hard_area[w.node] += w.weight;
@@ -100,7 +106,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
       inputs_.zone_plastic_strain[i] += 0.5 * state.plastic_strain[zone];
     }
-    if (!weights_.faces(i)) continue;
+    if (!weights_.faces(i) || weights_.covered(i) < kLeastCovered) continue;
     const int node = weights_.node(i);
     const double area = weights_.area(i);
     const double old_jump = jump(i, state.velocity);
@@ -130,7 +136,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
 }
 
 void Contact::rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
-  for (int i = 0; i < weights_.size(); ++i) {
+  for (int i = 0; i < weights_.rubbing(); ++i) {
     if (!weights_.faces(i) || answer_.shear_stress[i] == 0.0) continue;
     const Vec2 pull = (answer_.shear_stress[i] * dt) * weights_.tangent(i);
     for (const RubWeight& w : weights_.rub(i)) {
@@ -145,7 +151,8 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
   for (int i = 0; i < weights_.size(); ++i) {
     if (!weights_.faces(i)) continue;
     const double closing = -pressing_[i] * opening_rate(i, velocity_mean);
-    const double friction = answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt;
+    const double friction =
+        i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
     closing_heat_ += closing;
     friction_heat_ += friction;
     const double soft = 0.5 * closing + options_.soft_share * friction;

@@ -40,7 +40,7 @@ class Contact {
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
                     std::vector<double>& energy);
 
-  int size() const { return weights_.size(); }
+  int size() const { return weights_.rubbing(); }  // nodes of the law: the first of the weights'
   const InterfaceWeights& weights() const { return weights_; }
   const std::vector<Vec2>& impulse() const { return impulse_; }         // of the step, per mesh node  [kg m/s]
   const hydro::InterfaceInputs& inputs() const { return inputs_; }      // what the law was asked

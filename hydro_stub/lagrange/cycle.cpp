@@ -81,6 +81,7 @@ void Cycle::advance(double end_time) {
     }
     step_.dt *= 0.25;
     step_.limit = StepLimit::kRejected;
+    unshortened_ = step_;
   }
   // The last step of a run ends on its time, not a rounding beside it.
   state_.time = step_.limit == StepLimit::kEnd ? end_time : state_.time + step_.dt;
@@ -101,7 +102,10 @@ bool Cycle::try_step(double dt) {
   // 5. slide lines: bodies press and rub on each other
   contact_.apply(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
   // 6. places at the end
-  if (!go_to_end(dt)) return false;
+  if (!go_to_end(dt)) {
+    if (law_ != nullptr) law_->take_back();
+    return false;
+  }
   // 7. energy: each force's work with the mean velocity; what slide lines, walls and loads did
   do_work(dt);
   contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
@@ -119,8 +123,9 @@ bool Cycle::try_step(double dt) {
 
 void Cycle::choose_step(double end_time) {
   const TimeStep next = next_time_step(bodies_.mesh, bodies_.time_step, middle_, state_.position, state_.sound_speed,
-                                       viscous_rate_, dilatation_, step_);
+                                       viscous_rate_, dilatation_, unshortened_);
   step_ = next;
+  unshortened_ = next;
   if (!std::isfinite(step_.dt) || !(step_.dt > 0.0)) {
     throw std::runtime_error(fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
   }

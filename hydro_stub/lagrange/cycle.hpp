@@ -98,6 +98,7 @@ class Cycle {
   Contact contact_;
   hydro::InterfaceLaw* law_;
   TimeStep step_;
+  TimeStep unshortened_;  // the same before the end time cut it: what the next may grow from
   std::uint64_t steps_ = 0;
   std::uint64_t rejected_ = 0;
   Vec2 impulse_given_;

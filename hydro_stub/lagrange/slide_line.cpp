@@ -25,12 +25,14 @@ void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int 
 
 InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lines)
     : symmetry_(symmetry), lines_(std::move(lines)) {
+  std::ranges::stable_partition(lines_, [](const SlideLine& line) { return line.rubs; });
   for (std::size_t l = 0; l < lines_.size(); ++l) {
     first_.push_back(static_cast<int>(node_.size()));
     std::vector<int> nodes = lines_[l].soft.nodes;
     if (nodes.front() == nodes.back()) nodes.pop_back();  // a closed surface
     node_.insert(node_.end(), nodes.begin(), nodes.end());
     line_.insert(line_.end(), nodes.size(), static_cast<int>(l));
+    if (lines_[l].rubs) rubbing_ = static_cast<int>(node_.size());
     const std::vector<int>& zones = lines_[l].soft.zones;
     for (std::size_t i = 0; i < nodes.size(); ++i) {
       const bool closed = nodes.size() == zones.size();
@@ -39,6 +41,7 @@ InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lin
     }
   }
   area_.resize(node_.size());
+  whole_area_.resize(node_.size());
   gap_.resize(node_.size());
   normal_sum_.resize(node_.size());
   tangent_.resize(node_.size());
@@ -51,6 +54,7 @@ InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lin
 
 void InterfaceWeights::find(const std::vector<Vec2>& position) {
   std::ranges::fill(area_, 0.0);
+  std::ranges::fill(whole_area_, 0.0);
   std::ranges::fill(gap_, 0.0);
   std::ranges::fill(normal_sum_, Vec2{});
   for (std::size_t i = 0; i < node_.size(); ++i) {
@@ -64,6 +68,11 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
     const int soft_segments = static_cast<int>(lines_[line].soft.zones.size());
     const int hard_segments = static_cast<int>(lines_[line].hard.zones.size());
     for (int s = 0; s < soft_segments; ++s) {
+      const Vec2 a = position[lines_[line].soft.nodes[s]];
+      const Vec2 b = position[lines_[line].soft.nodes[s + 1]];
+      const bool axisymmetric = symmetry_ == Symmetry::kAxisymmetric;
+      whole_area_[first_[line] + s] += norm(b - a) * (axisymmetric ? (2.0 * a.x + b.x) / 6.0 : 0.5);
+      whole_area_[row_after(line, s)] += norm(b - a) * (axisymmetric ? (a.x + 2.0 * b.x) / 6.0 : 0.5);
       for (int h = 0; h < hard_segments; ++h) pair_segments(position, line, s, h);
     }
   }
@@ -74,6 +83,13 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
     for (ZoneShare& zone : soft_zones_[i]) zone.share /= area_[i];
     for (ZoneShare& zone : hard_zones_[i]) zone.share /= area_[i];
   }
+}
+
+// Interface node at the end of a soft segment; of a closed surface the last is the first.
+int InterfaceWeights::row_after(std::size_t line, int segment) const {
+  const std::vector<int>& nodes = lines_[line].soft.nodes;
+  const int rows = static_cast<int>(nodes.size()) - (nodes.front() == nodes.back() ? 1 : 0);
+  return first_[line] + (segment + 1) % rows;
 }
 
 // What a hard segment p -> q covers of a soft segment a -> b, seen along the soft segment's normal, by two Gauss points:
@@ -103,8 +119,7 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
   const Vec2 normal = (1.0 / length) * right_of(ab);
   const double nearest = 0.25 * std::sqrt(reach);
   constexpr double kGauss = 0.28867513459481287;
-  const int rows = static_cast<int>(soft.nodes.size()) - (soft.nodes.front() == soft.nodes.back() ? 1 : 0);
-  const std::array<int, 2> row = {first_[line] + s, first_[line] + (s + 1) % rows};
+  const std::array<int, 2> row = {first_[line] + s, row_after(line, s)};
   for (const double side : {-kGauss, kGauss}) {
     const double xi = from + (0.5 + side) * (to - from);
     const double eta = (at_p - xi) / (at_p - at_q);

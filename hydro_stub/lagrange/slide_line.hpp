@@ -33,6 +33,7 @@ inline Surface surface(const Block& block, Side side) {
 struct SlideLine {
   Surface soft;
   Surface hard;
+  bool rubs = true;  // false: free slip, whatever the interface law
 };
 
 struct PushWeight {
@@ -59,13 +60,16 @@ class InterfaceWeights {
 
   void find(const std::vector<Vec2>& position);
 
+  // Interface nodes: those of the lines that rub, in the order of the lines, then the others.
   int size() const { return static_cast<int>(node_.size()); }
+  int rubbing() const { return rubbing_; }
   int node(int i) const { return node_[i]; }            // the soft node
   int line(int i) const { return line_[i]; }
   // The soft zones at the node, one or two; at an end of the surface twice the same.
   std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
   bool faces(int i) const { return area_[i] > 0.0; }    // there is a hard surface near
   double area(int i) const { return area_[i]; }         // A_i  [m2]
+  double covered(int i) const { return area_[i] / whole_area_[i]; }  // the hard surface's share of the node's own area
   double gap(int i) const { return gap_[i]; }           // mean over A_i, negative where the bodies overlap  [m]
   Vec2 tangent(int i) const { return tangent_[i]; }     // along the soft surface as it is walked
   std::span<const PushWeight> push(int i) const { return push_[i]; }
@@ -75,15 +79,18 @@ class InterfaceWeights {
   std::span<const ZoneShare> hard_zones(int i) const { return hard_zones_[i]; }
 
  private:
+  int row_after(std::size_t line, int segment) const;
   void pair_segments(const std::vector<Vec2>& position, std::size_t line, int soft_segment, int hard_segment);
 
   Symmetry symmetry_;
   std::vector<SlideLine> lines_;
+  int rubbing_ = 0;
   std::vector<int> first_;  // interface node of each line's first soft node
   std::vector<int> node_;
   std::vector<int> line_;
   std::vector<std::array<int, 2>> zones_at_;
   std::vector<double> area_;
+  std::vector<double> whole_area_;  // integral N_i r dl over all of the soft surface
   std::vector<double> gap_;
   std::vector<Vec2> normal_sum_;
   std::vector<Vec2> tangent_;
