@@ -63,9 +63,9 @@ class Interface {
     writer_.begin_row(in.time);
     std::size_t q = 0;
     for (const std::vector<double>* values : std::initializer_list<const std::vector<double>*>{
-             &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature,
-             &answer.velocity_jump_new, &in.pressure, &in.velocity_jump, &in.stress_minus,
-             &in.stress_plus, &in.zone_temperature, &slip_, &radius_, &height_}) {
+             &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature, &answer.velocity_jump_new,
+             &in.pressure, &in.velocity_jump, &in.stress_minus, &in.stress_plus, &in.zone_temperature, &slip_, &radius_,
+             &height_}) {
       writer_.set(q++, *values);
     }
     writer_.set(q, answer.regime);
@@ -142,7 +142,8 @@ class FreeSurface {
   wire::HistoryWriter writer_;
 };
 
-wire::FieldWriter field_writer(const std::filesystem::path& file, const lagrange::Mesh& mesh, const std::string& scene) {
+wire::FieldWriter field_writer(const std::filesystem::path& file, const lagrange::Mesh& mesh,
+                               const std::string& scene) {
   std::vector<std::int32_t> quads;
   for (int z = 0; z < mesh.num_zones(); ++z) quads.insert(quads.end(), mesh.zone_nodes(z), mesh.zone_nodes(z) + 4);
   return {file,
@@ -173,7 +174,8 @@ void write_fields(wire::FieldWriter& writer, const Cycle& cycle) {
     const lagrange::Block& block = cycle.mesh().blocks()[b];
     std::fill_n(body.begin() + block.first_zone, block.num_zones(), static_cast<double>(b));
   }
-  const std::array<std::span<const double>, 6> zones = {s.temperature, s.pressure, s.density, s.plastic_strain, stress, body};
+  const std::array<std::span<const double>, 6> zones = {s.temperature,    s.pressure, s.density,
+                                                        s.plastic_strain, stress,     body};
   writer.frame(s.time, three(s.position), three(s.velocity), zones);
 }
 
@@ -208,9 +210,11 @@ void finish(const std::filesystem::path& out, const wire::Scene& scene, const Cy
   std::ofstream json(out / "summary.json", std::ios::binary);
   json << fmt::format(
       "{{\n  \"interface_law\": \"{}\",\n  \"zones\": {},\n  \"steps\": {},\n  \"steps_taken_back\": {},\n"
-      "  \"share_open\": {:.17g},\n  \"share_stick\": {:.17g},\n  \"share_coulomb\": {:.17g},\n  \"share_tresca\": {:.17g},\n"
+      "  \"share_open\": {:.17g},\n  \"share_stick\": {:.17g},\n  \"share_coulomb\": {:.17g},\n  \"share_tresca\": "
+      "{:.17g},\n"
       "  \"share_melting\": {:.17g},\n  \"mean_slip_m\": {:.17g},\n  \"longest_slip_m\": {:.17g},\n"
-      "  \"peak_interface_temperature_k\": {:.17g},\n  \"peak_pressure_pa\": {:.17g},\n  \"friction_heat_j\": {:.17g},\n"
+      "  \"peak_interface_temperature_k\": {:.17g},\n  \"peak_pressure_pa\": {:.17g},\n  \"friction_heat_j\": "
+      "{:.17g},\n"
       "  \"energy_residual\": {:.3e},\n  \"momentum_residual\": {:.3e},\n  \"run_time_s\": {:.6g},\n"
       "  \"service_share\": {:.6g}\n}}\n",
       law, cycle.mesh().num_zones(), cycle.steps(), cycle.rejected_steps(), interface.share(wire::Regime::kOpen),
@@ -239,7 +243,8 @@ void run_cone_target(const wire::Scene& scene, const ConeTarget& problem, lagran
   Cycle cycle(std::move(bodies), &law);
   const Ledger start = cycle.ledger();
   Interface interface(out / "interface.h5", nodes, meta);
-  FreeSurface surface(out / "free_surface.h5", cycle.mesh().blocks()[ConeTarget::kCone].side(lagrange::Side::kTop), meta);
+  FreeSurface surface(out / "free_surface.h5", cycle.mesh().blocks()[ConeTarget::kCone].side(lagrange::Side::kTop),
+                      meta);
   wire::FieldWriter fields = field_writer(out / "fields.h5", cycle.mesh(), text);
 
   constexpr std::size_t kBarParts = 10'000;  // steps are not known before; time is
@@ -249,7 +254,8 @@ void run_cone_target(const wire::Scene& scene, const ConeTarget& problem, lagran
   double next_row = 0.0;
   write_fields(fields, cycle);
   for (std::uint32_t frame = 1; frame <= problem.scene.frames; ++frame) {
-    const double until = frame == problem.scene.frames ? problem.end_time : problem.end_time * frame / problem.scene.frames;
+    const double until =
+        frame == problem.scene.frames ? problem.end_time : problem.end_time * frame / problem.scene.frames;
     while (cycle.state().time < until) {
       cycle.advance(until);
       const Clock::time_point stepped = Clock::now();
@@ -272,7 +278,10 @@ void run_cone_target(const wire::Scene& scene, const ConeTarget& problem, lagran
   fields.close();
   const LawTime spent = law.time_spent();
   finish(out, scene, cycle, start, interface,
-         {.total = seconds(Clock::now() - begun), .solver = seconds(spent.solver), .bus = seconds(spent.bus), .output = seconds(output)});
+         {.total = seconds(Clock::now() - begun),
+          .solver = seconds(spent.solver),
+          .bus = seconds(spent.bus),
+          .output = seconds(output)});
 }
 
 }  // namespace shearbus::hydro

@@ -52,7 +52,8 @@ ConeTarget make_cone_target(const wire::Scene& scene) {
   const double widest = std::max(cone.front_radius_m, cone.back_radius_m);
   if (!(widest < cone.confinement_radius_m)) {
     refuse("hydro.cone_target.confinement_radius_m",
-           fmt::format("the confinement's radius {} m does not contain the cone's {} m", cone.confinement_radius_m, widest),
+           fmt::format("the confinement's radius {} m does not contain the cone's {} m", cone.confinement_radius_m,
+                       widest),
            "make the confinement wider or the cone narrower");
   }
   const double thinnest = std::min({cone.length_m, cone.front_radius_m, cone.back_radius_m, cone.flyer_thickness_m,
@@ -66,8 +67,8 @@ ConeTarget make_cone_target(const wire::Scene& scene) {
   const double zones =
       cone.confinement_radius_m * (cone.length_m + cone.flyer_thickness_m) / (cone.zone_width_m * cone.zone_width_m);
   if (zones > kMostZones) {
-    refuse("hydro.cone_target.zone_width_m", fmt::format("about {:.3g} zones, at most {:g} are allowed", zones, kMostZones),
-           "raise zone_width_m");
+    refuse("hydro.cone_target.zone_width_m",
+           fmt::format("about {:.3g} zones, at most {:g} are allowed", zones, kMostZones), "raise zone_width_m");
   }
   return problem;
 }

@@ -36,7 +36,7 @@ struct InterfaceInputs {
   std::vector<double> mass_minus;     // of half the soft zone                      [kg/m2]
   std::vector<double> mass_plus;      // of half the hard zone                      [kg/m2]
   // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
-  std::vector<double> zone_temperature;     // [K]
+  std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
 };
 

@@ -73,8 +73,9 @@ std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::
   if (scene.strategy != wire::Strategy::kForceDriven) {
     throw wire::Error(
         {.code = wire::Code::kInvalidScene,
-         .text = "a hydrodynamic problem with interface_law subgrid sends far-field stresses and takes the jump back: it "
-                 "expects strategy force_driven",
+         .text =
+             "a hydrodynamic problem with interface_law subgrid sends far-field stresses and takes the jump back: it "
+             "expects strategy force_driven",
          .remedy = "set strategy = \"force_driven\" and add [interface]",
          .field = "strategy"});
   }

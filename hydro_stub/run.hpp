@@ -13,7 +13,8 @@
 
 namespace shearbus::hydro {
 
-// The scene's law for nodes with these initial temperatures. Says on stderr what the server warns of. Throws wire::Error.
+// The scene's law for nodes with these initial temperatures. Says on stderr what the server warns of. Throws
+// wire::Error.
 std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        const std::string& endpoint);

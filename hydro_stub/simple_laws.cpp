@@ -3,7 +3,8 @@
 namespace shearbus::hydro {
 namespace {
 
-// Without friction nothing heats the interface: its temperature is the zone's, or unknown to this law and left at 300 K.
+// Without friction nothing heats the interface: its temperature is the zone's, or unknown to this law and left at 300
+// K.
 constexpr double kRoomTemperature = 300.0;
 
 void answer_without_heat(const InterfaceInputs& inputs, std::size_t i, double stress, InterfaceAnswer& answer) {

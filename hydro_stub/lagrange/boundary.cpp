@@ -38,11 +38,4 @@ Guides::Guides(int num_nodes, const std::vector<Wall>& walls) : normals_(num_nod
   }
 }
 
-Vec2 Guides::free_part(int node, Vec2 v) const {
-  const Normals& n = normals_[node];
-  v -= dot(v, n.first) * n.first;
-  v -= dot(v, n.second) * n.second;
-  return v;
-}
-
 }  // namespace shearbus::lagrange

@@ -34,7 +34,12 @@ std::vector<Vec2> pressure_forces(const Mesh& mesh, const PressureLoad& load, co
 class Guides {
  public:
   Guides(int num_nodes, const std::vector<Wall>& walls);
-  Vec2 free_part(int node, Vec2 v) const;
+  Vec2 free_part(int node, Vec2 v) const {
+    const Normals& n = normals_[node];
+    v -= dot(v, n.first) * n.first;
+    v -= dot(v, n.second) * n.second;
+    return v;
+  }
 
  private:
   struct Normals {

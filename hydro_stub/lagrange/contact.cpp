@@ -12,6 +12,8 @@ namespace {
 
 // A node that the hard surface covers less than this does not rub: stresses over so small an area mean nothing.
 constexpr double kLeastCovered = 0.05;
+// Pressures below this come from rounding and the foot of a smeared shock: the law is told that the node is open.
+constexpr double kLeastPressure = 1e4;  // [Pa]
 
 }  // namespace
 
@@ -51,8 +53,8 @@ void Contact::give(int node, Vec2 impulse, const Guides& guides, const State& st
   velocity[node] += (1.0 / state.node_mass[node]) * guides.free_part(node, impulse);
 }
 
-// Projected Gauss-Seidel, forward and back. The matrix is that of one-dimensional mass matrices, so each sweep takes off a
-// fixed share of the error.
+// Projected Gauss-Seidel, forward and back. The matrix is that of one-dimensional mass matrices, so each sweep takes
+// off a fixed share of the error.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   constexpr int kMostSweeps = 400;
   constexpr double kTolerance = 1e-13;
@@ -120,6 +122,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     inputs_.velocity_jump[i] = old_jump;
     // The mean over the node's area, which evens out what unlike meshes make of the p_i.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
+    if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
     inputs_.mass_minus[i] = state.node_mass[node] / area;
     inputs_.mass_plus[i] = 1.0 / hard_compliance;
     inputs_.stress_minus[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_minus[i] / dt;

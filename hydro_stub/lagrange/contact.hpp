@@ -6,9 +6,9 @@
 //      answers a shear stress
 //   3. normal again, with the shear impulses known
 //
-// All impulses are equal and opposite between the bodies to rounding. The work that a node's impulses take from the motion
-// becomes heat of the adjoining zones: friction in the shares of the two bodies' effusivities (DLP 19), what is lost when
-// a gap closes by halves.
+// All impulses are equal and opposite between the bodies to rounding. The work that a node's impulses take from the
+// motion becomes heat of the adjoining zones: friction in the shares of the two bodies' effusivities (DLP 19), what is
+// lost when a gap closes by halves.
 #pragma once
 
 #include <vector>
@@ -42,8 +42,8 @@ class Contact {
 
   int size() const { return weights_.rubbing(); }  // nodes of the law: the first of the weights'
   const InterfaceWeights& weights() const { return weights_; }
-  const std::vector<Vec2>& impulse() const { return impulse_; }         // of the step, per mesh node  [kg m/s]
-  const hydro::InterfaceInputs& inputs() const { return inputs_; }      // what the law was asked
+  const std::vector<Vec2>& impulse() const { return impulse_; }     // of the step, per mesh node  [kg m/s]
+  const hydro::InterfaceInputs& inputs() const { return inputs_; }  // what the law was asked
   const hydro::InterfaceAnswer& answer() const { return answer_; }
   double friction_heat() const { return friction_heat_; }  // since the start  [J]
   double closing_heat() const { return closing_heat_; }

@@ -127,7 +127,8 @@ void Cycle::choose_step(double end_time) {
   step_ = next;
   unshortened_ = next;
   if (!std::isfinite(step_.dt) || !(step_.dt > 0.0)) {
-    throw std::runtime_error(fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
+    throw std::runtime_error(
+        fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
   }
   if (state_.time + step_.dt >= end_time) {
     step_.dt = end_time - state_.time;
@@ -184,12 +185,12 @@ void Cycle::find_forces() {
   std::ranges::fill(corner_force_, Vec2{});
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
     const Block& block = mesh.blocks()[body];
-    add_viscosity(mesh, bodies_.viscosity, bodies_.materials[body].eos.half_shock_slope(), middle_,
-                  middle_position_, gradient_, middle_density_, state_.sound_speed, block.first_zone,
+    add_viscosity(mesh, bodies_.viscosity, bodies_.materials[body].eos.half_shock_slope(), middle_, middle_position_,
+                  gradient_, middle_density_, state_.sound_speed, block.first_zone,
                   block.first_zone + block.num_zones(), corner_force_, viscous_rate_);
   }
-  add_hourglass(mesh, bodies_.hourglass, middle_, middle_position_, state_.velocity, middle_density_, state_.sound_speed,
-                corner_force_);
+  add_hourglass(mesh, bodies_.hourglass, middle_, middle_position_, state_.velocity, middle_density_,
+                state_.sound_speed, corner_force_);
 #pragma omp parallel for schedule(static) if (zones >= kFewestForThreads)
   for (int z = 0; z < zones; ++z) {
     const int* n = mesh.zone_nodes(z);
@@ -262,7 +263,8 @@ void Cycle::do_work(double dt) {
 void Cycle::book_boundaries(double dt) {
   std::vector<Vec2> beyond(bodies_.walls.empty() ? 0 : bodies_.mesh.num_nodes());
   for (std::size_t n = 0; n < beyond.size(); ++n) {
-    beyond[n] = state_.node_mass[n] * (velocity_new_[n] - state_.velocity[n]) - dt * node_force_[n] - contact_.impulse()[n];
+    beyond[n] =
+        state_.node_mass[n] * (velocity_new_[n] - state_.velocity[n]) - dt * node_force_[n] - contact_.impulse()[n];
   }
   for (std::size_t l = 0; l < bodies_.loads.size(); ++l) {
     const std::vector<int>& loaded = bodies_.loads[l].nodes;
@@ -294,8 +296,8 @@ void Cycle::advance_stress(double dt) {
       dilatation_[z] = d.dilatation();
       if (!strength) continue;
       const Deviator old = {state_.deviator_xx[z], state_.deviator_yy[z], state_.deviator_xy[z]};
-      const StrengthStep step = advance_deviator(*strength, old, d, dt, state_.plastic_strain[z], middle_pressure_[z],
-                                                 state_.temperature[z]);
+      const StrengthStep step =
+          advance_deviator(*strength, old, d, dt, state_.plastic_strain[z], middle_pressure_[z], state_.temperature[z]);
       state_.deviator_xx[z] = step.deviator.xx;
       state_.deviator_yy[z] = step.deviator.yy;
       state_.deviator_xy[z] = step.deviator.xy;
@@ -310,7 +312,7 @@ void Cycle::update_state(const std::vector<double>& volume, const std::vector<do
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
     const Block& block = bodies_.mesh.blocks()[body];
     bodies_.materials[body].eos.evaluate(density, energy, block.first_zone, block.first_zone + block.num_zones(),
-                                        pressure, sound_squared_);
+                                         pressure, sound_squared_);
   }
 }
 

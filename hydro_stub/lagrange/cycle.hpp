@@ -1,7 +1,7 @@
 // A staggered Lagrangian hydrocode in two dimensions: velocities on nodes, everything else in zones, one predictor and
 // one evaluation of forces a step, as in PENNANT and the compatible scheme of Caramana, Burton, Shashkov & Whalen (J.
-// Comput. Phys. 146 (1998) 227). The work of every force is taken from or given to the zone it belongs to, so that total
-// energy changes by what boundaries do, to rounding.
+// Comput. Phys. 146 (1998) 227). The work of every force is taken from or given to the zone it belongs to, so that
+// total energy changes by what boundaries do, to rounding.
 #pragma once
 
 #include <cstdint>
@@ -46,13 +46,13 @@ struct Bodies {
 
 // Sums over all bodies. What boundaries gave is since the start.
 struct Ledger {
-  Vec2 momentum;                  // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
-  double kinetic = 0.0;           // [J]
-  double internal = 0.0;          // [J]
-  Vec2 impulse_given;             // by walls and loads  [kg m/s]
-  double work_given = 0.0;        // by walls and loads  [J]
-  double friction_heat = 0.0;     // part of the internal energy that came from rubbing on slide lines  [J]
-  double closing_heat = 0.0;      // and from closing them  [J]
+  Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
+  double kinetic = 0.0;        // [J]
+  double internal = 0.0;       // [J]
+  Vec2 impulse_given;          // by walls and loads  [kg m/s]
+  double work_given = 0.0;     // by walls and loads  [J]
+  double friction_heat = 0.0;  // part of the internal energy that came from rubbing on slide lines  [J]
+  double closing_heat = 0.0;   // and from closing them  [J]
   double total_energy() const { return kinetic + internal; }
 };
 
@@ -105,7 +105,7 @@ class Cycle {
   double work_given_ = 0.0;
 
   // Of the step under way.
-  Geometry middle_;                     // at n+1/2
+  Geometry middle_;  // at n+1/2
   std::vector<Vec2> middle_position_;
   std::vector<double> middle_density_;
   std::vector<double> middle_energy_;
@@ -113,15 +113,15 @@ class Cycle {
   std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // deviators
   std::vector<double> sound_squared_;
   std::vector<Vec2> corner_force_;
-  std::vector<Vec2> node_force_;                 // of the zones
-  std::vector<std::vector<Vec2>> load_force_;    // of each load
+  std::vector<Vec2> node_force_;               // of the zones
+  std::vector<std::vector<Vec2>> load_force_;  // of each load
   std::vector<Vec2> position_new_;
   std::vector<Vec2> velocity_new_;
   std::vector<Vec2> velocity_mean_;  // of the step's beginning and end: moves the nodes and does the work
   std::vector<double> volume_new_;
   std::vector<Gradient> gradient_;  // at n+1/2 with the velocities of n
   std::vector<double> viscous_rate_;
-  std::vector<double> heating_;     // power of viscosity and hourglass forces in the last step, for the predictor  [W]
+  std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // dV/dt / V of the last step  [1/s]
 };

@@ -26,8 +26,8 @@ struct MieGrueneisen {
   double s2 = 0.0;
   double s3 = 0.0;
   double gamma0 = 0.0;
-  double specific_heat = 0.0;                                       // [J/(kg K)]
-  double reference_temperature = 300.0;                             // [K]
+  double specific_heat = 0.0;                                      // [J/(kg K)]
+  double reference_temperature = 300.0;                            // [K]
   double tension_limit = std::numeric_limits<double>::infinity();  // the metal spalls: P never falls below -this  [Pa]
 };
 

@@ -20,7 +20,8 @@ std::array<double, 4> shape_integrals(const Corners& x) {
   for (int k = 0; k < 4; ++k) jacobian[k] = cross(x[(k + 1) % 4] - x[k], x[(k + 3) % 4] - x[k]);
   std::array<double, 4> integral;
   for (int k = 0; k < 4; ++k) {
-    integral[k] = (4.0 * jacobian[k] + 2.0 * (jacobian[(k + 1) % 4] + jacobian[(k + 3) % 4]) + jacobian[(k + 2) % 4]) / 36.0;
+    integral[k] =
+        (4.0 * jacobian[k] + 2.0 * (jacobian[(k + 1) % 4] + jacobian[(k + 3) % 4]) + jacobian[(k + 2) % 4]) / 36.0;
   }
   return integral;
 }

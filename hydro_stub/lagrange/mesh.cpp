@@ -49,8 +49,7 @@ void Mesh::add_zones(const Block& b) {
   };
   for (int j = 0; j < b.ny; ++j) {
     for (int i = 0; i < b.nx; ++i) {
-      zone_nodes_.insert(zone_nodes_.end(),
-                         {b.node(i, j), b.node(i + 1, j), b.node(i + 1, j + 1), b.node(i, j + 1)});
+      zone_nodes_.insert(zone_nodes_.end(), {b.node(i, j), b.node(i + 1, j), b.node(i + 1, j + 1), b.node(i, j + 1)});
       neighbours_.insert(neighbours_.end(), {zone(i, j - 1), zone(i + 1, j), zone(i, j + 1), zone(i - 1, j)});
     }
   }

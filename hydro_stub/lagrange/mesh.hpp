@@ -35,8 +35,8 @@ struct Block {
   int zone(int i, int j) const { return first_zone + j * nx + i; }
   int num_zones() const { return nx * ny; }
   int num_nodes() const { return columns() * (ny + 1); }
-  // Nodes along a side with the block on the left hand, as a boundary is walked counter-clockwise. The bottom and top of
-  // a ring are closed: their first node is repeated at the end.
+  // Nodes along a side with the block on the left hand, as a boundary is walked counter-clockwise. The bottom and top
+  // of a ring are closed: their first node is repeated at the end.
   std::vector<int> side(Side side) const;
   // Zone inside each segment of side().
   std::vector<int> side_zones(Side side) const;

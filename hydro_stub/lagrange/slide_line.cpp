@@ -92,8 +92,8 @@ int InterfaceWeights::row_after(std::size_t line, int segment) const {
   return first_[line] + (segment + 1) % rows;
 }
 
-// What a hard segment p -> q covers of a soft segment a -> b, seen along the soft segment's normal, by two Gauss points:
-// exact for the product of two shape functions and the radius.
+// What a hard segment p -> q covers of a soft segment a -> b, seen along the soft segment's normal, by two Gauss
+// points: exact for the product of two shape functions and the radius.
 void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::size_t line, int s, int h) {
   const Surface& soft = lines_[line].soft;
   const Surface& hard = lines_[line].hard;

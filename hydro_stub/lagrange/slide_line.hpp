@@ -1,16 +1,16 @@
 // Where two bodies face each other, and with which weights they can push and rub.
 //
 // A slide line has a soft and a hard surface whose nodes need not match. The soft nodes are the interface nodes: each
-// carries a pressure and a shear stress. Pressure is linear between them, p = sum N_i p_i along the soft surface, and acts
-// on both bodies through integrals over the part of it that the hard surface covers (segment to segment, as in mortar
-// methods: Puso & Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601), n out of the soft body:
+// carries a pressure and a shear stress. Pressure is linear between them, p = sum N_i p_i along the soft surface, and
+// acts on both bodies through integrals over the part of it that the hard surface covers (segment to segment, as in
+// mortar methods: Puso & Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601), n out of the soft body:
 //
 //     on soft node j:  -p_i integral N_i N_j n r dl        on hard node j:  +p_i integral N_i N_j^hard n r dl
 //
 // Both shape functions sum to 1 at every point, so the two sides' forces cancel exactly, for any mesh, and a uniform
-// pressure meets exactly the nodal forces of uniformly stressed bodies (patch test). The same weights measure how fast the
-// gap of node i opens. The shear stress of node i acts along its tangent t_i over its area A_i = integral N_i r dl on the
-// node itself, and with the weights integral N_i N_j^hard r dl on the hard nodes.
+// pressure meets exactly the nodal forces of uniformly stressed bodies (patch test). The same weights measure how fast
+// the gap of node i opens. The shear stress of node i acts along its tangent t_i over its area A_i = integral N_i r dl
+// on the node itself, and with the weights integral N_i N_j^hard r dl on the hard nodes.
 #pragma once
 
 #include <array>
@@ -63,15 +63,15 @@ class InterfaceWeights {
   // Interface nodes: those of the lines that rub, in the order of the lines, then the others.
   int size() const { return static_cast<int>(node_.size()); }
   int rubbing() const { return rubbing_; }
-  int node(int i) const { return node_[i]; }            // the soft node
+  int node(int i) const { return node_[i]; }  // the soft node
   int line(int i) const { return line_[i]; }
   // The soft zones at the node, one or two; at an end of the surface twice the same.
   std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
-  bool faces(int i) const { return area_[i] > 0.0; }    // there is a hard surface near
-  double area(int i) const { return area_[i]; }         // A_i  [m2]
+  bool faces(int i) const { return area_[i] > 0.0; }                 // there is a hard surface near
+  double area(int i) const { return area_[i]; }                      // A_i  [m2]
   double covered(int i) const { return area_[i] / whole_area_[i]; }  // the hard surface's share of the node's own area
-  double gap(int i) const { return gap_[i]; }           // mean over A_i, negative where the bodies overlap  [m]
-  Vec2 tangent(int i) const { return tangent_[i]; }     // along the soft surface as it is walked
+  double gap(int i) const { return gap_[i]; }        // mean over A_i, negative where the bodies overlap  [m]
+  Vec2 tangent(int i) const { return tangent_[i]; }  // along the soft surface as it is walked
   std::span<const PushWeight> push(int i) const { return push_[i]; }
   std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }
   std::span<const RubWeight> rub(int i) const { return rub_[i]; }

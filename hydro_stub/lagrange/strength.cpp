@@ -17,18 +17,22 @@ Deviator rotated(const Deviator& s, double spin, double dt) {
           sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
 }
 
-// Solves trial - 3 G x = Y(ep + x) for the plastic strain increment x. Hardening is concave and much softer than 3 G, so
-// the plain iteration contracts, by Y'/(3 G).
+// Solves Y(ep + x) + 3 G x = trial for the plastic strain increment x. Hardening is concave, so Newton's iterates rise
+// to the root from x = 0 and cannot pass it.
 double plastic_increment(const physics::Material& metal, double trial, double yield, double g, double plastic_strain) {
   const double stiffness = 3.0 * metal.shear_modulus;
-  double x = (trial - yield) / stiffness;
-  if (metal.hardening_coefficient == 0.0) return x;
-  constexpr int kMostIterations = 60;
+  if (metal.hardening_coefficient == 0.0) return (trial - yield) / stiffness;
+  constexpr int kMostIterations = 50;
+  const double cap = metal.yield_strength_max * g;
+  double x = 0.0;
+  double strength = yield;
   for (int i = 0; i < kMostIterations; ++i) {
-    const double next = (trial - physics::hardened_strength(metal, plastic_strain + x) * g) / stiffness;
-    const double change = std::abs(next - x);
-    x = next > 0.0 ? next : 0.0;
-    if (change <= 1e-13 * (trial / stiffness)) break;
+    const double missing = trial - stiffness * x - strength;
+    if (missing <= 1e-13 * trial) break;
+    const double hardening = metal.hardening_exponent * metal.hardening_coefficient /
+                             (1.0 + metal.hardening_coefficient * (plastic_strain + x));
+    x += missing / (stiffness + (strength < cap ? strength * hardening : 0.0));
+    strength = physics::hardened_strength(metal, plastic_strain + x) * g;
   }
   return x;
 }
@@ -51,9 +55,10 @@ StrengthStep advance_deviator(const physics::Material& metal, const Deviator& ol
   s.yy += stretch * (d.yy - mean);
   s.xy += stretch * 0.5 * (d.xy + d.yx);
   // 3.
+  const double trial = equivalent_stress(s);
+  if (trial == 0.0) return {s, 0.0};
   const double g = physics::softening(metal, pressure, temperature).g;
   const double yield = physics::hardened_strength(metal, plastic_strain) * g;
-  const double trial = equivalent_stress(s);
   if (trial <= yield) return {s, 0.0};
   const double increment = plastic_increment(metal, trial, yield, g, plastic_strain);
   const double keep = std::fmax(0.0, 1.0 - 3.0 * metal.shear_modulus * increment / trial);

@@ -4,12 +4,12 @@
 //     sigma_q = (1 - psi) mu lambda s s^T,    mu = rho l (c2 w |du| + sqrt((c2 w du)^2 + (c1 c)^2)),    du = l |lambda|
 //
 // lambda is the most negative eigenvalue of the strain rate in the plane (without one there is no viscosity), s its
-// direction, l the zone's length along it, and w half the slope of the material's Us(up): a jump du then feels the shock
-// pressure of its own Hugoniot. psi limits by the zones on both sides, as is usual for second-order schemes (D. J. Benson,
-// Comput. Methods Appl. Mech. Eng. 99 (1992) 235): 1 where the rate varies linearly through the neighbours. Rigid rotation
-// has no lambda and uniform compression psi = 1: neither costs anything. The stress acts through the same weights as all
-// others, so its forces cancel in a zone, and its work mu lambda^2 only heats. Being directional it leaves thin zones that
-// are squeezed along their length their time step.
+// direction, l the zone's length along it, and w half the slope of the material's Us(up): a jump du then feels the
+// shock pressure of its own Hugoniot. psi limits by the zones on both sides, as is usual for second-order schemes (D.
+// J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235): 1 where the rate varies linearly through the neighbours.
+// Rigid rotation has no lambda and uniform compression psi = 1: neither costs anything. The stress acts through the
+// same weights as all others, so its forces cancel in a zone, and its work mu lambda^2 only heats. Being directional it
+// leaves thin zones that are squeezed along their length their time step.
 #pragma once
 
 #include <vector>

@@ -46,8 +46,8 @@ struct FieldWriter::Impl {
   }
 
   std::string item(const std::string& path, const std::string& shape, const char* type, int precision) const {
-    return fmt::format(R"(<DataItem Format="HDF" NumberType="{}" Precision="{}" Dimensions="{}">{}:{}</DataItem>)", type,
-                       precision, shape, file.filename().string(), path);
+    return fmt::format(R"(<DataItem Format="HDF" NumberType="{}" Precision="{}" Dimensions="{}">{}:{}</DataItem>)",
+                       type, precision, shape, file.filename().string(), path);
   }
 
   std::string xdmf() const {
@@ -90,7 +90,8 @@ FieldWriter::FieldWriter(std::filesystem::path file, std::span<const std::int32_
   w.attribute(w.hdf, "format", "shearbus-fields");
   w.attribute(w.hdf, "units_system", "SI");
   w.dataset<2>("/quads", {w.zones, 4}, H5T_STD_I32LE, H5T_NATIVE_INT32, quads.data());
-  const Group frames(checked(H5Gcreate2(w.hdf, "/frame", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), w.file, "cannot make a group"));
+  const Group frames(
+      checked(H5Gcreate2(w.hdf, "/frame", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), w.file, "cannot make a group"));
   const std::array<hsize_t, 1> letters = {scene.size()};
   if (!scene.empty()) w.dataset<1>("/scene", letters, H5T_STD_U8LE, H5T_NATIVE_UINT8, scene.data());
 }
@@ -103,10 +104,12 @@ void FieldWriter::frame(double time_s, std::span<const double> place, std::span<
   const Quiet quiet;
   Impl& w = *impl_;
   const std::string group = fmt::format("/frame/{:05}", w.times.size());
-  const Group made(checked(H5Gcreate2(w.hdf, group.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), w.file, "cannot make a group"));
+  const Group made(
+      checked(H5Gcreate2(w.hdf, group.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), w.file, "cannot make a group"));
   const Dataset placed = w.dataset<2>(group + "/place", {w.nodes, 3}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, place.data());
   w.attribute(placed, "units", "m");
-  const Dataset moved = w.dataset<2>(group + "/velocity", {w.nodes, 3}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, velocity.data());
+  const Dataset moved =
+      w.dataset<2>(group + "/velocity", {w.nodes, 3}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, velocity.data());
   w.attribute(moved, "units", "m s-1");
   for (std::size_t q = 0; q < w.quantities.size(); ++q) {
     const Quantity& quantity = w.quantities[q];

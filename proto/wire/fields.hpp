@@ -1,5 +1,6 @@
-// Fields of a run for ParaView and VisIt: FIELDS.h5 with one group a frame, and FIELDS.xmf beside it that says how to read
-// it (XDMF 3; opened by ParaView's Xdmf2 and Xdmf3 readers). Quadrilaterals in the plane z = 0. Layout in recording.md.
+// Fields of a run for ParaView and VisIt: FIELDS.h5 with one group a frame, and FIELDS.xmf beside it that says how to
+// read it (XDMF 3; opened by ParaView's Xdmf2 and Xdmf3 readers). Quadrilaterals in the plane z = 0. Layout in
+// recording.md.
 #pragma once
 
 #include <cstdint>

@@ -29,10 +29,12 @@ Vec2 centre(const Cycle& cycle, int zone) {
   return 0.25 * ((x[n[0]] + x[n[1]]) + (x[n[2]] + x[n[3]]));
 }
 
-// W. F. Noh, J. Comput. Phys. 72 (1987) 78: gas flowing to the origin with speed 1 stops behind a shock at r = t/3, where
-// rho = 4^d, d = 2 about a line (plane), 3 about a point (axisymmetric); gamma = 5/3.
+// W. F. Noh, J. Comput. Phys. 72 (1987) 78: gas flowing to the origin with speed 1 stops behind a shock at r = t/3,
+// where rho = 4^d, d = 2 about a line (plane), 3 about a point (axisymmetric); gamma = 5/3.
 TEST(Hydro2dGas, Noh) {
-  std::printf("Noh, t = 0.6\nsymmetry zones  steps   mean density (exact)  shock at (0.2)  L1 of density  ratio  energy residual\n");
+  std::printf(
+      "Noh, t = 0.6\nsymmetry zones  steps   mean density (exact)  shock at (0.2)  L1 of density  ratio  energy "
+      "residual\n");
   for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {
     const double dimension = symmetry == Symmetry::kPlane ? 2.0 : 3.0;
     const double exact = std::pow(4.0, dimension);
@@ -60,12 +62,13 @@ TEST(Hydro2dGas, Noh) {
         error += std::abs(rho - right) * v;
         reference += right * v;
       }
-      const double front = symmetry == Symmetry::kPlane ? std::sqrt(4.0 * shocked / std::numbers::pi) : std::cbrt(3.0 * shocked);
+      const double front =
+          symmetry == Symmetry::kPlane ? std::sqrt(4.0 * shocked / std::numbers::pi) : std::cbrt(3.0 * shocked);
       const lagrange::Ledger end = cycle.ledger();
       error /= reference;
       std::printf("%s    %4d  %5d   %8.3f (%2.0f)         %.4f          %.4f         %.3f  %.1e\n",
-                  symmetry == Symmetry::kPlane ? "plane" : "axial", zones, static_cast<int>(cycle.steps()), mass / volume,
-                  exact, front, error, last > 0.0 ? error / last : 0.0,
+                  symmetry == Symmetry::kPlane ? "plane" : "axial", zones, static_cast<int>(cycle.steps()),
+                  mass / volume, exact, front, error, last > 0.0 ? error / last : 0.0,
                   (end.total_energy() - end.work_given - start.total_energy()) / start.total_energy());
       EXPECT_NEAR(end.total_energy() - end.work_given, start.total_energy(), 1e-12 * start.total_energy());
       if (last > 0.0) {
@@ -81,7 +84,8 @@ TEST(Hydro2dGas, Noh) {
 
 // A point blast; L. I. Sedov. With gamma = 1.4 and density 1 the energies below put the shock at r = 1 at t = 1.
 TEST(Hydro2dGas, Sedov) {
-  std::printf("Sedov, t = 1\nsymmetry zones  steps   shock at (1)  peak density (6)  spread of the front  energy residual\n");
+  std::printf(
+      "Sedov, t = 1\nsymmetry zones  steps   shock at (1)  peak density (6)  spread of the front  energy residual\n");
   for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {
     for (const int zones : {24, 48}) {
       Bodies bodies = quarter(symmetry, zones, 1.2, 1.4);
@@ -127,7 +131,9 @@ TEST(Hydro2dGas, Sedov) {
 // J. Saltzman's piston: a plane shock of strength "infinite" (gamma = 5/3, piston speed 1, shock speed 4/3, density 4)
 // through a mesh whose lines are skewed.
 TEST(Hydro2dGas, Saltzman) {
-  std::printf("Saltzman, t = 0.7\n zones      steps  mean density (4)  L1 of density  ratio  largest cross velocity  energy residual\n");
+  std::printf(
+      "Saltzman, t = 0.7\n zones      steps  mean density (4)  L1 of density  ratio  largest cross velocity  energy "
+      "residual\n");
   double last = 0.0;
   for (const int refine : {1, 2}) {
     const int nx = 100 * refine, ny = 10 * refine;
@@ -156,8 +162,8 @@ TEST(Hydro2dGas, Saltzman) {
     for (const Vec2 v : cycle.state().velocity) crossing = std::max(crossing, std::abs(v.y));
     error /= 0.1;
     const lagrange::Ledger end = cycle.ledger();
-    std::printf(" %3d x %2d  %5d    %.4f          %.4f         %.3f   %.4f            %.1e\n", nx, ny, static_cast<int>(cycle.steps()),
-                mass / volume, error, last > 0.0 ? error / last : 0.0, crossing,
+    std::printf(" %3d x %2d  %5d    %.4f          %.4f         %.3f   %.4f            %.1e\n", nx, ny,
+                static_cast<int>(cycle.steps()), mass / volume, error, last > 0.0 ? error / last : 0.0, crossing,
                 (end.total_energy() - end.work_given - start.total_energy()) / end.total_energy());
     EXPECT_NEAR(end.total_energy() - end.work_given, start.total_energy(), 1e-12 * end.total_energy());
     EXPECT_NEAR(mass / volume, 4.0, 0.04);

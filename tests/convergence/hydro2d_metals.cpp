@@ -12,7 +12,8 @@ namespace {
 using namespace test;  // NOLINT(google-build-using-namespace)
 
 // Beryllium; the exact solutions are those of an incompressible, perfectly plastic metal.
-constexpr MieGrueneisen kBeryllium = {.density = 1845.0, .sound_speed = 7998.0, .s1 = 1.124, .gamma0 = 1.11, .specific_heat = 1820.0};
+constexpr MieGrueneisen kBeryllium = {
+    .density = 1845.0, .sound_speed = 7998.0, .s1 = 1.124, .gamma0 = 1.11, .specific_heat = 1820.0};
 constexpr double kYield = 330e6;
 constexpr double kInner = 80e-3;
 constexpr double kOuter = 100e-3;
@@ -60,7 +61,8 @@ TEST(Hydro2dMetals, ImplodingCylinderStopsWherePlasticWorkHasTakenItsEnergy) {
           bodies.velocity[n] = (-speed * kInner / dot(x, x)) * x;
         }
         bodies.walls.push_back({block.side(Side::kBottom), {0.0, 1.0}, 0.0});
-        bodies.walls.push_back({block.side(Side::kTop), plane ? Vec2{-std::sin(kAngle), std::cos(kAngle)} : Vec2{0.0, 1.0}, 0.0});
+        bodies.walls.push_back(
+            {block.side(Side::kTop), plane ? Vec2{-std::sin(kAngle), std::cos(kAngle)} : Vec2{0.0, 1.0}, 0.0});
         Cycle cycle(std::move(bodies));
         const double before = cycle.ledger().total_energy();
         // On the slice the radius is the first coordinate alone.
@@ -95,7 +97,8 @@ double sphere_speed(double stop) {
 TEST(Hydro2dMetals, ImplodingSphereStopsWherePlasticWorkHasTakenItsEnergy) {
   constexpr double kStop = 60e-3;
   const double speed = sphere_speed(kStop);
-  std::printf("imploding sphere, %.2f m/s   zones   stops at/mm (60)  spread of the inner radius/mm  energy residual\n", speed);
+  std::printf("imploding sphere, %.2f m/s   zones   stops at/mm (60)  spread of the inner radius/mm  energy residual\n",
+              speed);
   for (const int zones : {8, 16}) {
     const int around = 2 * zones;
     Mesh mesh(Symmetry::kAxisymmetric);
@@ -123,8 +126,8 @@ TEST(Hydro2dMetals, ImplodingSphereStopsWherePlasticWorkHasTakenItsEnergy) {
       low = std::min(low, norm(cycle.state().position[n]));
       high = std::max(high, norm(cycle.state().position[n]));
     }
-    std::printf("                            %3d       %.3f            %.3f                      %.1e\n", zones, radius * 1e3,
-                (high - low) * 1e3, (cycle.ledger().total_energy() - before) / before);
+    std::printf("                            %3d       %.3f            %.3f                      %.1e\n", zones,
+                radius * 1e3, (high - low) * 1e3, (cycle.ledger().total_energy() - before) / before);
     EXPECT_NEAR(radius / kStop, 1.0, zones == 16 ? 0.003 : 0.02);
     EXPECT_LT(high - low, 0.03 * kStop);
   }
@@ -138,12 +141,15 @@ TEST(Hydro2dMetals, TaylorBar) {
     constexpr double kRadius = 3.2e-3, kLength = 32.4e-3;
     const int along = 10 * across;
     Mesh mesh(Symmetry::kAxisymmetric);
-    const lagrange::Block block = mesh.add_block(across, along, rectangle(across, along, {0.0, 0.0}, {kRadius, kLength}));
+    const lagrange::Block block =
+        mesh.add_block(across, along, rectangle(across, along, {0.0, 0.0}, {kRadius, kLength}));
     Bodies bodies(mesh);
     physics::Material copper = constant_yield(8930.0, 43.33e9, 400e6);
     copper.hardening_coefficient = 0.25;  // with exponent 1: linear
-    bodies.materials.push_back({.eos = Eos(MieGrueneisen{.density = 8930.0, .sound_speed = 3940.0, .s1 = 1.489, .gamma0 = 2.02, .specific_heat = 385.0}),
-                                .strength = copper});
+    bodies.materials.push_back(
+        {.eos = Eos(MieGrueneisen{
+             .density = 8930.0, .sound_speed = 3940.0, .s1 = 1.489, .gamma0 = 2.02, .specific_heat = 385.0}),
+         .strength = copper});
     fill(bodies, 0, 8930.0, 0.0, {0.0, -227.0});
     for (const int n : block.side(Side::kBottom)) bodies.velocity[n].y = 0.0;
     bodies.walls.push_back({block.side(Side::kBottom), {0.0, 1.0}, 0.0});
@@ -154,8 +160,9 @@ TEST(Hydro2dMetals, TaylorBar) {
     const lagrange::Ledger end = cycle.ledger();
     const double length = cycle.state().position[block.node(0, along)].y;
     const double foot = cycle.state().position[block.node(across, 0)].x;
-    std::printf("          %3d x %3d  %6d   %.3f     %.3f          %.4f        %.1e\n", across, along, static_cast<int>(cycle.steps()),
-                length * 1e3, foot * 1e3, end.kinetic / start.kinetic, (end.total_energy() - end.work_given) / start.total_energy() - 1.0);
+    std::printf("          %3d x %3d  %6d   %.3f     %.3f          %.4f        %.1e\n", across, along,
+                static_cast<int>(cycle.steps()), length * 1e3, foot * 1e3, end.kinetic / start.kinetic,
+                (end.total_energy() - end.work_given) / start.total_energy() - 1.0);
     EXPECT_NEAR(end.total_energy() - end.work_given, start.total_energy(), 1e-12 * start.total_energy());
     if (across == 10) {
       EXPECT_GT(length, 21.3e-3);

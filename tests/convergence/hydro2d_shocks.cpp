@@ -134,7 +134,8 @@ TEST(Hydro2dShock, ElasticPlasticPiston) {
 struct Impact {
   double velocity, stress;
 };
-Impact impact(const MieGrueneisen& flyer, double g1, double y1, const MieGrueneisen& target, double g2, double y2, double speed) {
+Impact impact(const MieGrueneisen& flyer, double g1, double y1, const MieGrueneisen& target, double g2, double y2,
+              double speed) {
   const double u = root(1.0, speed - 1.0, [&](double v) {
     return two_waves(target, g2, y2, v).stress - two_waves(flyer, g1, y1, speed - v).stress;
   });
@@ -162,7 +163,8 @@ TEST(Hydro2dShock, FlyersOnTargets) {
   for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {
     const Strip strip{symmetry};
     for (const Metal& target : {aluminium, steel}) {
-      const Impact exact = impact(steel.eos, steel.shear_modulus, steel.yield, target.eos, target.shear_modulus, target.yield, kSpeed);
+      const Impact exact =
+          impact(steel.eos, steel.shear_modulus, steel.yield, target.eos, target.shear_modulus, target.yield, kSpeed);
       constexpr int kZones = 200;
       Mesh mesh(symmetry);
       strip.add(mesh, kZones, 0.0, kLength);
@@ -176,7 +178,8 @@ TEST(Hydro2dShock, FlyersOnTargets) {
         strip.guide(bodies, bodies.mesh.blocks()[k]);
         ++k;
       }
-      bodies.slide_lines.push_back({strip.face(bodies.mesh.blocks()[0], false), strip.face(bodies.mesh.blocks()[1], true)});
+      bodies.slide_lines.push_back(
+          {strip.face(bodies.mesh.blocks()[0], false), strip.face(bodies.mesh.blocks()[1], true)});
       Cycle cycle(std::move(bodies));
       const double before = cycle.ledger().total_energy();
       cycle.run_to(kTime);

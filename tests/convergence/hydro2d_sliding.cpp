@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "tests/support/hydro2d.hpp"
+#include "tests/support/hydro2d_plates.hpp"
 #include "tests/support/hydro_laws.hpp"
 
 namespace shearbus {
@@ -12,59 +13,16 @@ namespace {
 
 using namespace test;  // NOLINT(google-build-using-namespace)
 using lagrange::Ledger;
-using lagrange::surface;
 
-constexpr double kPressure = 1e9;  // holds the bodies together
 constexpr double kFriction = 50e6;
-const double kZSoft = std::sqrt(2703.0 * 27.6e9);
-const double kZHard = std::sqrt(7900.0 * 77e9);
-
-struct Plates {
-  double length = 3e-3;      // along the line
-  double soft_depth = 0.4e-3;
-  double hard_depth = 0.4e-3;
-  double width = 20e-6;      // of the soft zones; the hard ones are 5/4 as wide
-  double jump = 100.0;
-  double angle = 0.0;        // of the line
-};
-
-// Two plates under pressure, the soft one above, sliding along the line; elastic.
-Bodies plates(const Plates& p) {
-  const Vec2 along = {std::cos(p.angle), std::sin(p.angle)};
-  const auto turned = [along](Vec2 v) { return v.x * along + v.y * lagrange::left_of(along); };
-  Mesh mesh(Symmetry::kPlane);
-  const auto block = [&](double width, double from, double to) {
-    const int nx = static_cast<int>(std::lround(p.length / width));
-    const int ny = static_cast<int>(std::lround((to - from) / width));
-    const auto flat = rectangle(nx, ny, {-0.5 * p.length, from}, {0.5 * p.length, to});
-    mesh.add_block(nx, ny, [=](int i, int j) { return turned(flat(i, j)); });
-  };
-  block(p.width, 0.0, p.soft_depth);
-  block(1.25 * p.width, -p.hard_depth, 0.0);
-  Bodies bodies(mesh);
-  const MieGrueneisen aluminium = aluminium_6061(), steel = steel_304();
-  const auto compressed = [](const MieGrueneisen& m) {
-    return root(m.density, 1.5 * m.density, [&](double rho) { return Eos(m).at(rho, 0.0).pressure - kPressure; });
-  };
-  // The exact solutions are those of the paper's densities and moduli; under pressure the metal is denser, and its modulus
-  // is chosen so that the impedance stays.
-  const double soft_density = compressed(aluminium), hard_density = compressed(steel);
-  bodies.materials.push_back({.eos = Eos(aluminium), .strength = constant_yield(2703.0, 27.6e9 * 2703.0 / soft_density, 1e12)});
-  bodies.materials.push_back({.eos = Eos(steel), .strength = constant_yield(7900.0, 77e9 * 7900.0 / hard_density, 1e12)});
-  fill(bodies, 0, soft_density, 0.0, p.jump * along);
-  fill(bodies, 1, hard_density, 0.0, {});
-  const lagrange::Block soft = bodies.mesh.blocks()[0], hard = bodies.mesh.blocks()[1];
-  for (const Side side : {Side::kLeft, Side::kRight, Side::kTop}) bodies.loads.push_back({soft.side(side), kPressure});
-  for (const Side side : {Side::kLeft, Side::kRight, Side::kBottom}) bodies.loads.push_back({hard.side(side), kPressure});
-  bodies.slide_lines.push_back({surface(soft, Side::kBottom), surface(hard, Side::kTop)});
-  return bodies;
-}
 
 // Two half-spaces: the jump is V0 - s (1/Z_soft + 1/Z_hard) until a wave comes from a side.
 TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   const double exact = 100.0 - kFriction * (1.0 / kZSoft + 1.0 / kZHard);
   EXPECT_NEAR(exact, 92.184, 5e-4);
-  std::printf("two half-spaces, 50 MPa, 100 m/s: jump at the middle (exact %.4f m/s)\n width/um   at 50 ns   at 100 ns\n", exact);
+  std::printf(
+      "two half-spaces, 50 MPa, 100 m/s: jump at the middle (exact %.4f m/s)\n width/um   at 50 ns   at 100 ns\n",
+      exact);
   for (const double width : {40e-6, 20e-6}) {
     ConstantFrictionLaw law(kFriction);
     Plates p;
@@ -112,8 +70,10 @@ TEST(Hydro2dSliding, TwoFreePlatesKeepMomentumAndAccountForTheirEnergy) {
   const Ledger start = cycle.ledger();
   cycle.run_to(1e-6);
   const Ledger end = cycle.ledger();
-  std::printf("two free plates: kinetic %.6g -> %.6g J/m, internal +%.6g (friction %.6g, closing %.2g), work of the pressure %.4g\n",
-              start.kinetic, end.kinetic, end.internal - start.internal, end.friction_heat, end.closing_heat, end.work_given);
+  std::printf(
+      "two free plates: kinetic %.6g -> %.6g J/m, internal +%.6g (friction %.6g, closing %.2g), work of the pressure "
+      "%.4g\n",
+      start.kinetic, end.kinetic, end.internal - start.internal, end.friction_heat, end.closing_heat, end.work_given);
   EXPECT_NEAR((end.total_energy() - end.work_given) / start.total_energy(), 1.0, 1e-13);
   EXPECT_NEAR((end.momentum.x - end.impulse_given.x) / start.momentum.x, 1.0, 1e-12);
   EXPECT_NEAR((end.momentum.y - end.impulse_given.y) / start.momentum.x, 0.0, 1e-12);
@@ -159,7 +119,7 @@ TEST(Hydro2dSliding, AnObliqueLineWithoutFrictionDoesNotLock) {
               p.jump * 1e-7 / p.width, cycle.contact().inputs().velocity_jump[middle],
               cycle.contact().inputs().pressure[middle] * 1e-9);
   EXPECT_NEAR(cycle.contact().inputs().velocity_jump[middle], 1000.0, 1e-3);
-  EXPECT_NEAR(cycle.contact().inputs().pressure[middle] / kPressure, 1.0, 1e-3);
+  EXPECT_NEAR(cycle.contact().inputs().pressure[middle] / p.pressure, 1.0, 1e-3);
 }
 
 }  // namespace

@@ -11,13 +11,13 @@
 
 namespace shearbus::test {
 
+using lagrange::Bodies;
 using lagrange::BodyMaterial;
 using lagrange::Cycle;
 using lagrange::Eos;
 using lagrange::IdealGas;
 using lagrange::Mesh;
 using lagrange::MieGrueneisen;
-using lagrange::Bodies;
 using lagrange::Side;
 using lagrange::Symmetry;
 using lagrange::Vec2;
@@ -52,9 +52,7 @@ inline void fill(Bodies& bodies, std::size_t block, double density, double energ
 
 // A rectangle of nx by ny zones from `low` to `high`.
 inline std::function<Vec2(int, int)> rectangle(int nx, int ny, Vec2 low, Vec2 high) {
-  return [=](int i, int j) {
-    return Vec2{low.x + (high.x - low.x) * i / nx, low.y + (high.y - low.y) * j / ny};
-  };
+  return [=](int i, int j) { return Vec2{low.x + (high.x - low.x) * i / nx, low.y + (high.y - low.y) * j / ny}; };
 }
 
 // Hugoniot pressure and internal energy at a density, from e = P (1/rho0 - 1/rho)/2.
@@ -73,8 +71,8 @@ inline double root(double low, double high, const std::function<double(double)>&
   return 0.5 * (low + high);
 }
 
-// A hypo-elastic, perfectly plastic metal driven at a velocity u: an elastic jump to the Hugoniot elastic limit, where the
-// density is rho0 exp(Y/2G) (uniaxial strain Y/2G, deviator -2Y/3), and a plastic jump behind it.
+// A hypo-elastic, perfectly plastic metal driven at a velocity u: an elastic jump to the Hugoniot elastic limit, where
+// the density is rho0 exp(Y/2G) (uniaxial strain Y/2G, deviator -2Y/3), and a plastic jump behind it.
 struct TwoWaves {
   double elastic_stress, elastic_speed, elastic_velocity;
   double stress, plastic_speed, density;  // behind both waves; plastic_speed in the laboratory

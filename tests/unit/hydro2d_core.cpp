@@ -31,7 +31,8 @@ Mesh crooked(Symmetry symmetry, int nx, int ny, double part, Random& random) {
   return mesh;
 }
 
-std::vector<lagrange::Gradient> gradients(const Mesh& mesh, const lagrange::Geometry& geometry, const std::vector<Vec2>& velocity) {
+std::vector<lagrange::Gradient> gradients(const Mesh& mesh, const lagrange::Geometry& geometry,
+                                          const std::vector<Vec2>& velocity) {
   std::vector<lagrange::Gradient> all;
   for (int z = 0; z < mesh.num_zones(); ++z) all.push_back(velocity_gradient(mesh, geometry, velocity, z));
   return all;
@@ -91,7 +92,8 @@ TEST(Hydro2dGeometry, CornersHoldTheWholeZone) {
     std::vector<double> volume(mesh.num_zones());
     measure_volumes(mesh, mesh.places(), volume);
     for (int z = 0; z < mesh.num_zones(); ++z) {
-      EXPECT_NEAR(corner[4 * z] + corner[4 * z + 1] + corner[4 * z + 2] + corner[4 * z + 3], volume[z], 1e-13 * (1.0 + volume[z]));
+      EXPECT_NEAR(corner[4 * z] + corner[4 * z + 1] + corner[4 * z + 2] + corner[4 * z + 3], volume[z],
+                  1e-13 * (1.0 + volume[z]));
     }
   }
 }
@@ -110,13 +112,15 @@ TEST(Hydro2dViscosity, LinearVelocitiesCostNothing) {
     const Mesh mesh = crooked(symmetry, 5, 5, 0.3, random);
     const bool axisymmetric = symmetry == Symmetry::kAxisymmetric;
     std::vector<Vec2> velocity;
-    for (const Vec2 x : mesh.places()) velocity.push_back({-0.5 * x.x - (axisymmetric ? 0.0 : 2.0 * x.y), 2.0 * x.x - 0.5 * x.y});
+    for (const Vec2 x : mesh.places())
+      velocity.push_back({-0.5 * x.x - (axisymmetric ? 0.0 : 2.0 * x.y), 2.0 * x.x - 0.5 * x.y});
     std::vector<Vec2> force(4 * mesh.num_zones());
     std::vector<double> viscous(mesh.num_zones());
     const std::vector<double> one(mesh.num_zones(), 1.0);
     lagrange::Geometry geometry(mesh.num_zones());
     measure(mesh, mesh.places(), geometry);
-    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, 0, mesh.num_zones(), force, viscous);
+    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, 0,
+                  mesh.num_zones(), force, viscous);
     for (const Vec2 f : force) EXPECT_NEAR(norm(f), 0.0, 1e-12);
     add_hourglass(mesh, 0.25, geometry, mesh.places(), velocity, one, one, force);
     for (const Vec2 f : force) EXPECT_NEAR(norm(f), 0.0, 1e-12);
@@ -134,7 +138,8 @@ TEST(Hydro2dViscosity, ForcesOfAZoneCancelAndOnlyHeat) {
     std::vector<Vec2> shock(4 * mesh.num_zones()), hourglass(4 * mesh.num_zones());
     std::vector<double> viscous(mesh.num_zones());
     const std::vector<double> one(mesh.num_zones(), 1.0);
-    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, 0, mesh.num_zones(), shock, viscous);
+    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, 0,
+                  mesh.num_zones(), shock, viscous);
     add_hourglass(mesh, 0.25, geometry, mesh.places(), velocity, one, one, hourglass);
     for (const auto& force : {shock, hourglass}) {
       for (int z = 0; z < mesh.num_zones(); ++z) {
@@ -175,10 +180,12 @@ TEST(Hydro2dStrength, TheReturnedStressIsTheHardenedFlowStress) {
   metal.melting_temperature = 1220.0;
   Random random;
   for (int i = 0; i < 1000; ++i) {
-    const lagrange::Gradient d = {random(-1e5, 1e5), random(-1e5, 1e5), random(-1e5, 1e5), random(-1e5, 1e5), random(-1e5, 1e5)};
+    const lagrange::Gradient d = {random(-1e5, 1e5), random(-1e5, 1e5), random(-1e5, 1e5), random(-1e5, 1e5),
+                                  random(-1e5, 1e5)};
     const lagrange::Deviator old = {random(-1e8, 1e8), random(-1e8, 1e8), random(-1e8, 1e8)};
     const double strain = random(0.0, 1.0), pressure = random(-1e9, 2e10), temperature = random(200.0, 1300.0);
-    const lagrange::StrengthStep step = advance_deviator(metal, old, d, random(1e-9, 1e-6), strain, pressure, temperature);
+    const lagrange::StrengthStep step =
+        advance_deviator(metal, old, d, random(1e-9, 1e-6), strain, pressure, temperature);
     ASSERT_GE(step.plastic_strain_increment, 0.0);
     const double flow = physics::flow_stress(metal, strain + step.plastic_strain_increment, pressure, temperature);
     if (step.plastic_strain_increment > 0.0) {
@@ -190,8 +197,13 @@ TEST(Hydro2dStrength, TheReturnedStressIsTheHardenedFlowStress) {
 }
 
 TEST(Hydro2dEos, SoundSpeedIsTheSlopeAlongTheIsentrope) {
-  const MieGrueneisen cubic = {.density = 7795.0, .sound_speed = 4440.0, .s1 = 2.200, .s2 = -2.905, .s3 = 2.544,
-                               .gamma0 = 1.93, .specific_heat = 500.0};  // SS 21-6-9
+  const MieGrueneisen cubic = {.density = 7795.0,
+                               .sound_speed = 4440.0,
+                               .s1 = 2.200,
+                               .s2 = -2.905,
+                               .s3 = 2.544,
+                               .gamma0 = 1.93,
+                               .specific_heat = 500.0};  // SS 21-6-9
   for (const MieGrueneisen& m : {aluminium_6061(), steel_304(), cubic}) {
     const Eos eos(m);
     for (double ratio = 0.9; ratio < 1.35; ratio += 0.03) {
@@ -200,7 +212,8 @@ TEST(Hydro2dEos, SoundSpeedIsTheSlopeAlongTheIsentrope) {
         const lagrange::EosPoint p = eos.at(rho, energy);
         const double h = 1e-5 * rho;
         const double de = p.pressure / (rho * rho) * h;
-        const double slope = (eos.at(rho + h, energy + de).pressure - eos.at(rho - h, energy - de).pressure) / (2.0 * h);
+        const double slope =
+            (eos.at(rho + h, energy + de).pressure - eos.at(rho - h, energy - de).pressure) / (2.0 * h);
         EXPECT_NEAR(p.sound_speed_squared / slope, 1.0, 2e-4) << ratio << " " << energy;
       }
     }
@@ -281,8 +294,10 @@ Bodies impact_at_angle(double angle, Vec2 drift) {
   Bodies bodies(mesh);
   bodies.materials.push_back({.eos = Eos(steel_304()), .strength = constant_yield(7900.0, 77e9, 340e6)});
   fill(bodies, 0, 7900.0, 0.0, {});
-  for (std::size_t n = 0; n < bodies.velocity.size(); ++n) bodies.velocity[n] = turned({n % 9 < 4 ? 300.0 : -100.0, 20.0}) + drift;
-  bodies.walls.push_back({bodies.mesh.blocks()[0].side(Side::kBottom), turned({0.0, 1.0}), dot(turned({0.0, 1.0}), drift)});
+  for (std::size_t n = 0; n < bodies.velocity.size(); ++n)
+    bodies.velocity[n] = turned({n % 9 < 4 ? 300.0 : -100.0, 20.0}) + drift;
+  bodies.walls.push_back(
+      {bodies.mesh.blocks()[0].side(Side::kBottom), turned({0.0, 1.0}), dot(turned({0.0, 1.0}), drift)});
   return bodies;
 }
 
@@ -318,7 +333,8 @@ TEST(Hydro2dCycle, FreeHomogeneousExpansionIsExact) {
     Cycle cycle(std::move(bodies));
     cycle.run_to(1.0);
     const double growth = symmetry == Symmetry::kPlane ? 9.0 : 27.0;
-    for (std::size_t n = 0; n < velocity.size(); ++n) EXPECT_NEAR(norm(cycle.state().velocity[n] - velocity[n]), 0.0, 1e-12);
+    for (std::size_t n = 0; n < velocity.size(); ++n)
+      EXPECT_NEAR(norm(cycle.state().velocity[n] - velocity[n]), 0.0, 1e-12);
     for (const double rho : cycle.state().density) EXPECT_NEAR(rho * growth, 1.0, 1e-12);
   }
 }

@@ -33,7 +33,8 @@ Bodies two_blocks(Symmetry symmetry, int soft_across, int hard_across, double sl
   bodies.materials.push_back({.eos = Eos(steel_304()), .strength = constant_yield(7900.0, 77e9, 340e6)});
   fill(bodies, 0, 2703.0, 0.0, {});
   fill(bodies, 1, 7900.0, 0.0, {});
-  bodies.slide_lines.push_back({surface(bodies.mesh.blocks()[0], Side::kBottom), surface(bodies.mesh.blocks()[1], Side::kTop)});
+  bodies.slide_lines.push_back(
+      {surface(bodies.mesh.blocks()[0], Side::kBottom), surface(bodies.mesh.blocks()[1], Side::kTop)});
   return bodies;
 }
 
@@ -75,15 +76,18 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
       const lagrange::Block soft = bodies.mesh.blocks()[0], hard = bodies.mesh.blocks()[1];
       fill(bodies, 0, density_at(aluminium_6061(), kPressure), 0.0, {});
       fill(bodies, 1, density_at(steel_304(), kPressure), 0.0, {});
-      for (const Side side : {Side::kLeft, Side::kRight, Side::kTop}) bodies.loads.push_back({soft.side(side), kPressure});
-      for (const Side side : {Side::kLeft, Side::kRight, Side::kBottom}) bodies.loads.push_back({hard.side(side), kPressure});
+      for (const Side side : {Side::kLeft, Side::kRight, Side::kTop})
+        bodies.loads.push_back({soft.side(side), kPressure});
+      for (const Side side : {Side::kLeft, Side::kRight, Side::kBottom})
+        bodies.loads.push_back({hard.side(side), kPressure});
       Cycle cycle(std::move(bodies));
       for (int i = 0; i < 200; ++i) cycle.advance(1.0);
       double fastest = 0.0;
       for (const Vec2 v : cycle.state().velocity) fastest = std::max(fastest, norm(v));
       EXPECT_LT(fastest, 1e-8);  // [m/s], of a sound speed of some 6 km/s
       for (int z = 0; z < cycle.mesh().num_zones(); ++z) EXPECT_NEAR(cycle.state().pressure[z] / kPressure, 1.0, 1e-10);
-      for (int i = 0; i < cycle.contact().size(); ++i) EXPECT_NEAR(cycle.contact().inputs().pressure[i] / kPressure, 1.0, 1e-9);
+      for (int i = 0; i < cycle.contact().size(); ++i)
+        EXPECT_NEAR(cycle.contact().inputs().pressure[i] / kPressure, 1.0, 1e-9);
     }
   }
 }
@@ -96,7 +100,8 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
       const bool axial = symmetry == Symmetry::kAxisymmetric;
       fill(bodies, 0, 2703.0, 0.0, {axial ? 0.0 : 100.0, -200.0});
       if (axial) {
-        for (const lagrange::Block& b : bodies.mesh.blocks()) bodies.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
+        for (const lagrange::Block& b : bodies.mesh.blocks())
+          bodies.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
         const lagrange::Block& b = bodies.mesh.blocks()[0];
         for (int n = b.first_node; n < b.first_node + b.num_nodes(); ++n) {
           bodies.velocity[n].x = 5e4 * bodies.mesh.places()[n].x;  // spreads over the hard body
@@ -165,11 +170,14 @@ TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   };
   Mesh mesh(Symmetry::kPlane);
   const auto ring = [&](int around, double inner, double outer) {
-    mesh.add_block(around, 3, [=](int i, int j) {
-      const double angle = 2.0 * std::numbers::pi * i / around;
-      const double r = outer + (inner - outer) * j / 3.0;  // rows inward: zones are counter-clockwise
-      return Vec2{r * std::cos(angle), r * std::sin(angle)};
-    }, true);
+    mesh.add_block(
+        around, 3,
+        [=](int i, int j) {
+          const double angle = 2.0 * std::numbers::pi * i / around;
+          const double r = outer + (inner - outer) * j / 3.0;  // rows inward: zones are counter-clockwise
+          return Vec2{r * std::cos(angle), r * std::sin(angle)};
+        },
+        true);
   };
   ring(64, 4e-3, 8e-3);
   ring(48, 8e-3, 12e-3);
@@ -187,7 +195,8 @@ TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   Cycle cycle(std::move(bodies));
   const double start = angular(cycle, 0);
   cycle.run_to(20e-6);  // a tenth of a turn, more than four segments
-  std::printf("angular momentum kept by the disc: %.6f, passed to the ring: %.2e\n", angular(cycle, 0) / start, angular(cycle, 1) / start);
+  std::printf("angular momentum kept by the disc: %.6f, passed to the ring: %.2e\n", angular(cycle, 0) / start,
+              angular(cycle, 1) / start);
   EXPECT_NEAR(angular(cycle, 0) / start, 1.0, 0.01);
 }
 
