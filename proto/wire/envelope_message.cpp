@@ -48,6 +48,8 @@ static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
               same(Drive::kInterfaceSlip, v1::DRIVE_INTERFACE_SLIP) &&
               same(InterfaceLaw::kSubgrid, v1::INTERFACE_LAW_SUBGRID) &&
               same(InterfaceLaw::kCoulombTresca, v1::INTERFACE_LAW_COULOMB_TRESCA) &&
+              same(InterfaceLaw::kFreeSlip, v1::INTERFACE_LAW_FREE_SLIP) &&
+              same(InterfaceLaw::kStick, v1::INTERFACE_LAW_STICK) &&
               same(FarEnd::kTransmitting, v1::FAR_END_TRANSMITTING) && same(FarEnd::kFree, v1::FAR_END_FREE));
 static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_BAD_FRAMING) &&
               same(Code::kMalformed, v1::CODE_MALFORMED) && same(Code::kVersion, v1::CODE_VERSION) &&
