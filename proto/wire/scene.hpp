@@ -31,6 +31,13 @@ struct Layer {
   double initial_temperature_k = 300.0;
 };
 
+struct HardLayer {
+  std::optional<double> thickness_m;
+  std::optional<std::uint32_t> cells;
+  std::optional<double> grading;
+  FarBoundary far_boundary = FarBoundary::kUnspecified;
+};
+
 struct VelocityDriven {
   Drive drive = Drive::kLayerShear;
   std::optional<double> friction_coefficient;
@@ -74,6 +81,7 @@ struct Scene {
   Body soft;
   Body hard;
   Layer layer;
+  std::optional<HardLayer> hard_layer;  // present: the hard body conducts
   VelocityDriven velocity_driven;
   std::optional<Interface> interface;  // force-driven only
   std::optional<Hydro> hydro;          // the guest's; never sent

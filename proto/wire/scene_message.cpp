@@ -67,6 +67,21 @@ Body body_from_message(const v1::Body& message) {
   return body;
 }
 
+void hard_layer_to_message(const HardLayer& layer, v1::HardLayer& message) {
+  if (layer.thickness_m) message.set_thickness_m(*layer.thickness_m);
+  if (layer.cells) message.set_cells(*layer.cells);
+  if (layer.grading) message.set_grading(*layer.grading);
+  message.set_far_boundary(static_cast<v1::FarBoundary>(layer.far_boundary));
+}
+
+HardLayer hard_layer_from_message(const v1::HardLayer& message) {
+  HardLayer layer{.far_boundary = static_cast<FarBoundary>(message.far_boundary())};
+  if (message.has_thickness_m()) layer.thickness_m = message.thickness_m();
+  if (message.has_cells()) layer.cells = message.cells();
+  if (message.has_grading()) layer.grading = message.grading();
+  return layer;
+}
+
 void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
   message.set_interface_law(static_cast<v1::InterfaceLaw>(hydro.interface_law));
   message.set_end_time_s(hydro.end_time_s);
@@ -136,6 +151,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
   layer.set_grading(scene.layer.grading);
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
+  if (scene.hard_layer) hard_layer_to_message(*scene.hard_layer, *message.mutable_hard_layer());
   v1::VelocityDriven& driven = *message.mutable_velocity_driven();
   driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
   if (scene.velocity_driven.friction_coefficient)
@@ -168,6 +184,7 @@ Scene from_message(const v1::Scene& given) {
                  .grading = message.layer().grading(),
                  .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
                  .initial_temperature_k = message.layer().initial_temperature_k()};
+  if (message.has_hard_layer()) scene.hard_layer = hard_layer_from_message(message.hard_layer());
   scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
   if (message.velocity_driven().has_friction_coefficient())
     scene.velocity_driven.friction_coefficient = message.velocity_driven().friction_coefficient();

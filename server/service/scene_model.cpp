@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -25,6 +26,29 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
 physics::FarBoundary far_boundary_of(wire::FarBoundary boundary) {
   return boundary == wire::FarBoundary::kHalfSpace ? physics::FarBoundary::kHalfSpace
                                                    : physics::FarBoundary::kInsulated;
+}
+
+// What [hard_layer] leaves open is as in [layer], its thickness scaled to the depth heat reaches in the hard body.
+wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const physics::ModelOptions& options) {
+  if (!hard.thickness_m)
+    hard.thickness_m = scene.layer.thickness_m * std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
+  if (!hard.cells) hard.cells = scene.layer.cells;
+  if (!hard.grading) hard.grading = scene.layer.grading;
+  if (hard.far_boundary == wire::FarBoundary::kUnspecified) hard.far_boundary = scene.layer.far_boundary;
+  return hard;
+}
+
+physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
+  const physics::GridOptions grid{.thickness = *hard.thickness_m,
+                                  .cells = static_cast<int>(*hard.cells),
+                                  .grading = *hard.grading,
+                                  .far_boundary = far_boundary_of(hard.far_boundary)};
+  if (const std::string fault = physics::grid_fault(grid); !fault.empty())
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = "hard_layer: " + fault,
+                       .remedy = "Give hard_layer a thickness_m, cells and grading that go together.",
+                       .field = "hard_layer"});
+  return grid;
 }
 
 physics::Drive drive_of(wire::Drive drive) {
@@ -58,6 +82,10 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .field = "interface"});
 
   made.effective = scene;
+  if (scene.hard_layer) {
+    made.effective.hard_layer = filled(*scene.hard_layer, scene, made.options);
+    made.options.hard_grid = hard_grid_of(*made.effective.hard_layer);
+  }
   made.effective.hydro.reset();
   made.effective.soft.given = physics::constants_of(made.options.soft);
   made.effective.hard.given = physics::constants_of(made.options.hard);

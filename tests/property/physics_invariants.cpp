@@ -21,11 +21,16 @@ double limit_resolution(const Material& m, double T0) {
   return 16.0 * std::numeric_limits<double>::epsilon() * T0 * 0.001 * m.melting_temperature / (to_melting * to_melting);
 }
 
+int first_vertex(const Rig& rig) {
+  return -static_cast<int>(rig.model.layout().num_hard_vertices);
+}
+int num_vertices(const Rig& rig) {
+  return static_cast<int>(rig.model.layout().num_vertices);
+}
+
 struct Before {
   Before(const Rig& rig, int lane) : heat(rig.stored_heat(0.0, lane)), s(rig.stress(lane)) {
-    for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
-      coldest = std::min(coldest, rig.T(static_cast<int>(i), lane));
-    }
+    for (int i = first_vertex(rig); i < num_vertices(rig); ++i) coldest = std::min(coldest, rig.T(i, lane));
     if (rig.model.layout().plastic_strain == TileLayout::kAbsent) return;
     slip = rig.plastic_slip(lane);
     for (int i = 0; i < rig.model.grid().num_vertices(); ++i) ep.push_back(rig.ep(i, lane));
@@ -34,7 +39,8 @@ struct Before {
   std::vector<double> ep;
 };
 
-// 1, 3, 5: temperatures in their range and falling from the interface, heat and work balanced, no energy from friction.
+// 1, 3, 5: temperatures in their range and falling from the interface where nothing else takes heat from it, heat and
+// work balanced, no energy from friction.
 void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
   const ModelOptions& options = rig.model.options();
   const TileOutputs& out = rig.outputs;
@@ -42,19 +48,20 @@ void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
   ASSERT_TRUE(std::isfinite(out.shear_stress[lane]) && std::isfinite(out.sliding_velocity[lane]) &&
               std::isfinite(out.velocity_jump_new[lane]) && std::isfinite(out.friction_heat[lane]));
   ASSERT_EQ(out.interface_temperature[lane], rig.T(0, lane));
-  for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
-    const double T = rig.T(static_cast<int>(i), lane);
-    ASSERT_GE(T, before.coldest);
+  const bool one_sided = !options.hard_grid;
+  for (int i = first_vertex(rig); i < num_vertices(rig); ++i) {
+    const double T = rig.T(i, lane);
+    ASSERT_GE(T, before.coldest) << i;
     ASSERT_LT(T, options.soft.melting_temperature);
-    if (i > 0) {
-      ASSERT_LE(T, rig.T(static_cast<int>(i) - 1, lane) * (1 + 1e-15));
+    if (i > 0 && one_sided) {
+      ASSERT_LE(T, rig.T(i - 1, lane) * (1 + 1e-15));
     }
   }
   ASSERT_GE(out.shear_stress[lane] * out.sliding_velocity[lane], 0.0);
   ASSERT_GE(out.friction_heat[lane], 0.0);
   ASSERT_NEAR(rig.stored_heat(0.0, lane) - before.heat, out.friction_heat[lane], 1e-12 * before.heat);
 
-  const double beta_T = heat_partition(options.soft, options.hard);
+  const double beta_T = rig.conducted_share();
   const double s = out.shear_stress[lane];
   if (options.strategy == Strategy::kVelocityDriven) {
     const double work = std::max(0.0, s * rig.inputs.velocity_jump[lane]) * dt;

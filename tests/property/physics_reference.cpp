@@ -44,6 +44,10 @@ void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const 
   for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
     ASSERT_NEAR(rig.T(static_cast<int>(i), l), twin_state.temperature[i], 1e-9);
   }
+  const int num_hard = static_cast<int>(rig.model.layout().num_hard_vertices);
+  for (int i = 0; i < num_hard; ++i) {
+    ASSERT_NEAR(rig.T(i - num_hard, l), twin_state.hard_temperature[static_cast<std::size_t>(i)], 1e-9);
+  }
   if (s > 0.0) worst.stress = std::max(worst.stress, std::abs(out.shear_stress[l] / twin.shear_stress - 1.0));
   worst.temperature = std::max(worst.temperature, std::abs(out.interface_temperature[l] - twin.interface_temperature));
   if (size > noise) worst.slip = std::max(worst.slip, std::abs(out.sliding_velocity[l] - twin.sliding_velocity) / size);

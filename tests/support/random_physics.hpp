@@ -34,6 +34,11 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   options.grid.grading = draw.chance(0.5) ? 1.0 : draw.uniform(1.0, 1.3);
   options.grid.far_boundary = draw.chance(0.5) ? FarBoundary::kInsulated : FarBoundary::kHalfSpace;
   options.drive = draw.chance(0.5) ? Drive::kLayerShear : Drive::kInterfaceSlip;
+  if (draw.chance(0.4)) {
+    options.hard_grid =
+        GridOptions{options.grid.thickness * draw.log_uniform(0.02, 5.0), draw.integer(1, 40), draw.uniform(1.0, 1.3),
+                    draw.chance(0.5) ? FarBoundary::kInsulated : FarBoundary::kHalfSpace};
+  }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   return options;
 }

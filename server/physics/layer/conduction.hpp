@@ -13,17 +13,24 @@ namespace shearbus::physics {
 // begins with the layer's last cell and widens by kExtensionGrading up to kExtensionDepth thicknesses, where it is
 // insulated. Its vertices hold the geometric mean of their two cells: on geometric cells that makes the response of the
 // discrete half-space that of the real one (arithmetic means leave it (ln grading)^2/16 too stiff, at all times), so
-// few wide cells will do.
+// few wide cells will do. Where the hard body conducts too, its vertices come first, the outermost leading: one line of
+// cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
 
-  HeatGrid(const Grid& grid, FarBoundary far_boundary);
+  HeatGrid(const Grid& soft, FarBoundary far_boundary);
+  HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary);
 
   int num_vertices() const { return static_cast<int>(weight.size()); }
 
+  // Heat that a degree at a vertex holds  [J/(m2 K)].
+  double capacity(int vertex, const Material& soft, const Material& hard) const;
+
+  int interface = 0;           // the vertex at z = 0
   std::vector<double> width;   // of each cell                                   [m]
-  std::vector<double> weight;  // of each vertex: the length whose heat it holds [m]
+  std::vector<double> weight;  // of each vertex: the length whose heat it holds; at z = 0 that in the soft body [m]
+  double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
@@ -31,13 +38,18 @@ struct HeatGrid {
 // Every coefficient is positive and no difference is taken, so neither is anything cancelled: the elimination is
 // accurate to rounding for any dt and grading.
 struct HeatOperator {
-  HeatOperator(const HeatGrid& grid, const Material& material, double step);
+  HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
+  HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
+      : HeatOperator(one_sided, soft, soft, step) {}
 
   double dt;                          // [s]
+  int interface;                      // the vertex at z = 0
   std::vector<double> forward;        // a[i] / pivot[i]
   std::vector<double> inverse_pivot;  // 1 / pivot[i]
   std::vector<double> backward;       // c[i] / pivot[i]
   std::vector<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+
+  const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 };
 
 // All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same.

@@ -26,6 +26,7 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
+  std::optional<GridOptions> hard_grid;        // the hard body conducts too; absent: it takes its share, 1 - beta_T
   double initial_temperature = 300.0;          // [K]
   Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P

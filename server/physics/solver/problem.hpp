@@ -15,7 +15,7 @@ struct Problem {
   Grid grid;
   HeatGrid heat_grid;
   TileLayout layout;
-  double heat_partition;  // beta_T
+  double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
 
 inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on a flowing interface is called melting

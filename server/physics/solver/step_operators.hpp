@@ -11,10 +11,11 @@ namespace shearbus::physics {
 class StepOperators {
  public:
   // `halvings` operators beyond the first: dt/2, dt/4, ...
-  StepOperators(const Grid& layer, const HeatGrid& grid, const Material& soft, double dt, int halvings) {
+  StepOperators(const Grid& layer, const HeatGrid& grid, const Material& soft, const Material& hard, double dt,
+                int halvings) {
     heat_.reserve(static_cast<std::size_t>(halvings) + 1);
-    for (int k = 0; k <= halvings; ++k, dt *= 0.5) heat_.emplace_back(grid, soft, dt);
-    num_heated_ = num_heated_vertices(layer, heat_.front().response.data());
+    for (int k = 0; k <= halvings; ++k, dt *= 0.5) heat_.emplace_back(grid, soft, hard, dt);
+    num_heated_ = num_heated_vertices(layer, heat_.front().layer_response());
   }
 
   const HeatOperator& heat(int halving = 0) const { return heat_[static_cast<std::size_t>(halving)]; }

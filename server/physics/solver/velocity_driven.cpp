@@ -33,6 +33,7 @@ struct Lane {
   Bound bound = Bound::kElastic;  // what `hi` is until F(hi) > 0 has been seen
   bool hi_seen = false;
   bool done = false;
+  int hottest = 0;        // vertex that reaches Y_max first
   double a = 0.0;         // iterate, then answer                                       [Pa]
   bool at_bound = false;  // the answer is `hi`, held by `bound`
 };
@@ -51,9 +52,40 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
   return problem.options.grid.thickness * inputs.soft_shear_rate[lane];
 }
 
+// One lane's temperatures, T = T_ad + q B, over the vertices that may be its hottest: z = 0 alone where that is where
+// all heat has ever entered and none ever leaves.
+struct Heated {
+  const double* T_ad;  // [vertex][lane], at the lane
+  const double* B;     // [vertex]
+  int candidates;
+
+  double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * B[i]; }
+  int hottest(double q) const {
+    int at = 0;
+    for (int i = 1; i < candidates; ++i) at = T(i, q) > T(at, q) ? i : at;
+    return at;
+  }
+};
+
+// The stress at which the first vertex reaches Y_max g(T(a)) / sqrt(3), `a_max` where none does. At the ceiling of the
+// vertex hottest so far another may be hotter: its ceiling is lower, and so on down to one that is the hottest under
+// its own.
+double ceiling_stress(const StressLimit& limit, const Heated& heated, double heating, double a_max, double guess,
+                      int& hottest) {
+  double a = a_max;
+  for (;;) {
+    const int before = hottest;
+    const double a_before = a;
+    hottest = heated.hottest(heating * a);
+    if (a < a_max && hottest == before) return a;
+    a = slip_stress(limit, {heated.T(hottest, 0.0), heated.B[hottest], heating, 0.0}, a, guess);
+    if (a >= a_before) return a;
+  }
+}
+
 // Trial stress, direction, heating and the bracket of one lane.
-Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double dt, double B0, double s_start,
-             double T_ad0, double ep0) {
+Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double dt, const Heated& heated,
+             double s_start, double ep0) {
   const Material& soft = problem.options.soft;
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
@@ -70,13 +102,13 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
   const StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
-  const double g_ad = softening(soft, pressure, T_ad0).g;
+  state.hottest = heated.hottest(0.0);
+  const double g_ad = softening(soft, pressure, heated.T(state.hottest, 0.0)).g;
   if (g_ad <= 0.0) {
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
   } else if (std::isfinite(limit.tresca)) {
-    const FrictionHeating own{T_ad0, B0, state.heating, 0.0};
-    const double ceiling = slip_stress(limit, own, state.hi, std::abs(s_start));
+    const double ceiling = ceiling_stress(limit, heated, state.heating, state.hi, std::abs(s_start), state.hottest);
     if (ceiling < state.hi) {
       state.hi = ceiling;
       state.bound = Bound::kCeiling;
@@ -86,13 +118,16 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
     state.hi = *problem.options.friction_coefficient * pressure;
     state.bound = Bound::kCoulomb;
   }
-  // Not answers, only bounds: the interface would be molten; the first vertex alone would carry more than all the slip.
+  // Not answers, only bounds: a vertex would be molten; the first one alone would carry more than all the slip.
   const double most_slip = h * state.a_trial / (kSqrt3 * soft.shear_modulus);
   const double hardened =
       power(1.0 + soft.hardening_coefficient * (ep0 + most_slip / problem.grid.weight[0]), soft.hardening_exponent);
-  const double all_at_vertex_0 = soft.yield_strength * hardened * g_ad / kSqrt3;
+  const double all_at_vertex_0 =
+      soft.yield_strength * hardened * softening(soft, pressure, heated.T(0, 0.0)).g / kSqrt3;
   double beyond = all_at_vertex_0 * (1.0 + kConverged);
-  if (state.heating > 0.0) beyond = std::min(beyond, (soft.melting_temperature - T_ad0) / (state.heating * B0));
+  for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
+    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.B[i]));
+  }
   if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
     state.hi = beyond;
     state.bound = Bound::kNotAnAnswer;
@@ -169,7 +204,7 @@ struct Answer {
 };
 
 // [v] and the regime from the solved balance.
-Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, double interface_slip, double T0,
+Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, double interface_slip, double T_hottest,
                  double jump, double drive, double dt) {
   const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
   double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
@@ -183,7 +218,8 @@ Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, do
   }
   if (!slips) return {slip, Regime::kStick};
   if (lane.at_bound && lane.bound == Bound::kCoulomb) return {slip, Regime::kCoulomb};
-  return {slip, T0 >= kMeltingShare * problem.options.soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
+  return {slip,
+          T_hottest >= kMeltingShare * problem.options.soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
 }
 
 }  // namespace
@@ -194,7 +230,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   const Material& soft = problem.options.soft;
   const Grid& grid = problem.grid;
   const HeatOperator& heat = operators.heat();
-  const double* B = heat.response.data();
+  const double* B = heat.layer_response();
   const double dt = operators.dt();
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
@@ -202,9 +238,11 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
+  const int candidates = problem.options.hard_grid ? grid.num_vertices() : 1;
 
   // 1. Conduction without friction: DLP (28-35).
-  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.temperature, T);
+  double* T_all = trial + layout.first_temperature();
+  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Trial stress and bracket of each lane: DLP (37), (56).
   Lane lanes[kLanes];
@@ -216,7 +254,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
                                    committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, inputs, l, dt, B[0], s_start[l], T[l], strain[l]);
+      lanes[l] = prepare(problem, inputs, l, dt, {T + l, B, candidates}, s_start[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
     if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
@@ -255,11 +293,10 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   }
 
   // 4. Temperature: T = T_ad + q B.
-  add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T);
+  add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
 
-  // 5. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex, z = 0; past mu
-  // P it is
-  //    slip of the interface.
+  // 5. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
+  //    is slip of the interface.
   for (int l = 0; l < kLanes; ++l) {
     if (!(inputs.active >> l & 1u)) continue;
     const Lane& lane = lanes[l];
@@ -268,7 +305,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
       if (lane.bound == Bound::kCeiling) {
-        strain_new[l] += surplus / grid.weight[0];
+        strain_new[lane.hottest * kLanes + l] += surplus / grid.weight[static_cast<std::size_t>(lane.hottest)];
         layer_slip += surplus;
       } else {
         interface_slip = kSqrt3 * surplus;
@@ -278,9 +315,11 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     // 6. Upscale.
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
+    const Heated answered{T + l, B, candidates};
+    const double T_hottest = answered.T(answered.hottest(0.0), 0.0);
     const double s = lane.loaded ? lane.direction * lane.a : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
-                               : answer_of(problem, lane, layer_slip, interface_slip, T[l], jump,
+                               : answer_of(problem, lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
     const bool carried = std::abs(answer.slip - jump) <= kOutsideDomainShare * std::abs(jump);
     outputs.shear_stress[l] = s;

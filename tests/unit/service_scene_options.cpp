@@ -1,0 +1,71 @@
+// What a scene's options become in the model, and which are refused.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "proto/wire/scene_file.hpp"
+#include "proto/wire/status.hpp"
+#include "server/service/scene_model.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using ::testing::HasSubstr;
+
+wire::Status refusal_of(const wire::Scene& scene) {
+  try {
+    scene_model(scene);
+  } catch (const wire::Error& error) {
+    return error.status();
+  }
+  return {};
+}
+
+TEST(SceneOptions, HardLayerIsAbsentUnlessAskedFor) {
+  const SceneModel made = scene_model(support::velocity_scene());
+  EXPECT_FALSE(made.options.hard_grid);
+  EXPECT_FALSE(made.effective.hard_layer);
+}
+
+TEST(SceneOptions, AnEmptyHardLayerIsTheLayersScaledToTheHeatDepth) {
+  wire::Scene scene = support::velocity_scene();
+  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  scene.hard_layer.emplace();
+  const SceneModel made = scene_model(scene);
+  ASSERT_TRUE(made.options.hard_grid);
+  EXPECT_DOUBLE_EQ(made.options.hard_grid->thickness, 20e-6 * std::sqrt(4.076e-6 / 48.9e-6));
+  EXPECT_EQ(made.options.hard_grid->cells, 24);
+  EXPECT_EQ(made.options.hard_grid->grading, 1.15);
+  EXPECT_EQ(made.options.hard_grid->far_boundary, physics::FarBoundary::kHalfSpace);
+  // The effective scene says it all, and says the same when it comes back.
+  ASSERT_TRUE(made.effective.hard_layer);
+  EXPECT_EQ(made.effective.hard_layer->thickness_m, made.options.hard_grid->thickness);
+  EXPECT_EQ(scene_model(made.effective).options.hard_grid->thickness, made.options.hard_grid->thickness);
+  EXPECT_EQ(wire::scene_to_toml(scene_model(made.effective).effective), wire::scene_to_toml(made.effective));
+}
+
+TEST(SceneOptions, HardLayerKeepsWhatIsGiven) {
+  wire::Scene scene = support::force_scene();
+  scene.hard_layer =
+      wire::HardLayer{.thickness_m = 5e-6, .cells = 40, .grading = 1.0, .far_boundary = wire::FarBoundary::kHalfSpace};
+  const physics::GridOptions hard = *scene_model(scene).options.hard_grid;
+  EXPECT_EQ(hard.thickness, 5e-6);
+  EXPECT_EQ(hard.cells, 40);
+  EXPECT_EQ(hard.grading, 1.0);
+  EXPECT_EQ(hard.far_boundary, physics::FarBoundary::kHalfSpace);
+}
+
+TEST(SceneOptions, AHardLayerWithoutAFirstCellIsRefused) {
+  wire::Scene scene = support::velocity_scene();
+  scene.hard_layer = wire::HardLayer{.thickness_m = 1e-6, .cells = 100000, .grading = {}};
+  EXPECT_EQ(refusal_of(scene).field, "hard_layer.cells");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("hard_layer.grading = 1.15 with 100000 cells"));
+  scene.hard_layer = wire::HardLayer{.thickness_m = 0.0};
+  EXPECT_EQ(refusal_of(scene).field, "hard_layer.thickness_m");
+}
+
+}  // namespace
+}  // namespace shearbus::service
