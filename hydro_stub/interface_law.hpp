@@ -13,9 +13,6 @@
 
 namespace shearbus::hydro {
 
-inline constexpr double kMeltingShare =
-    0.99;  // of T_melt: from here on an interface that yields is said to melt, as the service says
-
 // What the mesh says of the step t(n-1/2) -> t(n+1/2); one value per node.
 struct InterfaceInputs {
   explicit InterfaceInputs(std::size_t nodes)

@@ -7,7 +7,6 @@
 
 #include <array>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <stdexcept>
@@ -18,6 +17,7 @@
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/summary.hpp"
+#include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
@@ -26,17 +26,6 @@ namespace shearbus::hydro {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-// Set by SIGINT and SIGTERM: the run ends after its step and takes its partial files away.
-volatile std::sig_atomic_t interrupted = 0;
-
-void stop_at_next_step() {
-  struct sigaction action = {};
-  action.sa_handler = [](int) { interrupted = 1; };
-  sigemptyset(&action.sa_mask);
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 // The scene as it was run: constants, step and law filled in.
 wire::Scene effective_scene(wire::Scene scene, const Problem& problem) {
@@ -88,9 +77,9 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
 
   RunTime time;
   const Clock::time_point start = Clock::now();
-  stop_at_next_step();
+  wire::stop_at_next_step();
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
-    if (interrupted != 0) {
+    if (wire::interrupted()) {
       throw std::runtime_error(fmt::format("interrupted at step {} of {}; no result is written", step, problem.steps));
     }
     column.advance(law);

@@ -101,9 +101,8 @@ struct Session::Impl {
   Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
     std::vector<Field> fields;
     if (with_node_ids) fields.push_back(Field::kNodeId);
-    const auto required = wire::columns_of(opened.effective_scene.strategy).required;
-    fields.insert(fields.end(), required.begin(), required.end());
-    fields.insert(fields.end(), optional_columns.begin(), optional_columns.end());
+    for (const Field field : wire::columns_of(opened.effective_scene.strategy).required) fields.push_back(field);
+    for (const Field field : optional_columns) fields.push_back(field);
     return Batch::of(fields, count);
   }
 };

@@ -14,6 +14,7 @@ enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
 enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
 enum class InterfaceLaw { kUnspecified = 0, kSubgrid = 1, kCoulombTresca = 2 };
+enum class Lists { kUnspecified = 0, kPaired = 1, kCombined = 2 };
 enum class FarEnd { kUnspecified = 0, kTransmitting = 1, kFree = 2 };
 
 // A material: catalog name (may be empty) and the constants given beside it, under their scene names
@@ -56,6 +57,7 @@ struct ShearColumn {
   std::vector<double> initial_temperature_k;
   std::vector<double> pressure_pa;
   std::vector<double> pressure_time_s;
+  Lists lists = Lists::kPaired;
 };
 
 struct CoulombTresca {

@@ -98,6 +98,7 @@ void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
     copy(column.initial_temperature_k, to.mutable_initial_temperature_k());
     copy(column.pressure_pa, to.mutable_pressure_pa());
     copy(column.pressure_time_s, to.mutable_pressure_time_s());
+    to.set_lists(static_cast<v1::Lists>(column.lists));
   }
   v1::CoulombTresca& law = *message.mutable_coulomb_tresca();
   law.set_friction_coefficient_at_rest(hydro.coulomb_tresca.friction_coefficient_at_rest);
@@ -128,6 +129,7 @@ Hydro hydro_from_message(const v1::Hydro& message) {
     column.initial_temperature_k.assign(from.initial_temperature_k().begin(), from.initial_temperature_k().end());
     column.pressure_pa.assign(from.pressure_pa().begin(), from.pressure_pa().end());
     column.pressure_time_s.assign(from.pressure_time_s().begin(), from.pressure_time_s().end());
+    column.lists = enum_or(from.lists(), column.lists);
   }
   hydro.coulomb_tresca = {.friction_coefficient_at_rest = message.coulomb_tresca().friction_coefficient_at_rest(),
                           .friction_coefficient_fast = message.coulomb_tresca().friction_coefficient_fast(),

@@ -75,11 +75,6 @@ SceneModel scene_model(const wire::Scene& scene) {
   if (scene.interface)
     made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
                               .yield_strength = scene.interface->yield_strength_pa};
-  else if (scene.strategy == wire::Strategy::kForceDriven)
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = "strategy force_driven needs the table [interface]; there is none",
-                       .remedy = "Give interface.friction_coefficient and interface.yield_strength_pa.",
-                       .field = "interface"});
 
   made.effective = scene;
   if (scene.hard_layer) {
