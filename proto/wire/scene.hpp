@@ -42,6 +42,7 @@ struct HardLayer {
 struct VelocityDriven {
   Drive drive = Drive::kLayerShear;
   std::optional<double> friction_coefficient;
+  std::optional<double> taylor_quinney_factor;
 };
 
 struct Interface {

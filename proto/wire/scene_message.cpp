@@ -158,6 +158,8 @@ void to_message(const Scene& scene, v1::Scene& message) {
   driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
   if (scene.velocity_driven.friction_coefficient)
     driven.set_friction_coefficient(*scene.velocity_driven.friction_coefficient);
+  if (scene.velocity_driven.taylor_quinney_factor)
+    driven.set_taylor_quinney_factor(*scene.velocity_driven.taylor_quinney_factor);
   if (scene.interface) {
     message.mutable_interface()->set_friction_coefficient(scene.interface->friction_coefficient);
     message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
@@ -190,6 +192,8 @@ Scene from_message(const v1::Scene& given) {
   scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
   if (message.velocity_driven().has_friction_coefficient())
     scene.velocity_driven.friction_coefficient = message.velocity_driven().friction_coefficient();
+  if (message.velocity_driven().has_taylor_quinney_factor())
+    scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
   if (message.has_interface())
     scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
                                 .yield_strength_pa = message.interface().yield_strength_pa()};

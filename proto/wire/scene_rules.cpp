@@ -148,6 +148,22 @@ class Together {
                hard.has_cells() ? hard.cells() : layer.cells(), hard.has_grading() ? hard.grading() : layer.grading());
   }
 
+  // Heat released inside the layer: by the model's own flow, and between bodies that both conduct.
+  void plastic_heating() {
+    const std::string path = "velocity_driven.taylor_quinney_factor";
+    if (!scene_.velocity_driven().has_taylor_quinney_factor() || !sound(path, true)) return;
+    if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
+      add(path, path + " heats where the layer flows; strategy force_driven has no flow in the layer to heat it");
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " needs drive = \"layer_shear\": with \"interface_slip\" all the work of the jump is friction at "
+                    "z = 0, and heat in the layer would count it twice");
+    if (!scene_.has_hard_layer() && !given_("hard_layer"))
+      add(path, path +
+                    " needs the table [hard_layer]: the fixed share of the hard body is that of heat released at "
+                    "z = 0, not inside the layer");
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -235,6 +251,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   Together together(scene, given, faults);
   together.strategy();
   together.layers();
+  together.plastic_heating();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

@@ -39,16 +39,10 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
 }
 
 physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
-  const physics::GridOptions grid{.thickness = *hard.thickness_m,
-                                  .cells = static_cast<int>(*hard.cells),
-                                  .grading = *hard.grading,
-                                  .far_boundary = far_boundary_of(hard.far_boundary)};
-  if (const std::string fault = physics::grid_fault(grid); !fault.empty())
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = "hard_layer: " + fault,
-                       .remedy = "Give hard_layer a thickness_m, cells and grading that go together.",
-                       .field = "hard_layer"});
-  return grid;
+  return {.thickness = *hard.thickness_m,
+          .cells = static_cast<int>(*hard.cells),
+          .grading = *hard.grading,
+          .far_boundary = far_boundary_of(hard.far_boundary)};
 }
 
 physics::Drive drive_of(wire::Drive drive) {
@@ -72,6 +66,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
+  made.options.taylor_quinney_factor = scene.velocity_driven.taylor_quinney_factor;
   if (scene.interface)
     made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
                               .yield_strength = scene.interface->yield_strength_pa};

@@ -73,6 +73,9 @@ class Rig {
   double ep(int vertex, int lane = 0) const {
     return committed[model.layout().plastic_strain + vertex * kLanes + lane];
   }
+  double heat_shape(int vertex, int lane = 0) const {
+    return committed[model.layout().heat_shape + vertex * kLanes + lane];
+  }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
 
   HeatGrid heat_grid() const {
@@ -113,6 +116,9 @@ class Rig {
       state.temperature.push_back(T(static_cast<int>(i), lane));
     for (int i = 0; i < model.grid().num_vertices(); ++i) {
       state.plastic_strain.push_back(model.layout().plastic_strain == TileLayout::kAbsent ? 0.0 : ep(i, lane));
+    }
+    if (model.layout().heat_shape != TileLayout::kAbsent) {
+      for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }
     state.shear_stress = stress(lane);
     state.regime = static_cast<Regime>(static_cast<int>(committed[model.layout().regime + lane]));

@@ -67,5 +67,23 @@ TEST(SceneOptions, AHardLayerWithoutAFirstCellIsRefused) {
   EXPECT_EQ(refusal_of(scene).field, "hard_layer.thickness_m");
 }
 
+TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBody) {
+  wire::Scene scene = support::velocity_scene();
+  EXPECT_FALSE(scene_model(scene).options.taylor_quinney_factor);
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_EQ(refusal_of(scene).field, "velocity_driven.taylor_quinney_factor");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs the table [hard_layer]"));
+  scene.hard_layer.emplace();
+  EXPECT_EQ(scene_model(scene).options.taylor_quinney_factor, 0.9);
+  scene.velocity_driven.drive = wire::Drive::kInterfaceSlip;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("count it twice"));
+  scene.velocity_driven.taylor_quinney_factor = 1.5;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("above 0 and at most 1"));
+  scene = support::force_scene();
+  scene.hard_layer.emplace();
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("force_driven has no flow in the layer"));
+}
+
 }  // namespace
 }  // namespace shearbus::service

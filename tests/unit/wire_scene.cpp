@@ -235,6 +235,9 @@ class RandomScene {
     if (flip()) scene.hard_layer = hard_layer();
     scene.velocity_driven.drive = flip() ? Drive::kLayerShear : Drive::kInterfaceSlip;
     if (flip()) scene.velocity_driven.friction_coefficient = number(1e-290, 10);
+    if (scene.strategy == Strategy::kVelocityDriven && scene.hard_layer &&
+        scene.velocity_driven.drive == Drive::kLayerShear)
+      scene.velocity_driven.taylor_quinney_factor = number(1e-3, 1);
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
     if (flip()) scene.hydro = hydro();
@@ -321,6 +324,7 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
       ASSERT_EQ(again.hard_layer->far_boundary, scene.hard_layer->far_boundary);
     }
     ASSERT_EQ(again.velocity_driven.friction_coefficient, scene.velocity_driven.friction_coefficient);
+    ASSERT_EQ(again.velocity_driven.taylor_quinney_factor, scene.velocity_driven.taylor_quinney_factor);
     ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
     if (scene.interface) {
       ASSERT_EQ(again.interface->yield_strength_pa, scene.interface->yield_strength_pa);

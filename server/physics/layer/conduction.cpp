@@ -89,6 +89,81 @@ HeatOperator::HeatOperator(const HeatGrid& grid, const Material& soft, const Mat
   for (std::size_t i = n - 1; i-- > 0;) response[i] += backward[i] * response[i + 1];
 }
 
+SpreadHeat::SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int num_layer_vertices, const Material& soft,
+                       const Material& hard)
+    : layer_vertices(num_layer_vertices), gain(static_cast<std::size_t>(num_layer_vertices)) {
+  for (int i = 0; i < layer_vertices; ++i) gain[i] = heat.dt / grid.capacity(heat.interface + i, soft, hard);
+
+  // From the far end inwards, with kept = 1 - t[i+1]/t[i]: (1 + c kept + a) t[i] = a t[i-1].
+  const std::size_t last = static_cast<std::size_t>(heat.interface + layer_vertices) - 1;
+  outward.resize(grid.weight.size() - last - 1);
+  double kept = 0.0;
+  for (std::size_t i = grid.weight.size() - 1; i > last; --i) {
+    const auto [a, c] = coupling(grid, soft, hard, heat.dt, i);
+    const double own = 1.0 + c * kept;
+    outward[i - last - 1] = a / (own + a);
+    kept = own / (own + a);
+  }
+  // HeatOperator's elimination up to the layer's last vertex, whose c t[i+1] is c (1 - kept) t[i].
+  double excess = 0.0;
+  double pivot = 1.0;
+  for (std::size_t i = 0; i <= last; ++i) {
+    const auto [a, c] = coupling(grid, soft, hard, heat.dt, i);
+    excess = i == 0 ? 0.0 : a * (1.0 + excess) / pivot;
+    pivot = 1.0 + excess + (i < last ? c : c * kept);
+    last_forward = a / pivot;
+  }
+  last_inverse_pivot = 1.0 / pivot;
+}
+
+void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response) {
+  const double* forward = heat.forward.data() + heat.interface;
+  const double* inverse_pivot = heat.inverse_pivot.data() + heat.interface;
+  const double* backward = heat.backward.data() + heat.interface;
+  const std::ptrdiff_t last = spread.layer_vertices - 1;
+  double t[kLanes] = {};
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    const double gained = spread.gain[i] * (i < last ? inverse_pivot[i] : spread.last_inverse_pivot);
+    const double carried = i < last ? forward[i] : spread.last_forward;
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] = shape[i * kLanes + l] * gained + carried * t[l];
+      response[i * kLanes + l] = t[l];
+    }
+  }
+  for (std::ptrdiff_t i = last; i-- > 0;) {
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] = response[i * kLanes + l] + backward[i] * t[l];
+      response[i * kLanes + l] = t[l];
+    }
+  }
+}
+
+void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
+                const double* response, double* temperature) {
+  const std::ptrdiff_t interface = heat.interface;
+  const std::ptrdiff_t last = spread.layer_vertices - 1;
+  double* layer = temperature + interface * kLanes;
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    for (int l = 0; l < kLanes; ++l) layer[i * kLanes + l] += flux[l] * response[i * kLanes + l];
+  }
+  double t[kLanes];
+  for (int l = 0; l < kLanes; ++l) t[l] = flux[l] * response[l];
+  for (std::ptrdiff_t i = interface; i-- > 0;) {
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] *= heat.backward[i];
+      temperature[i * kLanes + l] += t[l];
+    }
+  }
+  for (int l = 0; l < kLanes; ++l) t[l] = flux[l] * response[last * kLanes + l];
+  for (std::size_t j = 0; j < spread.outward.size(); ++j) {
+    double* row = layer + (last + 1 + static_cast<std::ptrdiff_t>(j)) * kLanes;
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] *= spread.outward[j];
+      row[l] += t[l];
+    }
+  }
+}
+
 // Both sweeps work on the temperature above that of the colder end, the coldest there is: a uniform layer stays uniform
 // to the last bit and no vertex falls below the coldest by rounding.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {

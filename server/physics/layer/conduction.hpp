@@ -52,6 +52,27 @@ struct HeatOperator {
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 };
 
+// What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices, and how the
+// temperature they make dies away behind the last of them. The rows behind are folded into the last vertex's pivot
+// (again without a difference), so that a response is held at the layer's vertices only.
+struct SpreadHeat {
+  SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int layer_vertices, const Material& soft,
+             const Material& hard);
+
+  int layer_vertices;
+  std::vector<double> gain;     // dt / capacity of each vertex of the layer: rise per source          [K m2/W]
+  std::vector<double> outward;  // t[i] / t[i-1] behind the layer
+  double last_forward;          // as HeatOperator's, of the layer's last vertex with the rows behind folded in
+  double last_inverse_pivot;
+};
+
+// Temperature after a step from 0 K with 1 W/m2 shared over the layer as `shape` says, [vertex][lane] of the layer.
+void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response);
+
+// T = T_ad + q B_phi over both bodies, all lanes; `response` as respond() left it.
+void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
+                const double* response, double* temperature);
+
 // All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
@@ -57,9 +58,9 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
   state.temperature.assign(at_interface, T.end());
 }
 
-// Backward Euler of dT/dt = alpha d2T/dz2 in each body with `flux` released at z = 0 and insulated far ends: DLP
-// (20-31).
-Profile conduct(const ModelOptions& options, double dt, double flux, const Profile& old) {
+// Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
+// body and insulated far ends: DLP (20-31).
+Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
   std::vector<Eigen::Triplet<double>> entries;
@@ -78,7 +79,8 @@ Profile conduct(const ModelOptions& options, double dt, double flux, const Profi
       diagonal += k / grid.width[i];
     }
     entries.emplace_back(i, i, diagonal);
-    rhs[i] = storage * old.rows[i] + (i == grid.interface ? flux : 0.0);
+    const int vertex = i - grid.interface;
+    rhs[i] = storage * old.rows[i] + (vertex >= 0 && vertex < static_cast<int>(sources.size()) ? sources[vertex] : 0.0);
   }
   Eigen::SparseMatrix<double> matrix(n, n);
   matrix.setFromTriplets(entries.begin(), entries.end());
@@ -87,8 +89,10 @@ Profile conduct(const ModelOptions& options, double dt, double flux, const Profi
   return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
 }
 
-Profile unit_response(const ModelOptions& options, double dt, const Profile& like) {
-  return conduct(options, dt, 1.0, {std::vector<double>(like.rows.size(), 0.0), like.interface});
+// To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
+Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
+  return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
+                 {std::vector<double>(like.rows.size(), 0.0), like.interface});
 }
 
 // dep of one vertex under a stress magnitude, DLP (48) as printed.
@@ -107,8 +111,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   const double V = in.velocity_jump;
   const bool layer_shear = options.drive == Drive::kLayerShear;
   const double w = layer_shear ? V : h * in.soft_shear_rate;
-  const Profile T_ad = conduct(options, dt, 0.0, profile_of(state));
-  const Profile B = unit_response(options, dt, T_ad);
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, state.heat_shape, T_ad);
 
   NodeOutputs out;
   out.velocity_jump_new = V;
@@ -161,6 +165,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   if (coulomb) a = *options.friction_coefficient * in.pressure;
 
   const double flux = heating * a;
+  const std::vector<double> ep_old = state.plastic_strain;
   double layer_slip = a > 0.0 ? slip(a) : 0.0;
   const double surplus = std::max(0.0, (std::abs(trial) - a) / compliance - layer_slip);
   int hottest = 0;
@@ -181,6 +186,16 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   state.shear_stress = out.shear_stress = direction * a;
   out.friction_heat = flux * dt;
   out.interface_temperature = state.temperature[0];
+  if (options.taylor_quinney_factor) {
+    out.friction_heat *= std::accumulate(state.heat_shape.begin(), state.heat_shape.end(), 0.0);
+    if (const double all = layer_slip + interface_slip; all > 0.0) {
+      for (int i = 0; i < grid.num_vertices(); ++i) {
+        state.heat_shape[i] =
+            *options.taylor_quinney_factor * grid.weight[i] * (state.plastic_strain[i] - ep_old[i]) / all;
+      }
+      state.heat_shape[0] += interface_slip / all;
+    }
+  }
 
   bool slips = layer_slip > 0.0 || interface_slip > 0.0;
   if (layer_shear) {
@@ -199,8 +214,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
 
 NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
-  const Profile T_ad = conduct(options, dt, 0.0, profile_of(state));
-  const Profile B = unit_response(options, dt, T_ad);
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, state.heat_shape, T_ad);
   const double beta_T = conducted_share(options);
 
   // DLP (61).
@@ -269,6 +284,11 @@ NodeState initial_state(const ModelOptions& options) {
   state.hard_temperature.assign(heat_grid.interface, options.initial_temperature);
   state.temperature.assign(heat_grid.num_vertices() - heat_grid.interface, options.initial_temperature);
   state.plastic_strain.assign(grid.num_vertices(), 0.0);
+  if (options.taylor_quinney_factor) {
+    for (double weight : grid.weight) {
+      state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
+    }
+  }
   return state;
 }
 

@@ -31,6 +31,10 @@ struct ModelOptions {
   Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
+
+  // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
+  // the layer flows. Absent: all work heats z = 0.
+  std::optional<double> taylor_quinney_factor;
 };
 
 // Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit

@@ -27,6 +27,7 @@ struct TileLayout {
   std::size_t hard_temperature = kAbsent;  // [num_hard_vertices][kLanes]  K, the outermost first; `temperature` follows
   std::size_t temperature = 0;             // [num_vertices][kLanes]  K
   std::size_t plastic_strain = kAbsent;    // [num_strain_vertices][kLanes]  1
+  std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
   std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes

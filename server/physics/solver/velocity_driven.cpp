@@ -56,10 +56,12 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
 // all heat has ever entered and none ever leaves.
 struct Heated {
   const double* T_ad;  // [vertex][lane], at the lane
-  const double* B;     // [vertex]
+  const double* B;     // [vertex], or [vertex][lane] at the lane
+  std::ptrdiff_t stride;
   int candidates;
 
-  double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * B[i]; }
+  double response(int i) const { return B[i * stride]; }
+  double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }
   int hottest(double q) const {
     int at = 0;
     for (int i = 1; i < candidates; ++i) at = T(i, q) > T(at, q) ? i : at;
@@ -78,7 +80,7 @@ double ceiling_stress(const StressLimit& limit, const Heated& heated, double hea
     const double a_before = a;
     hottest = heated.hottest(heating * a);
     if (a < a_max && hottest == before) return a;
-    a = slip_stress(limit, {heated.T(hottest, 0.0), heated.B[hottest], heating, 0.0}, a, guess);
+    a = slip_stress(limit, {heated.T(hottest, 0.0), heated.response(hottest), heating, 0.0}, a, guess);
     if (a >= a_before) return a;
   }
 }
@@ -126,7 +128,7 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
       soft.yield_strength * hardened * softening(soft, pressure, heated.T(0, 0.0)).g / kSqrt3;
   double beyond = all_at_vertex_0 * (1.0 + kConverged);
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
-    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.B[i]));
+    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
   }
   if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
     state.hi = beyond;
@@ -198,6 +200,30 @@ void set_load(const Material& soft, const Lane& lane, double pressure, int l, Fl
   load.flux[l] = lane.loaded ? lane.heating * lane.a : 0.0;
 }
 
+// Share of the work that becomes heat in a step shaped so.
+double heated_share(const Grid& grid, const double* shape) {
+  double sum = 0.0;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
+  return sum;
+}
+
+// Where the work of the next step becomes heat: where this one's slip was. Of the layer's flow the Taylor-Quinney share
+// does, of the interface's slip all. One lane; a step without slip leaves the shape as it was.
+void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
+                  double* shape) {
+  const Grid& grid = problem.grid;
+  double slip = interface_slip;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
+    slip += grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]);
+  }
+  if (!(slip > 0.0)) return;
+  const double factor = *problem.options.taylor_quinney_factor;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
+    shape[i * kLanes] = factor * (grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]) / slip);
+  }
+  shape[0] += interface_slip / slip;
+}
+
 struct Answer {
   double slip;  // [v], signed  [m/s]
   Regime regime;
@@ -244,7 +270,17 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   double* T_all = trial + layout.first_temperature();
   conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
-  // 2. Trial stress and bracket of each lane: DLP (37), (56).
+  // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
+  // for).
+  const bool spreads = layout.heat_shape != TileLayout::kAbsent;
+  const double* shape = spreads ? committed + layout.heat_shape : nullptr;
+  double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
+  if (spreads) respond(heat, operators.spread(), shape, B_spread);
+  const auto heated = [&](int l) {
+    return spreads ? Heated{T + l, B_spread + l, kLanes, candidates} : Heated{T + l, B, 1, candidates};
+  };
+
+  // 3. Trial stress and bracket of each lane: DLP (37), (56).
   Lane lanes[kLanes];
   FlowLoad load;
   double s_start[kLanes] = {};
@@ -254,7 +290,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
                                    committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, inputs, l, dt, {T + l, B, candidates}, s_start[l], strain[l]);
+      lanes[l] = prepare(problem, inputs, l, dt, heated(l), s_start[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
     if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
@@ -265,9 +301,9 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     set_load(soft, lanes[l], pressure, l, load);
   }
 
-  // 3. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
-  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated()};
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), B_spread};
   if (hardens) {
     flow_thresholds(flow, load, strain_new);
     int num_rows = grid.num_vertices();
@@ -292,10 +328,15 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
 
-  // 4. Temperature: T = T_ad + q B.
-  add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
+  // 5. Temperature: T = T_ad + q B.
+  if (spreads) {
+    add_spread(heat, operators.spread(), load.flux, B_spread, T_all);
+    std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
+  } else {
+    add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
+  }
 
-  // 5. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
+  // 6. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
   //    is slip of the interface.
   for (int l = 0; l < kLanes; ++l) {
     if (!(inputs.active >> l & 1u)) continue;
@@ -312,11 +353,10 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       }
     }
 
-    // 6. Upscale.
+    // 7. Upscale.
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
-    const Heated answered{T + l, B, candidates};
-    const double T_hottest = answered.T(answered.hottest(0.0), 0.0);
+    const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
     const double s = lane.loaded ? lane.direction * lane.a : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
                                : answer_of(problem, lane, layer_slip, interface_slip, T_hottest, jump,
@@ -326,7 +366,9 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    outputs.friction_heat[l] = load.flux[l] * dt;
+    outputs.friction_heat[l] = load.flux[l] * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    if (spreads)
+      reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
     outputs.outcome[l] = carried ? 0 : kOutsideDomain;
     trial[layout.shear_stress + l] = s;
