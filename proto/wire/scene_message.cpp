@@ -55,10 +55,23 @@ void body_to_message(const Body& body, const std::string& table, v1::Body& messa
     if (reflection.HasField(message, field)) refuse(path, "is given twice");
     reflection.SetDouble(&message, field, value);
   }
+  // Defaults are not sent: a scene without these options has the bytes it had before there were any.
+  if (body.melting_curve != MeltingCurve::kConstant)
+    message.set_melting_curve(static_cast<v1::MeltingCurve>(body.melting_curve));
+  if (body.pressure_term != PressureTerm::kLinear)
+    message.set_pressure_term(static_cast<v1::PressureTerm>(body.pressure_term));
+}
+
+// An enum of the message as a value; `fallback` is what its rule calls the default.
+template <typename Enum, typename Wire>
+Enum enum_or(Wire wire, Enum fallback) {
+  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
 }
 
 Body body_from_message(const v1::Body& message) {
   Body body{.material = message.material(), .given = {}};
+  body.melting_curve = enum_or(message.melting_curve(), body.melting_curve);
+  body.pressure_term = enum_or(message.pressure_term(), body.pressure_term);
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* field = message.GetDescriptor()->field(i);
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && message.GetReflection()->HasField(message, field))
@@ -105,12 +118,6 @@ void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
   law.set_friction_coefficient_fast(hydro.coulomb_tresca.friction_coefficient_fast);
   law.set_velocity_decay_s_per_m(hydro.coulomb_tresca.velocity_decay_s_per_m);
   law.set_yield_fraction(hydro.coulomb_tresca.yield_fraction);
-}
-
-// An enum of the message as a value; `fallback` is what its rule calls the default.
-template <typename Enum, typename Wire>
-Enum enum_or(Wire wire, Enum fallback) {
-  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
 }
 
 Hydro hydro_from_message(const v1::Hydro& message) {

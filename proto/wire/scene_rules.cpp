@@ -148,6 +148,16 @@ class Together {
                hard.has_cells() ? hard.cells() : layer.cells(), hard.has_grading() ? hard.grading() : layer.grading());
   }
 
+  // Options of a strength that nobody computes.
+  void hard_strength() {
+    const auto refuse = [&](const std::string& key) {
+      add("hard." + key,
+          "hard." + key + " bears on a body's strength, and only the soft body's is computed: give it to [soft]");
+    };
+    if (scene_.hard().melting_curve() == v1::MELTING_CURVE_LINDEMANN) refuse("melting_curve");
+    if (scene_.hard().pressure_term() == v1::PRESSURE_TERM_COMPRESSED) refuse("pressure_term");
+  }
+
   // Heat released inside the layer: by the model's own flow, and between bodies that both conduct.
   void plastic_heating() {
     const std::string path = "velocity_driven.taylor_quinney_factor";
@@ -252,6 +262,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.strategy();
   together.layers();
   together.plastic_heating();
+  together.hard_strength();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

@@ -20,6 +20,17 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
                        .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
                        .remedy = "Name a material of the catalog, or give every constant.",
                        .field = table + "." + made.fault_field});
+  if (body.melting_curve == wire::MeltingCurve::kLindemann)
+    made.material.melting_curve = physics::MeltingCurve::kLindemann;
+  if (body.pressure_term == wire::PressureTerm::kCompressed)
+    made.material.pressure_term = physics::PressureTerm::kCompressed;
+  if (const std::string_view missing = physics::constant_missing_for_options(made.material); !missing.empty())
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = "
+                                           "\"compressed\" need the compression at a pressure",
+                                           table, missing),
+                       .remedy = "Give it, or leave both options at their defaults.",
+                       .field = fmt::format("{}.{}", table, missing)});
   return made.material;
 }
 

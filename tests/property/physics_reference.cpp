@@ -25,7 +25,7 @@ double resolution(const Material& m, double T0) {
 void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const reference::NodeState& twin_state, int l,
                       double dt, Worst& worst) {
   const TileOutputs& out = rig.outputs;
-  const Material& soft = rig.model.options().soft;
+  const Material soft = at_pressure(rig.model.options().soft, rig.inputs.pressure[l]);
   const double eps = resolution(soft, twin.interface_temperature);
   const double s = std::abs(twin.shear_stress);
   ASSERT_NEAR(out.shear_stress[l], twin.shear_stress, eps * s + 1e-6);

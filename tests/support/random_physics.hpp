@@ -43,6 +43,8 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
       draw.chance(0.6)) {
     options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.5, 1.0);
   }
+  if (draw.chance(0.3)) soft.melting_curve = MeltingCurve::kLindemann;
+  if (draw.chance(0.3)) soft.pressure_term = PressureTerm::kCompressed;
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   return options;
 }

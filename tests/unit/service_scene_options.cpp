@@ -85,5 +85,29 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("force_driven has no flow in the layer"));
 }
 
+TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
+  wire::Scene scene = support::velocity_scene();
+  EXPECT_FALSE(scene_model(scene).options.soft.varies_with_compression());
+  scene.soft.melting_curve = wire::MeltingCurve::kLindemann;
+  scene.soft.pressure_term = wire::PressureTerm::kCompressed;
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.soft.melting_curve, physics::MeltingCurve::kLindemann);
+  EXPECT_EQ(made.options.soft.pressure_term, physics::PressureTerm::kCompressed);
+  EXPECT_EQ(scene_model(made.effective).options.soft.melting_curve, physics::MeltingCurve::kLindemann);
+
+  // A body of its own constants, the compression's not among them.
+  scene.soft.material.clear();
+  for (const auto& [name, value] : made.effective.soft.given)
+    if (name != "hugoniot_slope") scene.soft.given.emplace_back(name, value);
+  EXPECT_EQ(refusal_of(scene).field, "soft.hugoniot_slope");
+  scene.soft.melting_curve = wire::MeltingCurve::kConstant;
+  scene.soft.pressure_term = wire::PressureTerm::kLinear;
+  EXPECT_EQ(refusal_of(scene).text, "");
+
+  scene.hard.melting_curve = wire::MeltingCurve::kLindemann;
+  EXPECT_EQ(refusal_of(scene).field, "hard.melting_curve");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("only the soft body's is computed"));
+}
+
 }  // namespace
 }  // namespace shearbus::service

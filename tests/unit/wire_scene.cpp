@@ -227,6 +227,8 @@ class RandomScene {
     scene.strategy = flip() ? Strategy::kVelocityDriven : Strategy::kForceDriven;
     scene.soft = body();
     scene.hard = body();
+    if (flip()) scene.soft.melting_curve = MeltingCurve::kLindemann;
+    if (flip()) scene.soft.pressure_term = PressureTerm::kCompressed;
     scene.layer.thickness_m = number(1e-6, 1e-3);
     scene.layer.cells = 1 + static_cast<std::uint32_t>(random_() % 100);
     scene.layer.grading = number(1.0, 1.05);
@@ -314,6 +316,8 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.name, scene.name);
     ASSERT_EQ(again.source, scene.source);
     ASSERT_EQ(again.soft.given, scene.soft.given);  // == of doubles: no NaN, and -0 does not occur
+    ASSERT_EQ(again.soft.melting_curve, scene.soft.melting_curve);
+    ASSERT_EQ(again.soft.pressure_term, scene.soft.pressure_term);
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.hard_layer.has_value(), scene.hard_layer.has_value());

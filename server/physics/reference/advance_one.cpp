@@ -204,10 +204,11 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     out.sliding_velocity = direction * std::max(0.0, direction * (V + w) - kSqrt3 * layer_slip / dt);
     slips = slips || out.sliding_velocity != 0.0;
   }
-  out.regime = !slips                                                          ? Regime::kStick
-               : coulomb                                                       ? Regime::kCoulomb
-               : state.temperature[hottest] >= 0.99 * soft.melting_temperature ? Regime::kMelting
-                                                                               : Regime::kTresca;
+  out.regime = !slips    ? Regime::kStick
+               : coulomb ? Regime::kCoulomb
+               : state.temperature[hottest] >= 0.99 * at_pressure(soft, in.pressure).melting_temperature
+                   ? Regime::kMelting
+                   : Regime::kTresca;
   state.regime = out.regime;
   return out;
 }
@@ -261,10 +262,10 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = direction * slip(a);
     out.velocity_jump_new = stick ? 0.0 : jump_new(a);
     const bool coulomb_acts = coulomb <= yield(T0(a));
-    out.regime = stick                                      ? Regime::kStick
-                 : coulomb_acts                             ? Regime::kCoulomb
-                 : T0(a) >= 0.99 * soft.melting_temperature ? Regime::kMelting
-                                                            : Regime::kTresca;
+    out.regime = stick                                                                ? Regime::kStick
+                 : coulomb_acts                                                       ? Regime::kCoulomb
+                 : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting
+                                                                                      : Regime::kTresca;
   }
   const double flux = in.pressure <= 0.0 ? 0.0 : beta_T * a * slip(a);
   heat_up(state, T_ad, flux, B);

@@ -125,8 +125,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   double flux[kLanes] = {};
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
+    const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
     const StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
-                            inputs.pressure[lane], &problem.options.soft};
+                            inputs.pressure[lane], &soft};
     const Forcing forcing{
         inputs.stress_minus[lane] / inputs.mass_minus[lane] + inputs.stress_plus[lane] / inputs.mass_plus[lane],
         1.0 / inputs.mass_minus[lane] + 1.0 / inputs.mass_plus[lane]};

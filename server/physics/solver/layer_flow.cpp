@@ -27,9 +27,8 @@ struct FlowLaw {
   explicit FlowLaw(const Material& m)
       : inverse_n(1.0 / m.hardening_exponent),
         inverse_beta(1.0 / m.hardening_coefficient),
-        hT(m.temperature_coefficient),
-        T_melt(m.melting_temperature) {}
-  double inverse_n, inverse_beta, hT, T_melt;
+        hT(m.temperature_coefficient) {}
+  double inverse_n, inverse_beta, hT;
 };
 
 // -log(g)/n at a temperature, kMolten where g = 0, and its derivative with respect to T.
@@ -37,8 +36,8 @@ struct SofteningExcess {
   double value;
   double rate;
 };
-inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0, double T) {
-  const double to_melting = law.T_melt - T;
+inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0, double T_melt, double T) {
+  const double to_melting = T_melt - T;
   const double bracket = bracket_at_0 - law.hT * T;
   const bool solid = to_melting > 0.0 && bracket > 0.0;
   const double x = solid ? to_melting : 1.0;
@@ -46,7 +45,7 @@ inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0,
   const double inverse_xb = 1.0 / (x * b);
   const double inverse_x = b * inverse_xb;
   const double value = law.inverse_n * (kMeltingFactor * T * inverse_x - logarithm(b));
-  const double rate = law.inverse_n * (law.hT * x * inverse_xb + kMeltingFactor * law.T_melt * inverse_x * inverse_x);
+  const double rate = law.inverse_n * (law.hT * x * inverse_xb + kMeltingFactor * T_melt * inverse_x * inverse_x);
   return {solid ? value : kMolten, rate};
 }
 
@@ -75,7 +74,7 @@ template <bool kWrite, bool kSpread>
       const double* T_ad = problem.T_ad + i * kLanes;
       for (int l = 0; l < kLanes; ++l) {
         const double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
-        const SofteningExcess softened = softening_excess(law, load.bracket[l], T_ad[l] + rise);
+        const SofteningExcess softened = softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l] + rise);
         growth[l] = rise * softened.rate;
         excess[l] = (load.scaled_log[l] + softened.value) - yield[l];
       }
@@ -127,7 +126,7 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
     double* yield = threshold + i * kLanes;
     for (int l = 0; l < kLanes; ++l) yield[l] = logarithm(1.0 + beta * strain[l]);
     if (i < problem.num_heated) continue;
-    for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], T_ad[l]).value;
+    for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l]).value;
   }
 }
 

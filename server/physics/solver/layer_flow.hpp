@@ -19,6 +19,7 @@ struct FlowLoad {
   alignas(64) double scaled_log[kLanes];  // log(sqrt(3) a / Y0) / n, or kNoLoad
   alignas(64) double flux[kLanes];        // q: T = T_ad + q B, or B_phi  [W/m2]
   alignas(64) double bracket[kLanes];     // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g
+  alignas(64) double T_melt[kLanes];      // at the lane's pressure     [K]
 };
 
 struct FlowSum {

@@ -86,9 +86,8 @@ double ceiling_stress(const StressLimit& limit, const Heated& heated, double hea
 }
 
 // Trial stress, direction, heating and the bracket of one lane.
-Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double dt, const Heated& heated,
-             double s_start, double ep0) {
-  const Material& soft = problem.options.soft;
+Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
+             const Heated& heated, double s_start, double ep0) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
   const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
@@ -194,6 +193,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
 
 void set_load(const Material& soft, const Lane& lane, double pressure, int l, FlowLoad& load) {
   load.bracket[l] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
+  load.T_melt[l] = soft.melting_temperature;
   const double ratio = kSqrt3 * lane.a / soft.yield_strength;
   const bool loads = lane.loaded && ratio >= std::numeric_limits<double>::min();
   load.scaled_log[l] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
@@ -230,8 +230,8 @@ struct Answer {
 };
 
 // [v] and the regime from the solved balance.
-Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, double interface_slip, double T_hottest,
-                 double jump, double drive, double dt) {
+Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
+                 double interface_slip, double T_hottest, double jump, double drive, double dt) {
   const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
   double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
   bool slips = flows;
@@ -244,8 +244,7 @@ Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, do
   }
   if (!slips) return {slip, Regime::kStick};
   if (lane.at_bound && lane.bound == Bound::kCoulomb) return {slip, Regime::kCoulomb};
-  return {slip,
-          T_hottest >= kMeltingShare * problem.options.soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
+  return {slip, T_hottest >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
 }
 
 }  // namespace
@@ -284,13 +283,15 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   Lane lanes[kLanes];
   FlowLoad load;
   double s_start[kLanes] = {};
+  Material soft_at[kLanes];  // at each lane's pressure
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
+    soft_at[l] = at_pressure(soft, pressure);
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
                                    committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, inputs, l, dt, heated(l), s_start[l], strain[l]);
+      lanes[l] = prepare(problem, soft_at[l], inputs, l, dt, heated(l), s_start[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
     if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
@@ -298,7 +299,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    set_load(soft, lanes[l], pressure, l, load);
+    set_load(soft_at[l], lanes[l], pressure, l, load);
   }
 
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
@@ -317,7 +318,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
         if (lanes[l].done) continue;
         const double tried = lanes[l].a;
         iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        set_load(soft, lanes[l], inputs.pressure[l], l, load);
+        set_load(soft_at[l], lanes[l], inputs.pressure[l], l, load);
         all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
       }
       // What does not yield under more than every lane's answer does not yield: leave it out from here on.
@@ -359,7 +360,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
     const double s = lane.loaded ? lane.direction * lane.a : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
-                               : answer_of(problem, lane, layer_slip, interface_slip, T_hottest, jump,
+                               : answer_of(problem, soft_at[l], lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
     const bool carried = std::abs(answer.slip - jump) <= kOutsideDomainShare * std::abs(jump);
     outputs.shear_stress[l] = s;
