@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
+#include <numeric>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
@@ -23,32 +25,74 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
-// Backward Euler of dT/dt = alpha d2T/dz2 with -k dT/dz = q at z = 0 and an insulated far end: DLP (20-31).
-std::vector<double> conduct(const HeatGrid& grid, const Material& soft, double dt, double flux,
-                            const std::vector<double>& old) {
+HeatGrid heat_grid_of(const ModelOptions& options) {
+  const Grid layer(options.grid);
+  if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
+  return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
+}
+
+// Share of the friction power that heats what conducts.
+double conducted_share(const ModelOptions& options) {
+  return options.hard_grid ? 1.0 : heat_partition(options.soft, options.hard);
+}
+
+// One value per row of the heat grid, read from z = 0 into the soft body.
+struct Profile {
+  std::vector<double> rows;
+  std::size_t interface = 0;
+  double operator[](std::size_t vertex) const { return rows[interface + vertex]; }
+};
+
+Profile profile_of(const NodeState& state) {
+  Profile profile{state.hard_temperature, state.hard_temperature.size()};
+  profile.rows.insert(profile.rows.end(), state.temperature.begin(), state.temperature.end());
+  return profile;
+}
+
+// T = T_ad + q B, kept.
+void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B) {
+  std::vector<double> T = T_ad.rows;
+  for (std::size_t i = 0; i < T.size(); ++i) T[i] += flux * B.rows[i];
+  const auto at_interface = T.begin() + static_cast<std::ptrdiff_t>(T_ad.interface);
+  state.hard_temperature.assign(T.begin(), at_interface);
+  state.temperature.assign(at_interface, T.end());
+}
+
+// Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
+// body and insulated far ends: DLP (20-31).
+Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
+  const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
-  const double rho_c = soft.conductivity / soft.diffusivity;
   std::vector<Eigen::Triplet<double>> entries;
   Eigen::VectorXd rhs(n);
   for (int i = 0; i < n; ++i) {
-    const double storage = rho_c * grid.weight[i] / dt;  // [W/(m2 K)]
+    const double storage = grid.capacity(i, options.soft, options.hard) / dt;  // [W/(m2 K)]
     double diagonal = storage;
     if (i > 0) {
-      entries.emplace_back(i, i - 1, -soft.conductivity / grid.width[i - 1]);
-      diagonal += soft.conductivity / grid.width[i - 1];
+      const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;
+      entries.emplace_back(i, i - 1, -k / grid.width[i - 1]);
+      diagonal += k / grid.width[i - 1];
     }
     if (i + 1 < n) {
-      entries.emplace_back(i, i + 1, -soft.conductivity / grid.width[i]);
-      diagonal += soft.conductivity / grid.width[i];
+      const double k = (i < grid.interface ? options.hard : options.soft).conductivity;
+      entries.emplace_back(i, i + 1, -k / grid.width[i]);
+      diagonal += k / grid.width[i];
     }
     entries.emplace_back(i, i, diagonal);
-    rhs[i] = storage * old[i] + (i == 0 ? flux : 0.0);
+    const int vertex = i - grid.interface;
+    rhs[i] = storage * old.rows[i] + (vertex >= 0 && vertex < static_cast<int>(sources.size()) ? sources[vertex] : 0.0);
   }
   Eigen::SparseMatrix<double> matrix(n, n);
   matrix.setFromTriplets(entries.begin(), entries.end());
   Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
   const Eigen::VectorXd T = lu.solve(rhs);
-  return {T.data(), T.data() + n};
+  return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
+}
+
+// To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
+Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
+  return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
+                 {std::vector<double>(like.rows.size(), 0.0), like.interface});
 }
 
 // dep of one vertex under a stress magnitude, DLP (48) as printed.
@@ -63,18 +107,17 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
   const Grid grid(options.grid);
-  const HeatGrid heat_grid(grid, options.grid.far_boundary);
   const double h = options.grid.thickness;
   const double V = in.velocity_jump;
   const bool layer_shear = options.drive == Drive::kLayerShear;
   const double w = layer_shear ? V : h * in.soft_shear_rate;
-  const std::vector<double> T_ad = conduct(heat_grid, soft, dt, 0.0, state.temperature);
-  const std::vector<double> B = conduct(heat_grid, soft, dt, 1.0, std::vector<double>(T_ad.size(), 0.0));
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, state.heat_shape, T_ad);
 
   NodeOutputs out;
   out.velocity_jump_new = V;
   if (in.pressure <= 0.0) {
-    state.temperature = T_ad;
+    heat_up(state, T_ad, 0.0, B);
     state.shear_stress = 0.0;
     state.regime = out.regime = Regime::kOpen;
     out.sliding_velocity = V;
@@ -89,7 +132,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   }
   const double trial = s_old + soft.shear_modulus * dt * w / h;
   const double direction = (trial != 0.0 ? trial : V) < 0.0 ? -1.0 : 1.0;
-  const double heating = heat_partition(soft, options.hard) * std::max(0.0, direction * V);
+  const double heating = conducted_share(options) * std::max(0.0, direction * V);
   const auto slip = [&](double a) {
     double sum = 0.0;
     for (int i = 0; i < grid.num_vertices(); ++i) {
@@ -103,21 +146,32 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
 
   // The three things that can hold the stress: the flow of the layer, Y_max at the hottest vertex, mu P.
   const double flowing = bisect(balance, 0.0, std::abs(trial) * 2.0);
+  const auto weakest_g = [&](double a) {
+    double g = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < grid.num_vertices(); ++i) {
+      g = std::min(g, softening(soft, in.pressure, T_ad[i] + heating * a * B[i]).g);
+    }
+    return g;
+  };
   const double ceiling = bisect(
       [&](double a) {
-        const double g = softening(soft, in.pressure, T_ad[0] + heating * a * B[0]).g;
-        const double Y_max = soft.yield_strength_max;
-        return g > 0.0 ? a - Y_max * g / kSqrt3 : 1.0;
+        const double g = weakest_g(a);
+        return g > 0.0 ? a - soft.yield_strength_max * g / kSqrt3 : 1.0;
       },
       0.0, std::abs(trial) * 2.0);
-  const bool molten = softening(soft, in.pressure, T_ad[0]).g <= 0.0;  // the interface carries nothing at all
+  const bool molten = weakest_g(0.0) <= 0.0;  // a vertex carries nothing at all
   double a = molten ? 0.0 : std::min({flowing, ceiling, std::abs(trial)});
   const bool coulomb = options.friction_coefficient && *options.friction_coefficient * in.pressure < a;
   if (coulomb) a = *options.friction_coefficient * in.pressure;
 
   const double flux = heating * a;
+  const std::vector<double> ep_old = state.plastic_strain;
   double layer_slip = a > 0.0 ? slip(a) : 0.0;
   const double surplus = std::max(0.0, (std::abs(trial) - a) / compliance - layer_slip);
+  int hottest = 0;
+  for (int i = 1; i < grid.num_vertices(); ++i) {
+    if (T_ad[i] + flux * B[i] > T_ad[hottest] + flux * B[hottest]) hottest = i;
+  }
   for (int i = 0; i < grid.num_vertices() && a > 0.0; ++i) {
     state.plastic_strain[i] += strain_increment(soft, a, in.pressure, T_ad[i] + flux * B[i], state.plastic_strain[i]);
   }
@@ -125,14 +179,23 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   if (coulomb) {
     interface_slip = surplus;
   } else if (molten || ceiling < flowing) {
-    state.plastic_strain[0] += surplus / grid.weight[0];
+    state.plastic_strain[hottest] += surplus / grid.weight[hottest];
     layer_slip += surplus;
   }
-  state.temperature = T_ad;
-  for (std::size_t i = 0; i < B.size(); ++i) state.temperature[i] += flux * B[i];
+  heat_up(state, T_ad, flux, B);
   state.shear_stress = out.shear_stress = direction * a;
   out.friction_heat = flux * dt;
   out.interface_temperature = state.temperature[0];
+  if (options.taylor_quinney_factor) {
+    out.friction_heat *= std::accumulate(state.heat_shape.begin(), state.heat_shape.end(), 0.0);
+    if (const double all = layer_slip + interface_slip; all > 0.0) {
+      for (int i = 0; i < grid.num_vertices(); ++i) {
+        state.heat_shape[i] =
+            *options.taylor_quinney_factor * grid.weight[i] * (state.plastic_strain[i] - ep_old[i]) / all;
+      }
+      state.heat_shape[0] += interface_slip / all;
+    }
+  }
 
   bool slips = layer_slip > 0.0 || interface_slip > 0.0;
   if (layer_shear) {
@@ -141,20 +204,20 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     out.sliding_velocity = direction * std::max(0.0, direction * (V + w) - kSqrt3 * layer_slip / dt);
     slips = slips || out.sliding_velocity != 0.0;
   }
-  out.regime = !slips                                                    ? Regime::kStick
-               : coulomb                                                 ? Regime::kCoulomb
-               : state.temperature[0] >= 0.99 * soft.melting_temperature ? Regime::kMelting
-                                                                         : Regime::kTresca;
+  out.regime = !slips    ? Regime::kStick
+               : coulomb ? Regime::kCoulomb
+               : state.temperature[hottest] >= 0.99 * at_pressure(soft, in.pressure).melting_temperature
+                   ? Regime::kMelting
+                   : Regime::kTresca;
   state.regime = out.regime;
   return out;
 }
 
 NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
-  const HeatGrid heat_grid(Grid(options.grid), options.grid.far_boundary);
-  const std::vector<double> T_ad = conduct(heat_grid, soft, dt, 0.0, state.temperature);
-  const std::vector<double> B = conduct(heat_grid, soft, dt, 1.0, std::vector<double>(T_ad.size(), 0.0));
-  const double beta_T = heat_partition(soft, options.hard);
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, state.heat_shape, T_ad);
+  const double beta_T = conducted_share(options);
 
   // DLP (61).
   const double jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
@@ -199,14 +262,13 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = direction * slip(a);
     out.velocity_jump_new = stick ? 0.0 : jump_new(a);
     const bool coulomb_acts = coulomb <= yield(T0(a));
-    out.regime = stick                                      ? Regime::kStick
-                 : coulomb_acts                             ? Regime::kCoulomb
-                 : T0(a) >= 0.99 * soft.melting_temperature ? Regime::kMelting
-                                                            : Regime::kTresca;
+    out.regime = stick                                                                ? Regime::kStick
+                 : coulomb_acts                                                       ? Regime::kCoulomb
+                 : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting
+                                                                                      : Regime::kTresca;
   }
   const double flux = in.pressure <= 0.0 ? 0.0 : beta_T * a * slip(a);
-  state.temperature = T_ad;
-  for (std::size_t i = 0; i < B.size(); ++i) state.temperature[i] += flux * B[i];
+  heat_up(state, T_ad, flux, B);
   out.shear_stress = state.shear_stress = direction * a;
   out.friction_heat = flux * dt;
   out.interface_temperature = state.temperature[0];
@@ -218,10 +280,16 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
 
 NodeState initial_state(const ModelOptions& options) {
   const Grid grid(options.grid);
-  const HeatGrid heat_grid(grid, options.grid.far_boundary);
+  const HeatGrid heat_grid = heat_grid_of(options);
   NodeState state;
-  state.temperature.assign(heat_grid.num_vertices(), options.initial_temperature);
+  state.hard_temperature.assign(heat_grid.interface, options.initial_temperature);
+  state.temperature.assign(heat_grid.num_vertices() - heat_grid.interface, options.initial_temperature);
   state.plastic_strain.assign(grid.num_vertices(), 0.0);
+  if (options.taylor_quinney_factor) {
+    for (double weight : grid.weight) {
+      state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
+    }
+  }
   return state;
 }
 

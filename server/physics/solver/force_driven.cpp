@@ -88,8 +88,9 @@ bool run_substeps(const StressLimit& limit, const Forcing& forcing, const Proble
   result = {{0.0, 0.0, jump_old, 0.0, previous, true, false}, 0.0};
   for (int j = 0; j < substeps; ++j) {
     conduct_lane(heat, n, lane, temperature);
-    const LaneStep step = step_lane(limit, forcing, problem.heat_partition, heat.response[0], temperature[lane],
-                                    heat.dt, result.step.jump_new, guess, result.step.regime);
+    const double T_ad = temperature[heat.interface * kLanes + lane];
+    const LaneStep step = step_lane(limit, forcing, problem.heat_partition, *heat.layer_response(), T_ad, heat.dt,
+                                    result.step.jump_new, guess, result.step.regime);
     if (!step.unique && !accept) return false;
     add_flux_lane(heat, n, lane, step.flux, temperature);
     guess = std::abs(step.stress);
@@ -112,8 +113,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   const TileLayout& layout = problem.layout;
   const InterfaceOptions& law = problem.options.interface;
   const int n = problem.heat_grid.num_vertices();
-  const double* T_old = committed + layout.temperature;
-  double* T = trial + layout.temperature;
+  const double* T_old = committed + layout.first_temperature();
+  double* T = trial + layout.first_temperature();
+  const double* T0 = trial + layout.temperature;
   const HeatOperator& heat = operators.heat();
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
@@ -123,8 +125,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   double flux[kLanes] = {};
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
+    const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
     const StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
-                            inputs.pressure[lane], &problem.options.soft};
+                            inputs.pressure[lane], &soft};
     const Forcing forcing{
         inputs.stress_minus[lane] / inputs.mass_minus[lane] + inputs.stress_plus[lane] / inputs.mass_plus[lane],
         1.0 / inputs.mass_minus[lane] + 1.0 / inputs.mass_plus[lane]};
@@ -133,8 +136,8 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
 
     LaneResult result;
-    result.step = step_lane(limit, forcing, problem.heat_partition, heat.response[0], T[lane], operators.dt(), jump_old,
-                            guess, previous);
+    result.step = step_lane(limit, forcing, problem.heat_partition, *heat.layer_response(), T0[lane], operators.dt(),
+                            jump_old, guess, previous);
     result.heat = result.step.flux * operators.dt();
     std::uint8_t outcome = 0;
     if (result.step.unique) {
@@ -165,7 +168,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   // 4. The friction heat of this step: T = T_ad + q B.
   add_flux(heat, n, flux, T);
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T[lane];
+    if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T0[lane];
   }
 }
 
