@@ -1,8 +1,10 @@
 // The velocity-driven step (MODEL.md section 5): DLP (37), (42-48), (56) with the drive that (56) leaves out. The host
 // imposes the velocity jump, the layer's plastic flow finds the stress.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/layer_flow.hpp"
@@ -31,9 +33,9 @@ struct Lane {
   double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
   double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
   Bound bound = Bound::kElastic;  // what `hi` is until F(hi) > 0 has been seen
+  int hottest = 0;                // vertex that reaches Y_max first
   bool hi_seen = false;
   bool done = false;
-  int hottest = 0;        // vertex that reaches Y_max first
   double a = 0.0;         // iterate, then answer                                       [Pa]
   bool at_bound = false;  // the answer is `hi`, held by `bound`
 };
@@ -103,8 +105,9 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
   const StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
-  state.hottest = heated.hottest(0.0);
-  const double g_ad = softening(soft, pressure, heated.T(state.hottest, 0.0)).g;
+  const int hottest_ad = heated.hottest(0.0);
+  state.hottest = hottest_ad;
+  const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
   if (g_ad <= 0.0) {
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
@@ -123,8 +126,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   const double most_slip = h * state.a_trial / (kSqrt3 * soft.shear_modulus);
   const double hardened =
       power(1.0 + soft.hardening_coefficient * (ep0 + most_slip / problem.grid.weight[0]), soft.hardening_exponent);
-  const double all_at_vertex_0 =
-      soft.yield_strength * hardened * softening(soft, pressure, heated.T(0, 0.0)).g / kSqrt3;
+  const double g_0 = hottest_ad == 0 ? g_ad : softening(soft, pressure, heated.T(0, 0.0)).g;
+  const double all_at_vertex_0 = soft.yield_strength * hardened * g_0 / kSqrt3;
   double beyond = all_at_vertex_0 * (1.0 + kConverged);
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
     beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
@@ -283,15 +286,17 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   Lane lanes[kLanes];
   FlowLoad load;
   double s_start[kLanes] = {};
-  Material soft_at[kLanes];  // at each lane's pressure
+  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
+  if (soft.varies_with_compression()) own.emplace();
+  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    soft_at[l] = at_pressure(soft, pressure);
+    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
                                    committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, soft_at[l], inputs, l, dt, heated(l), s_start[l], strain[l]);
+      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
     if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
@@ -299,7 +304,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    set_load(soft_at[l], lanes[l], pressure, l, load);
+    set_load(soft_at(l), lanes[l], pressure, l, load);
   }
 
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
@@ -318,7 +323,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
         if (lanes[l].done) continue;
         const double tried = lanes[l].a;
         iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        set_load(soft_at[l], lanes[l], inputs.pressure[l], l, load);
+        set_load(soft_at(l), lanes[l], inputs.pressure[l], l, load);
         all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
       }
       // What does not yield under more than every lane's answer does not yield: leave it out from here on.
@@ -360,7 +365,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
     const double s = lane.loaded ? lane.direction * lane.a : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
-                               : answer_of(problem, soft_at[l], lane, layer_slip, interface_slip, T_hottest, jump,
+                               : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
     const bool carried = std::abs(answer.slip - jump) <= kOutsideDomainShare * std::abs(jump);
     outputs.shear_stress[l] = s;
