@@ -156,8 +156,8 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
     const double closing = -pressing_[i] * opening_rate(i, velocity_mean);
     const double friction =
         i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
-    closing_heat_ += closing;
-    friction_heat_ += friction;
+    heat_[kClosing] += closing;
+    heat_[kFriction] += friction;
     const double soft = 0.5 * closing + options_.soft_share * friction;
     const double hard = 0.5 * closing + (1.0 - options_.soft_share) * friction;
     for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];
