@@ -87,15 +87,18 @@ class Rig {
     for (int i = 0; i < model.grid().num_vertices(); ++i) {
       state.plastic_strain.push_back(model.layout().plastic_strain == TileLayout::kAbsent ? 0.0 : ep(i, lane));
     }
+    if (model.layout().sticking != TileLayout::kAbsent) {
+      state.sticking = committed[model.layout().sticking + lane] != 0.0;
+    }
     state.shear_stress = stress(lane);
     state.regime = static_cast<Regime>(static_cast<int>(committed[model.layout().regime + lane]));
     return state;
   }
 
   reference::NodeInputs node_inputs(int lane) const {
-    return {inputs.velocity_jump[lane], inputs.pressure[lane],    inputs.soft_shear_rate[lane],
-            inputs.stress_minus[lane],  inputs.stress_plus[lane], inputs.mass_minus[lane],
-            inputs.mass_plus[lane]};
+    return {inputs.velocity_jump[lane], inputs.pressure[lane],         inputs.soft_shear_rate[lane],
+            inputs.stress_minus[lane],  inputs.stress_plus[lane],      inputs.mass_minus[lane],
+            inputs.mass_plus[lane],     inputs.soft_plastic_rate[lane]};
   }
 
   Model model;

@@ -35,6 +35,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   options.grid.far_boundary = draw.chance(0.5) ? FarBoundary::kInsulated : FarBoundary::kHalfSpace;
   options.drive = draw.chance(0.5) ? Drive::kLayerShear : Drive::kInterfaceSlip;
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
+  if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
   return options;
 }
 
@@ -60,6 +61,9 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     if (draw.chance(0.3)) {
       in.mass_minus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
       in.mass_plus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+    }
+    if (rig.model.options().plastic_layer) {
+      in.soft_plastic_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     }
     in.stress_minus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
     in.stress_plus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);

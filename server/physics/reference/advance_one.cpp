@@ -214,6 +214,171 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   return out;
 }
 
+// One way the step of a flowing layer may end.
+struct Candidate {
+  double stress, flux, slip;
+  bool sticks;
+};
+
+// Everything DLP (48), (61), (64) and the interface law ask of the step of a flowing layer, said once per equation.
+struct FlowingStep {
+  FlowingStep(const ModelOptions& model_options, double step, const NodeInputs& inputs, const NodeState& state)
+      : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
+    const HeatGrid heat_grid(grid, options.grid.far_boundary);
+    T_ad = conduct(heat_grid, soft, dt, 0.0, state.temperature);
+    B = conduct(heat_grid, soft, dt, 1.0, std::vector<double>(T_ad.size(), 0.0));
+    jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
+    per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+    const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
+    direction = leads < 0.0 ? -1.0 : 1.0;
+    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_rate : 0.0;
+    ceiling_strength = soft.hardening_coefficient > 0.0 ? soft.yield_strength_max
+                                                        : std::min(soft.yield_strength, soft.yield_strength_max);
+  }
+
+  double T(int vertex, double q) const { return T_ad[vertex] + q * B[vertex]; }
+  double jump_new(double a) const { return direction * jump_free - a * per_stress; }
+  double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
+  double limit(double T0) const {  // of the interface
+    return std::min(options.interface.friction_coefficient * in.pressure,
+                    options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T0).g);
+  }
+  double ceiling(double T0) const {  // of the layer
+    const double g = softening(soft, in.pressure, T0).g;
+    return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
+  }
+  double flow(double a, double q) const {
+    if (!(soft.hardening_coefficient > 0.0) || a <= 0.0) return 0.0;
+    double sum = 0.0;
+    for (int i = 0; i < grid.num_vertices(); ++i) {
+      sum += grid.weight[i] * strain_increment(soft, a, in.pressure, T(i, q), old.plastic_strain[i]);
+    }
+    return kSqrt3 * sum / dt;  // [m/s]
+  }
+  double slip(double a, double q) const { return std::max(0.0, jump_mid(a) + drive - flow(a, q)); }
+  double stopping_slip(double a) const { return std::max(0.0, 0.5 * (direction * in.velocity_jump - jump_new(a))); }
+
+  const ModelOptions& options;
+  const Material& soft;
+  const NodeInputs& in;
+  const NodeState& old;
+  Grid grid;
+  double dt;
+  std::vector<double> T_ad, B;
+  double jump_free, per_stress, direction, drive, ceiling_strength;
+};
+
+// The one stress at which the slip has ended by the end of the step.
+Candidate stick_of(const FlowingStep& step, double beta_T) {
+  const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
+  const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
+  const double most = bisect([&](double a) { return a - step.ceiling(step.T(0, flux(a))); }, 0.0, 2.0 * rigid + 1.0);
+  const double a =
+      bisect([&](double x) { return step.flow(x, flux(x)) - step.jump_new(x) - step.drive; }, 0.0, 2.0 * rigid + 1.0);
+  const double stress = std::min(a, most);
+  return {stress, flux(stress), step.stopping_slip(stress), true};
+}
+
+// Every slip: with the heat flux given, T0 is, and with it the stress; the slip must make that heat. Searched for on a
+// scan of T0 that is fine near melting.
+std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
+  std::vector<double> fluxes;
+  const double to_melting = step.soft.melting_temperature - step.T_ad[0];
+  if (to_melting <= 0.0) return {};
+  for (int i = 0; i < kScan / 8; ++i) {
+    const double at = i / (kScan / 8.0);
+    fluxes.push_back(to_melting * at / step.B[0]);
+    fluxes.push_back(to_melting * (1.0 - std::exp(-30.0 * at)) / step.B[0]);
+    fluxes.push_back(to_melting * std::exp(-40.0 * at) / step.B[0]);
+  }
+  std::sort(fluxes.begin(), fluxes.end());
+  fluxes.erase(std::unique(fluxes.begin(), fluxes.end()), fluxes.end());
+  const auto stress = [&](double q) { return std::min(step.limit(step.T(0, q)), step.ceiling(step.T(0, q))); };
+  const auto balance = [&](double q) { return q - beta_T * stress(q) * step.slip(stress(q), q); };
+  // At the ceiling the layer takes any slip: only mu P can make the interface slip beside it, at one temperature.
+  const auto at_interface = [&](double q) { return step.limit(step.T(0, q)) <= step.ceiling(step.T(0, q)); };
+  std::vector<Candidate> found;
+  for (std::size_t i = 0; i + 1 < fluxes.size(); ++i) {
+    const double lo = fluxes[i], hi = fluxes[i + 1];
+    if (!at_interface(lo) || !(lo < hi)) continue;
+    double q = -1.0;
+    if (!at_interface(hi)) {
+      const double top = bisect([&](double x) { return at_interface(x) ? -1.0 : 1.0; }, lo, hi);
+      q = balance(top) <= 0.0 ? top : bisect(balance, lo, top);
+      if (balance(lo) > 0.0) q = -1.0;
+    } else if ((balance(lo) < 0.0 || (i == 0 && balance(lo) == 0.0)) != (balance(hi) < 0.0)) {
+      const double sign = balance(lo) < 0.0 || i == 0 ? 1.0 : -1.0;
+      q = i == 0 && balance(lo) == 0.0 ? 0.0 : bisect([&](double x) { return sign * balance(x); }, lo, hi);
+    }
+    if (q < 0.0 || stress(q) > a_stick) continue;  // it would have stuck before the step was over
+    const double a = stress(q);
+    found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
+  }
+  return found;
+}
+
+NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+  const FlowingStep step(options, dt, in, state);
+  const double beta_T = heat_partition(options.soft, options.hard);
+  NodeOutputs out;
+  if (in.pressure <= 0.0) {
+    out.regime = state.regime = Regime::kOpen;
+    out.sliding_velocity = 0.5 * (in.velocity_jump + step.jump_free);
+    out.velocity_jump_new = step.jump_free;
+    out.interface_temperature = step.T_ad[0];
+    state.temperature = step.T_ad;
+    state.shear_stress = 0.0;
+    state.sticking = false;
+    return out;
+  }
+
+  // 1. Every answer. A stuck interface sticks if it can; a slipping one goes on beside a layer that does not flow, and
+  //    where that is none it sticks if it can.
+  const Candidate stick = stick_of(step, beta_T);
+  const bool can_stick = stick.stress <= step.limit(step.T(0, stick.flux)) * (1.0 + 1e-13);
+  const std::vector<Candidate> slips = slips_of(step, beta_T, stick.stress);
+  const bool rigid_slip = !slips.empty() && step.flow(slips.back().stress, slips.back().flux) == 0.0 &&
+                          slips.back().stress <= step.ceiling(step.T(0, slips.back().flux)) * (1.0 + 1e-11);
+  const bool molten = step.limit(step.T_ad[0]) <= 0.0;  // sticks to nothing
+  const bool sticks = (can_stick && !molten && (state.sticking || !rigid_slip)) || slips.empty();
+  const Candidate taken = sticks ? stick : slips.back();
+  out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
+
+  // 2. Strain, the surplus over (48) at z = 0 where the ceiling holds the stress.
+  const double a = taken.stress;
+  const double wanted = taken.sticks ? step.jump_new(a) + step.drive : step.jump_mid(a) + step.drive - taken.slip;
+  const double surplus = std::max(0.0, (wanted - step.flow(a, taken.flux)) * dt / kSqrt3);
+  const double T0 = step.T(0, taken.flux);
+  const bool at_ceiling = a >= step.ceiling(T0) * (1.0 - 1e-9);
+  bool flows = false;
+  for (int i = 0; i < step.grid.num_vertices() && options.soft.hardening_coefficient > 0.0; ++i) {
+    const double dep = strain_increment(options.soft, a, in.pressure, step.T(i, taken.flux), state.plastic_strain[i]);
+    flows = flows || dep > 0.0;
+    state.plastic_strain[i] += dep;
+  }
+  if (at_ceiling) {
+    flows = flows || surplus > 0.0;
+    state.plastic_strain[0] += surplus / step.grid.weight[0];
+  }
+
+  // 3. Upscale.
+  for (std::size_t i = 0; i < step.B.size(); ++i) state.temperature[i] = step.T_ad[i] + taken.flux * step.B[i];
+  state.shear_stress = out.shear_stress = step.direction * a;
+  state.sticking = taken.sticks;
+  out.sliding_velocity = step.direction * taken.slip;
+  out.velocity_jump_new = step.jump_free - step.direction * a * step.per_stress;
+  out.friction_heat = taken.flux * dt;
+  out.interface_temperature = state.temperature[0];
+  const bool melting = T0 >= 0.99 * options.soft.melting_temperature;
+  const bool coulomb = options.interface.friction_coefficient * in.pressure <= step.limit(T0);
+  out.regime = taken.sticks && !flows     ? Regime::kStick
+               : !taken.sticks && coulomb ? Regime::kCoulomb
+               : melting                  ? Regime::kMelting
+                                          : Regime::kTresca;
+  state.regime = out.regime;
+  return out;
+}
+
 }  // namespace
 
 NodeState initial_state(const ModelOptions& options) {
@@ -226,8 +391,9 @@ NodeState initial_state(const ModelOptions& options) {
 }
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
-  return options.strategy == Strategy::kVelocityDriven ? velocity_driven(options, dt, inputs, state)
-                                                       : force_driven(options, dt, inputs, state);
+  if (options.strategy == Strategy::kVelocityDriven) return velocity_driven(options, dt, inputs, state);
+  return options.plastic_layer ? flowing_force_driven(options, dt, inputs, state)
+                               : force_driven(options, dt, inputs, state);
 }
 
 }  // namespace shearbus::physics::reference

@@ -15,11 +15,12 @@ namespace {
 // side 2^1.5 smaller: six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
-TileLayout make_layout(Strategy strategy, int heat_vertices, int layer_vertices) {
+TileLayout make_layout(const ModelOptions& options, int heat_vertices, int layer_vertices) {
   TileLayout layout;
   layout.num_vertices = static_cast<std::size_t>(heat_vertices);
   layout.doubles = layout.num_vertices * kLanes;
-  if (strategy == Strategy::kVelocityDriven) {
+  const bool force_driven = options.strategy == Strategy::kForceDriven;
+  if (!force_driven || options.plastic_layer) {
     layout.plastic_strain = layout.doubles;
     layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
     layout.doubles += layout.num_strain_vertices * kLanes;
@@ -27,6 +28,10 @@ TileLayout make_layout(Strategy strategy, int heat_vertices, int layer_vertices)
   layout.shear_stress = layout.doubles;
   layout.regime = layout.shear_stress + kLanes;
   layout.doubles = layout.regime + kLanes;
+  if (force_driven && options.plastic_layer) {
+    layout.sticking = layout.doubles;
+    layout.doubles += kLanes;
+  }
   return layout;
 }
 
@@ -47,7 +52,7 @@ Problem::Problem(const ModelOptions& model_options)
     : options(model_options),
       grid(model_options.grid),
       heat_grid(grid, model_options.grid.far_boundary),
-      layout(make_layout(model_options.strategy, heat_grid.num_vertices(), grid.num_vertices())),
+      layout(make_layout(model_options, heat_grid.num_vertices(), grid.num_vertices())),
       heat_partition(physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
@@ -90,7 +95,8 @@ std::vector<std::string> Model::warnings() const {
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
   }
-  if (o.strategy == Strategy::kVelocityDriven && o.soft.yield_strength_max < o.soft.yield_strength) {
+  if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
+      o.soft.yield_strength_max < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));
@@ -116,6 +122,8 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
   const TileLayout& layout = impl_->layout;
   if (impl_->options.strategy == Strategy::kVelocityDriven) {
     advance_velocity_driven(*impl_, operators, inputs, committed, trial, outputs);
+  } else if (impl_->options.plastic_layer) {
+    advance_force_driven_flowing(*impl_, operators, inputs, committed, trial, outputs);
   } else {
     advance_force_driven(*impl_, operators, inputs, committed, trial, outputs);
   }

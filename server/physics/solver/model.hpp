@@ -30,6 +30,7 @@ struct ModelOptions {
   Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
+  bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
 };
 
 // Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit

@@ -1,0 +1,165 @@
+// The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
+// interface law together.
+#include <algorithm>
+#include <cmath>
+
+#include "server/physics/solver/flowing_slip.hpp"
+#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/substeps.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// One lane's host inputs and laws, for a whole step or a substep.
+FlowingStart start_of(const Problem& problem, const TileInputs& inputs, int lane, const HeatOperator& heat, double T_ad,
+                      double first_strain, const LaneStep& before) {
+  const InterfaceOptions& law = problem.options.interface;
+  const Material& soft = problem.options.soft;
+  FlowingStart start{};
+  start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
+                 &soft};
+  start.ceiling = strength_ceiling(soft) / kSqrt3;
+  start.hardens = soft.hardening_coefficient > 0.0;
+  start.first_weight = problem.grid.weight[0];
+  start.first_strain = first_strain;
+  start.T_ad = T_ad;
+  start.B0 = heat.response[0];
+  start.heat_partition = problem.heat_partition;
+  start.dt = heat.dt;
+  start.forcing = forcing_of(inputs, lane);
+  start.forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_rate[lane];
+  start.before = before;
+  return start;
+}
+
+// One substep of one lane, in place: temperature after conduction, strain of the last substep.
+LaneStep substep(const Problem& problem, const TileInputs& inputs, int lane, const HeatOperator& heat,
+                 const LaneStep& before, const double* T, double* strain) {
+  if (inputs.pressure[lane] <= 0.0) {
+    return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+  }
+  const Material& soft = problem.options.soft;
+  const FlowingStart start = start_of(problem, inputs, lane, heat, T[lane], strain[lane], before);
+  const FlowProblem flow{&soft, &problem.grid, heat.response.data(), T, strain, 0};
+  const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
+    if (!start.hardens) return 0.0;
+    FlowLoad load;
+    set_load(soft, inputs.pressure[lane], step.stress(), step.flux(), lane, load);
+    return flow_of_lane(flow, load, lane, strain_new);
+  };
+  FlowingSlip step(start);
+  while (!step.done()) step.take(slip_under(step, nullptr));
+  const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
+  strain[lane] += answer.surplus / problem.grid.weight[0];
+  return answer.step;
+}
+
+void copy_lane(const double* from, double* to, int num_vertices, int lane) {
+  for (std::ptrdiff_t i = 0; i < num_vertices; ++i) to[i * kLanes + lane] = from[i * kLanes + lane];
+}
+
+}  // namespace
+
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const Material& soft = problem.options.soft;
+  const bool hardens = soft.hardening_coefficient > 0.0;
+  const int n = problem.heat_grid.num_vertices();
+  const HeatOperator& heat = operators.heat();
+  const double* T_old = committed + layout.temperature;
+  const double* strain = committed + layout.plastic_strain;
+  double* T = trial + layout.temperature;
+  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answers are known
+
+  // 1. Conduction without friction: DLP (28-35).
+  conduct(heat, n, T_old, T);
+
+  // 2. Where each lane starts from.
+  FlowingSlip lanes[kLanes];
+  LaneStep before[kLanes];
+  FlowLoad load;
+  for (int l = 0; l < kLanes; ++l) {
+    const bool active = (inputs.active >> l & 1u) != 0;
+    before[l] = {committed[layout.shear_stress + l],
+                 0.0,
+                 inputs.velocity_jump[l],
+                 0.0,
+                 static_cast<Regime>(static_cast<int>(committed[layout.regime + l])),
+                 committed[layout.sticking + l] != 0.0,
+                 true,
+                 false};
+    if (active && inputs.pressure[l] > 0.0) {
+      lanes[l] = FlowingSlip(start_of(problem, inputs, l, heat, T[l], strain[l], before[l]));
+    }
+    set_load(soft, active ? inputs.pressure[l] : 0.0, lanes[l].stress(), lanes[l].flux(), l, load);
+  }
+
+  // 3. Stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
+  FlowSum sum{};
+  const FlowProblem flow{&soft, &problem.grid, heat.response.data(), T, strain, operators.num_heated()};
+  if (hardens) flow_thresholds(flow, load, strain_new);
+  for (;;) {
+    bool all_done = true;
+    for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
+    if (all_done) break;
+    if (hardens) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
+    for (int l = 0; l < kLanes; ++l) {
+      if (lanes[l].done()) continue;
+      lanes[l].take(sum.slip[l]);
+      set_load(soft, inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
+    }
+  }
+  if (hardens) {
+    flow_to(flow, load, problem.grid.num_vertices(), strain_new, sum);
+  } else {
+    std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
+  }
+
+  // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
+  double flux[kLanes] = {};
+  for (int l = 0; l < kLanes; ++l) {
+    if (!(inputs.active >> l & 1u)) continue;
+    LaneResult result;
+    std::uint8_t outcome = 0;
+    if (inputs.pressure[l] <= 0.0) {
+      result.step = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
+    } else {
+      const FlowingSlip::Answer answer = lanes[l].answer(sum.slip[l]);
+      result.step = answer.step;
+      strain_new[l] += answer.surplus / problem.grid.weight[0];
+    }
+    result.heat = result.step.flux * heat.dt;
+    if (result.step.unique) {
+      flux[l] = result.step.flux;
+    } else {
+      outcome = kSubstepped;
+      for (int k = 1; k <= operators.max_halvings(); ++k) {
+        const HeatOperator& shorter = operators.heat(k);
+        copy_lane(T_old, T, n, l);
+        copy_lane(strain, strain_new, problem.grid.num_vertices(), l);
+        if (run_substeps(
+                shorter, n, 1 << k, k == operators.max_halvings(), l, before[l], T, result,
+                [&](const LaneStep& last) { return substep(problem, inputs, l, shorter, last, T, strain_new); })) {
+          break;
+        }
+      }
+    }
+    if (result.step.several) outcome |= kMultipleRoots;
+    set_outputs(result, l, outputs);
+    outputs.outcome[l] = outcome;
+    trial[layout.shear_stress + l] = result.step.stress;
+    trial[layout.regime + l] = static_cast<double>(result.step.regime);
+    trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
+  }
+
+  // 5. The friction heat of this step: T = T_ad + q B.
+  add_flux(heat, n, flux, T);
+  for (int l = 0; l < kLanes; ++l) {
+    if (inputs.active >> l & 1u) outputs.interface_temperature[l] = T[l];
+  }
+}
+
+}  // namespace shearbus::physics
