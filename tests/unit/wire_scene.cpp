@@ -134,6 +134,17 @@ TEST(SceneFile, AScalarStandsForAListOfOne) {
   EXPECT_THAT(scene.hydro->shear_column->pressure_pa, ElementsAre(1e9, 2e9));
 }
 
+TEST(SceneFile, ABooleanIsTrueOrFalse) {
+  const std::string toml =
+      "name='x'\nstrategy='force_driven'\nsoft.material='a'\nhard.material='b'\n"
+      "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 2e8\n";
+  EXPECT_FALSE(parse_scene(toml, "s").scene.interface->plastic_layer);
+  const Scene scene = parse_scene(toml + "plastic_layer = true\n", "s").scene;
+  EXPECT_TRUE(scene.interface->plastic_layer);
+  EXPECT_TRUE(parse_scene(scene_to_toml(scene), "again").scene.interface->plastic_layer);
+  EXPECT_THROW(parse_scene(toml + "plastic_layer = 1\n", "s"), Error);
+}
+
 TEST(SceneFile, PlacesPointIntoTheFile) {
   const SceneFile file = parse_scene(kPaper, "paper.toml");
   EXPECT_EQ(file.where("layer.cells"), "paper.toml:9:1");
