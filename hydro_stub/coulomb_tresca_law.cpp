@@ -66,14 +66,17 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
   const double pressure = inputs.pressure[i];
   const double jump = inputs.velocity_jump[i];
   const double direction = std::copysign(1.0, free.jump);
+  const bool host_heats = !inputs.zone_temperature.empty();
+  if (host_heats) cell_temperature_[i] = inputs.zone_temperature[i];
   double& temperature = cell_temperature_[i];
+  const double plastic_strain = inputs.zone_plastic_strain.empty() ? 0.0 : inputs.zone_plastic_strain[i];
 
   double stress = 0.0;
   wire::Regime regime = wire::Regime::kOpen;
   bool sticks = false;
   if (pressure > 0.0) {
     const double yield =
-        yield_fraction_ * physics::flow_stress(soft_, 0.0, pressure, temperature) / std::numbers::sqrt3;
+        yield_fraction_ * physics::flow_stress(soft_, plastic_strain, pressure, temperature) / std::numbers::sqrt3;
     const double sticking = std::abs(free.jump) / free.compliance;
     const double sliding =
         coulomb_stress(branch_, pressure, 0.5 * direction * (jump + free.jump), 0.5 * free.compliance);
@@ -81,10 +84,10 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
     const double limit = std::min(was_sticking ? branch_.at_rest * pressure : sliding, yield);
     sticks = sticking <= limit;
     stress = sticks ? sticking : std::min(sliding, yield);
-    regime = sticks                                                     ? wire::Regime::kStick
-             : sliding <= yield                                         ? wire::Regime::kCoulomb
-             : temperature >= kMeltingShare * soft_.melting_temperature ? wire::Regime::kMelting
-                                                                        : wire::Regime::kTresca;
+    regime = sticks                                                              ? wire::Regime::kStick
+             : sliding <= yield                                                  ? wire::Regime::kCoulomb
+             : temperature >= physics::kMeltingShare * soft_.melting_temperature ? wire::Regime::kMelting
+                                                                                 : wire::Regime::kTresca;
   }
   answer.shear_stress[i] = direction * stress;
   answer.velocity_jump_new[i] = sticks ? 0.0 : free.jump - answer.shear_stress[i] * free.compliance;
@@ -93,7 +96,7 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
   const double work = std::max(0.0, answer.shear_stress[i] * answer.sliding_velocity[i] * inputs.dt);
   const double zone_capacity = soft_.conductivity / soft_.diffusivity * 2.0 * inputs.mass_minus[i] / soft_.density;
   answer.friction_heat[i] = heat_share_ * work;
-  temperature += answer.friction_heat[i] / zone_capacity;
+  if (!host_heats) temperature += answer.friction_heat[i] / zone_capacity;
   answer.interface_temperature[i] = temperature;
   answer.regime[i] = static_cast<std::uint8_t>(regime);
 }

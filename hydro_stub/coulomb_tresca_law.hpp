@@ -3,7 +3,8 @@
 //   |s| <= min( (mu_inf + (mu_0 - mu_inf) exp(-theta |[v]|)) P,  mu_T Y(P, T_cell, ep_cell) / sqrt(3) )
 //
 // T_cell is the temperature of the soft zone at the interface, which takes the soft body's share of the friction heat:
-// it knows no layer thinner than itself. The bulk is elastic, so ep_cell stays 0.
+// it knows no layer thinner than itself. A host that computes its zones' temperature and plastic strain says them;
+// otherwise the zone is heated here and, the bulk being elastic, ep_cell stays 0.
 #pragma once
 
 #include <span>

@@ -13,9 +13,6 @@
 
 namespace shearbus::hydro {
 
-inline constexpr double kMeltingShare =
-    0.99;  // of T_melt: from here on an interface that yields is said to melt, as the service says
-
 // What the mesh says of the step t(n-1/2) -> t(n+1/2); one value per node.
 struct InterfaceInputs {
   explicit InterfaceInputs(std::size_t nodes)
@@ -35,6 +32,9 @@ struct InterfaceInputs {
   std::vector<double> stress_plus;    // at n, in the hard zone                     [Pa]
   std::vector<double> mass_minus;     // of half the soft zone                      [kg/m2]
   std::vector<double> mass_plus;      // of half the hard zone                      [kg/m2]
+  // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
+  std::vector<double> zone_temperature;  // [K]
+  std::vector<double> zone_plastic_strain;
 };
 
 // What the law answers.
@@ -70,6 +70,8 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
+  // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
+  virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
 };
 

@@ -4,6 +4,8 @@
 #include <cctype>
 #include <exception>
 
+#include "hydro_stub/cone_run.hpp"
+#include "hydro_stub/cone_target.hpp"
 #include "hydro_stub/options.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/run.hpp"
@@ -20,11 +22,30 @@ std::filesystem::path output_directory(const Options& options, const wire::Scene
   return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro->interface_law));
 }
 
+void carry_out_cone_target(const Options& options, const wire::SceneFile& file) {
+  const wire::Scene& scene = file.scene;
+  const ConeTarget problem = make_cone_target(scene);
+  lagrange::Bodies bodies = make_bodies(problem);
+  const std::vector<double> temperature(interface_nodes(bodies), scene.layer.initial_temperature_k);
+  const std::unique_ptr<InterfaceLaw> law = make_law(scene, problem.soft, problem.hard, temperature, options.server);
+  if (options.check) {
+    fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.file, bodies.mesh.num_zones(),
+               temperature.size(), name(scene.hydro->interface_law));
+    return;
+  }
+  const std::filesystem::path out = output_directory(options, scene);
+  run_cone_target(scene, problem, std::move(bodies), *law, out, options.progress);
+  if (options.plot) plot_cone(out);
+  fmt::print("  {:<24}{}\n", "results", out.string());
+}
+
 void carry_out(const Options& options, wire::SceneFile& file) {
   wire::Scene& scene = file.scene;
   if (options.interface_law && scene.hydro) scene.hydro->interface_law = *options.interface_law;
+  if (scene.hydro && scene.hydro->cone_target) return carry_out_cone_target(options, file);
   const Problem problem = make_problem(scene);
-  const std::unique_ptr<InterfaceLaw> law = make_law(scene, problem, options.server);
+  const std::unique_ptr<InterfaceLaw> law =
+      make_law(scene, problem.soft_material, problem.hard_material, problem.initial_temperature, options.server);
   if (options.check) {
     fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.file, problem.columns,
                problem.steps, problem.dt * 1e9, name(scene.hydro->interface_law));

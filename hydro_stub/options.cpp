@@ -16,9 +16,12 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_option(
       "--server", options.server,
       "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
-  app.add_option("--interface-law", law, "subgrid or coulomb_tresca, in place of the scene's")
-      ->transform(CLI::Transformer(std::map<std::string, wire::InterfaceLaw>{
-          {"subgrid", wire::InterfaceLaw::kSubgrid}, {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca}}));
+  app.add_option("--interface-law", law, "subgrid, coulomb_tresca, free_slip or stick, in place of the scene's")
+      ->transform(CLI::Transformer(
+          std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
+                                                    {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
+                                                    {"free_slip", wire::InterfaceLaw::kFreeSlip},
+                                                    {"stick", wire::InterfaceLaw::kStick}}));
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Draws histories of shearbus-hydro (or results of shearbus-replay): temperature, shear stress and sliding velocity of the
 interface against time, and a map of regimes where there are many columns. Several files stand side by side.
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
@@ -24,14 +25,35 @@ physics::Material resolve(const wire::Body& body, const std::string& table) {
   return result.material;
 }
 
-// A list with one value for all columns, or one for each.
-std::vector<double> per_column(const std::vector<double>& given, std::size_t columns) {
-  return given.size() == 1 ? std::vector<double>(columns, given.front()) : given;
-}
+// One value per column of every list of the scene.
+struct Columns {
+  std::size_t count = 1;
+  std::vector<double> jump;         // [m/s]
+  std::vector<double> temperature;  // [K]
+  std::vector<double> pressure;     // [Pa]; empty where pressure follows times
+};
 
-PressureHistory pressure_history(const wire::ShearColumn& column, std::size_t columns) {
-  if (column.pressure_time_s.empty()) return {{}, per_column(column.pressure_pa, columns)};
-  return {column.pressure_time_s, column.pressure_pa};
+Columns columns_of(const wire::ShearColumn& column, double layer_temperature) {
+  const std::vector<double>& jumps = column.velocity_jump_m_per_s;
+  const std::vector<double> temperatures =
+      column.initial_temperature_k.empty() ? std::vector<double>{layer_temperature} : column.initial_temperature_k;
+  const std::vector<double> pressures = column.pressure_time_s.empty() ? column.pressure_pa : std::vector<double>{0.0};
+  const bool combined = column.lists == wire::Lists::kCombined;
+  Columns columns;
+  columns.count = combined ? jumps.size() * temperatures.size() * pressures.size()
+                           : std::max({jumps.size(), temperatures.size(), pressures.size()});
+  // Combined, a list advances when the ones before it have run through; paired, all advance together or not at all.
+  std::size_t stride = 1;
+  const auto spread = [&](const std::vector<double>& list) {
+    std::vector<double> values(columns.count);
+    for (std::size_t i = 0; i < columns.count; ++i) values[i] = list[i / stride % list.size()];
+    if (combined) stride *= list.size();
+    return values;
+  };
+  columns.jump = spread(jumps);
+  columns.temperature = spread(temperatures);
+  if (column.pressure_time_s.empty()) columns.pressure = spread(pressures);
+  return columns;
 }
 
 BodyMesh mesh_of(const physics::Material& material, std::size_t columns, wire::FarEnd far_end) {
@@ -84,13 +106,12 @@ Problem make_problem(const wire::Scene& scene) {
 
   Problem problem;
   problem.name = scene.name;
-  problem.columns = std::max(column.velocity_jump_m_per_s.size(), column.initial_temperature_k.size());
-  if (column.pressure_time_s.empty()) problem.columns = std::max(problem.columns, column.pressure_pa.size());
-  problem.initial_jump = per_column(column.velocity_jump_m_per_s, problem.columns);
-  problem.initial_temperature = column.initial_temperature_k.empty()
-                                    ? std::vector<double>(problem.columns, scene.layer.initial_temperature_k)
-                                    : per_column(column.initial_temperature_k, problem.columns);
-  problem.pressure = pressure_history(column, problem.columns);
+  Columns columns = columns_of(column, scene.layer.initial_temperature_k);
+  problem.columns = columns.count;
+  problem.initial_jump = std::move(columns.jump);
+  problem.initial_temperature = std::move(columns.temperature);
+  problem.pressure = column.pressure_time_s.empty() ? PressureHistory{{}, std::move(columns.pressure)}
+                                                    : PressureHistory{column.pressure_time_s, column.pressure_pa};
 
   problem.soft_material = resolve(scene.soft, "soft");
   problem.hard_material = resolve(scene.hard, "hard");

@@ -7,7 +7,6 @@
 
 #include <array>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <stdexcept>
@@ -16,8 +15,10 @@
 #include "hydro_stub/coulomb_tresca_law.hpp"
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/shear_column.hpp"
+#include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/summary.hpp"
+#include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
@@ -26,17 +27,6 @@ namespace shearbus::hydro {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-// Set by SIGINT and SIGTERM: the run ends after its step and takes its partial files away.
-volatile std::sig_atomic_t interrupted = 0;
-
-void stop_at_next_step() {
-  struct sigaction action = {};
-  action.sa_handler = [](int) { interrupted = 1; };
-  sigemptyset(&action.sa_mask);
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 // The scene as it was run: constants, step and law filled in.
 wire::Scene effective_scene(wire::Scene scene, const Problem& problem) {
@@ -55,24 +45,30 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 
 }  // namespace
 
-const char* name(wire::InterfaceLaw law) {
-  return law == wire::InterfaceLaw::kCoulombTresca ? "coulomb_tresca" : "subgrid";
-}
-
-std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const Problem& problem, const std::string& endpoint) {
-  if (scene.hydro->interface_law == wire::InterfaceLaw::kCoulombTresca) {
-    return std::make_unique<CoulombTrescaLaw>(scene.hydro->coulomb_tresca, problem.soft_material, problem.hard_material,
-                                              problem.initial_temperature);
+std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
+                                       const physics::Material& hard, std::span<const double> initial_temperature,
+                                       const std::string& endpoint) {
+  switch (scene.hydro->interface_law) {
+    case wire::InterfaceLaw::kCoulombTresca:
+      return std::make_unique<CoulombTrescaLaw>(scene.hydro->coulomb_tresca, soft, hard, initial_temperature);
+    case wire::InterfaceLaw::kFreeSlip:
+      return std::make_unique<FreeSlipLaw>();
+    case wire::InterfaceLaw::kStick:
+      return std::make_unique<StickLaw>();
+    case wire::InterfaceLaw::kSubgrid:
+    case wire::InterfaceLaw::kUnspecified:
+      break;
   }
   if (scene.strategy != wire::Strategy::kForceDriven) {
     throw wire::Error(
         {.code = wire::Code::kInvalidScene,
-         .text = "shear_column with interface_law subgrid sends far-field stresses and takes the jump back: it "
-                 "expects strategy force_driven",
+         .text =
+             "a hydrodynamic problem with interface_law subgrid sends far-field stresses and takes the jump back: it "
+             "expects strategy force_driven",
          .remedy = "set strategy = \"force_driven\" and add [interface]",
          .field = "strategy"});
   }
-  auto law = std::make_unique<SubgridLaw>(scene, node_ids(problem.columns), problem.initial_temperature, endpoint);
+  auto law = std::make_unique<SubgridLaw>(scene, node_ids(initial_temperature.size()), initial_temperature, endpoint);
   for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
   return law;
 }
@@ -88,9 +84,9 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
 
   RunTime time;
   const Clock::time_point start = Clock::now();
-  stop_at_next_step();
+  wire::stop_at_next_step();
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
-    if (interrupted != 0) {
+    if (wire::interrupted()) {
       throw std::runtime_error(fmt::format("interrupted at step {} of {}; no result is written", step, problem.steps));
     }
     column.advance(law);
@@ -114,13 +110,15 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
   fmt::print("{}", summary.text());
 }
 
-void plot(const std::filesystem::path& out) {
+namespace {
+
+// Runs a script on a file of results; pictures go beside it.
+void draw(std::string script, const std::filesystem::path& results, const std::filesystem::path& out) {
   std::string python = SHEARBUS_PYTHON;
-  std::string script = SHEARBUS_PLOT_SCRIPT;
-  std::string history = (out / "history.h5").string();
+  std::string file = results.string();
   std::string flag = "--out";
   std::string directory = out.string();
-  const std::array<char*, 6> arguments = {python.data(), script.data(),    history.data(),
+  const std::array<char*, 6> arguments = {python.data(), script.data(),    file.data(),
                                           flag.data(),   directory.data(), nullptr};
   static_cast<void>(std::fflush(stdout));  // what was printed so far stands before what the script prints
   pid_t child = 0;
@@ -132,10 +130,19 @@ void plot(const std::filesystem::path& out) {
   }
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
     throw std::runtime_error(
-        fmt::format("the plots failed; the histories are whole in {} (see the lines above, or run with "
+        fmt::format("the plots failed; the results are whole in {} (see the lines above, or run with "
                     "--no-plot)",
-                    history));
+                    results.string()));
   }
+}
+
+}  // namespace
+
+void plot(const std::filesystem::path& out) {
+  draw(SHEARBUS_PLOT_SCRIPT, out / "history.h5", out);
+}
+void plot_cone(const std::filesystem::path& out) {
+  draw(SHEARBUS_PLOT_CONE_SCRIPT, out, out);
 }
 
 }  // namespace shearbus::hydro

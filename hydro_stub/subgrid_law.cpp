@@ -47,6 +47,7 @@ struct SubgridLaw::Impl {
   Batch request;  // filled anew each step
   std::string server;
   LawTime time;
+  bool trial_stands = false;
 };
 
 SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
@@ -63,7 +64,9 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
   copy(in.mass_minus, request.f64(Field::kMassMinus));
   copy(in.mass_plus, request.f64(Field::kMassPlus));
 
-  const StepResult& result = impl_->session.advance(request, {.dt_s = in.dt, .time_s = in.time, .step = in.step});
+  const StepResult& result = impl_->session.trial(
+      request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
+  impl_->trial_stands = true;
   const std::chrono::nanoseconds solver(result.upscale().solver_ns);
   impl_->time.solver += solver;
   impl_->time.bus += result.round_trip() - solver;
@@ -97,7 +100,13 @@ const std::string& SubgridLaw::server() const {
 const std::vector<std::string>& SubgridLaw::warnings() const {
   return impl_->session.warnings();
 }
+void SubgridLaw::take_back() {
+  impl_->session.rollback();
+  impl_->trial_stands = false;
+}
 void SubgridLaw::close() {
+  if (impl_->trial_stands) impl_->session.commit();
+  impl_->trial_stands = false;
   impl_->session.close();
 }
 

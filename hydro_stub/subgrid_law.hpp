@@ -20,7 +20,9 @@ class SubgridLaw : public InterfaceLaw {
              std::span<const double> initial_temperature, const std::string& endpoint);
   ~SubgridLaw() override;
 
+  // A step is a trial until the next one, which commits it in the same round trip, or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
+  void take_back() override;
   LawTime time_spent() const override;
 
   const std::string& server() const;                 // where it runs, for people

@@ -48,7 +48,7 @@ Summary::Summary(const Problem& problem, std::string interface_law)
       hard_zones_(problem.hard.zones),
       soft_length_(problem.soft.zone_width * static_cast<double>(problem.soft.zones)),
       hard_length_(problem.hard.zone_width * static_cast<double>(problem.hard.zones)),
-      melting_threshold_(kMeltingShare * problem.soft_material.melting_temperature),
+      melting_threshold_(physics::kMeltingShare * problem.soft_material.melting_temperature),
       heat_share_(physics::heat_partition(problem.soft_material, problem.hard_material)),
       melting_time_(problem.columns, -1.0),
       slip_(problem.columns, 0.0) {}

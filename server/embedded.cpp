@@ -58,7 +58,14 @@ class StopEvent {
 struct Embedded::Impl {
   explicit Impl(const ServerOptions& options) : server(options) {
     server.bind(kEndpoint);
-    thread = std::thread([this] { server.run(stop.file()); });
+    thread = std::thread([this] {
+      try {
+        server.run(stop.file());
+      } catch (const std::exception&) {
+        // Nothing is answered any more, which is what clients are told by their deadlines; the host is not ended for
+        // it.
+      }
+    });
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;

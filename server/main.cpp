@@ -42,6 +42,21 @@ void add_options(CLI::App& app, ServerOptions& options) {
          "--state-memory-mb", [&](const std::uint64_t& mb) { options.max_state_bytes = mb << 20; },
          "Memory for the states of all sessions, in MB; by default three quarters of the machine's")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
+  app.add_option("--state-dir", options.state_dir,
+                 "Directory in which sessions outlive the server; without one they end with it")
+      ->type_name("DIR");
+  app.add_option("--durability", options.durability,
+                 "What an answer outlives, with --state-dir: none, the death of the server, or the loss of power")
+      ->check(CLI::IsMember({"none", "process", "power"}))
+      ->capture_default_str();
+  app.add_option("--checkpoint-every", options.checkpoint_every_s, "Seconds of work between two checkpoints")
+      ->check(CLI::Range(1.0, 1e6))
+      ->capture_default_str();
+  app.add_option("--checkpoint-after", options.checkpoint_after_mb, "MB of journal between two checkpoints")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 20))
+      ->capture_default_str();
+  app.add_flag("--accept-empty", options.accept_empty,
+               "Where the state directory cannot be used, set its files aside and start without states");
   app.add_flag("--insecure-plaintext", options.insecure_plaintext,
                "Allow addresses that other machines reach, though clients are not authenticated");
   app.add_option("--log-level", options.log_level, "How much to say")
@@ -78,10 +93,15 @@ void run(const ServerOptions& options) {
   const int stop_fd = block_stop_signals();
   start_log(options);
   spdlog::info(
-      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, insecure plaintext {}, log level "
-      "{}",
+      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, insecure "
+      "plaintext {}, log level {}",
       SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
+      options.state_dir.empty()
+          ? "none: sessions end with the server"
+          : fmt::format("{}, durability {}{}, a checkpoint every {} s or {} MB", options.state_dir, options.durability,
+                        options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
+                        options.checkpoint_after_mb),
       options.insecure_plaintext, options.log_level);
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
@@ -115,7 +135,7 @@ int main(int argc, char** argv) {
   try {
     run(options);
   } catch (const std::exception& fault) {
-    std::fprintf(stderr, "shearbus-server: %s\n", fault.what());
+    fmt::print(stderr, "shearbus-server: {}\n", fault.what());
     return kExitFault;
   }
   return 0;

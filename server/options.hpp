@@ -9,13 +9,18 @@
 namespace shearbus::server {
 
 struct ServerOptions {
-  std::vector<std::string> endpoints;  // where to listen: tcp://address:port or ipc://path, any number
-  unsigned threads = 0;                // that solve layers, the socket's own included; 0: one per core
-  std::size_t nodes_per_task = 512;    // batches below this are answered on the socket's thread
-  std::uint64_t max_state_bytes = 0;   // of the states of all sessions; 0: three quarters of the machine's memory
-  bool insecure_plaintext = false;     // allow tcp addresses that other machines reach, without authentication
-  std::string log_level = "info";      // trace, debug, info, warn, error, off
-  std::string log_file;                // empty: standard error
+  std::vector<std::string> endpoints;       // where to listen: tcp://address:port or ipc://path, any number
+  unsigned threads = 0;                     // that solve layers, the socket's own included; 0: one per core
+  std::size_t nodes_per_task = 512;         // batches below this are answered on the socket's thread
+  std::uint64_t max_state_bytes = 0;        // of the states of all sessions; 0: three quarters of the machine's memory
+  std::string state_dir;                    // where sessions outlive the server; empty: they do not
+  std::string durability = "process";       // of a reply, with state_dir: none, process or power (store.hpp)
+  double checkpoint_every_s = 600.0;        // of a server that is at work; the journal since is replayed at a start
+  std::uint64_t checkpoint_after_mb = 256;  // of journal, whichever comes first
+  bool accept_empty = false;                // set state files that cannot be used aside, and start without them
+  bool insecure_plaintext = false;          // allow tcp addresses that other machines reach, without authentication
+  std::string log_level = "info";           // trace, debug, info, warn, error, off
+  std::string log_file;                     // empty: standard error
 };
 
 }  // namespace shearbus::server

@@ -1,10 +1,13 @@
 #include "server/server.hpp"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <random>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -37,8 +40,14 @@ unsigned thread_count(unsigned wanted) {
   return wanted != 0 ? wanted : std::max(1U, std::thread::hardware_concurrency());
 }
 
-service::ServiceOptions service_options(const ServerOptions& options, const Log& log) {
-  return {.epoch = random_epoch(),
+store::Durability durability_from(const std::string& word) {
+  for (const auto known : {store::Durability::kNone, store::Durability::kProcess, store::Durability::kPower})
+    if (word == store::name(known)) return known;
+  throw std::invalid_argument("durability \"" + word + "\" is not known; use none, process or power");
+}
+
+service::ServiceOptions service_options(const ServerOptions& options, std::uint64_t epoch, const Log& log) {
+  return {.epoch = epoch,
           .server_version = SHEARBUS_VERSION,
           .max_state_bytes = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory(),
           .nodes_per_task = options.nodes_per_task,
@@ -46,28 +55,63 @@ service::ServiceOptions service_options(const ServerOptions& options, const Log&
           .log = log.info};
 }
 
+store::StoreOptions store_options(const ServerOptions& options, std::uint64_t epoch, const Log& log) {
+  return {.durability = durability_from(options.durability),
+          .epoch = epoch,
+          .checkpoint_bytes = options.checkpoint_after_mb << 20,
+          .accept_empty = options.accept_empty,
+          .log = log.info};
+}
+
 }  // namespace
 
-Server::Server(const ServerOptions& options, const Log& log)
+Server::Server(const ServerOptions& options, const Log& log) : Server(options, log, random_epoch()) {}
+
+Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch)
     : pool_(thread_count(options.threads)),
-      service_(service_options(options, log), pool_),
+      storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
+      store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
+      service_(service_options(options, epoch, log), pool_, store_.get()),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
                .insecure_plaintext = options.insecure_plaintext,
-               .log = log.debug}) {}
+               .log = log.debug}),
+      checkpoint_every_ns_(static_cast<std::uint64_t>(1e9 * options.checkpoint_every_s)),
+      last_checkpoint_ns_(monotonic_ns()) {
+  service_.recover();
+}
+
+// Between two requests: the answer to the last one is on its way.
+void Server::checkpoint_if_due() {
+  if (!store_ || !store_->changed_since_checkpoint()) return;
+  const std::uint64_t now = monotonic_ns();
+  if (!store_->checkpoint_due() && now - last_checkpoint_ns_ < checkpoint_every_ns_) return;
+  service_.checkpoint();
+  last_checkpoint_ns_ = monotonic_ns();
+}
 
 void Server::run(int stop_fd) {
   const transport::Handler handler = [this](transport::Frames frames) {
+    checkpoint_if_due();
     std::vector<transport::OutFrame> sent;
     if (auto reply = service_.handle(frames)) {
       auto header = std::make_shared<const std::string>(std::move(reply->header));
       sent.push_back({std::as_bytes(std::span(*header)), header});
       if (reply->has_payload) sent.push_back({reply->payload, std::move(reply->owner)});
+    } else if (service_.failed()) {
+      throw std::runtime_error(
+          "requests can no longer be kept; the server ends, and the next one takes up what was kept");
     }
     return sent;
   };
   router_.run(handler, stop_fd);
+  std::array<char, 128> asked;  // a signal's description, or the count of an event
+  static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);
+  // Asked a second time: the journal holds everything.
+  pollfd again{.fd = stop_fd, .events = POLLIN, .revents = 0};
+  const bool in_haste = ::poll(&again, 1, 0) > 0 && store_ && store_->journaling();
+  if (store_ && store_->changed_since_checkpoint() && !in_haste) service_.checkpoint();
 }
 
 }  // namespace shearbus::server

@@ -1,12 +1,16 @@
 // The rooms put together, bottom room first. The program and the embedded server both are this and a way to stop it.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "server/options.hpp"
 #include "server/service/service.hpp"
 #include "server/shard/task_pool.hpp"
+#include "server/store/posix_storage.hpp"
+#include "server/store/store.hpp"
 #include "server/transport/router.hpp"
 
 namespace shearbus::server {
@@ -19,12 +23,14 @@ struct Log {
 
 class Server {
  public:
+  // Takes up what the state directory holds. Throws where that cannot be used.
   explicit Server(const ServerOptions& options, const Log& log = {});
 
   // As Router::bind.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
 
-  // Answers until `stop_fd` is readable; what waits by then is refused with SHUTTING_DOWN.
+  // Answers until `stop_fd` is readable; what waits by then is refused with SHUTTING_DOWN, and a last checkpoint is
+  // written. Throws std::runtime_error where the server must end at once, as after a journal that cannot be written.
   void run(int stop_fd);
 
   void* context() { return router_.context(); }
@@ -32,9 +38,16 @@ class Server {
   const transport::RouterCounters& transport() const { return router_.counters(); }
 
  private:
+  Server(const ServerOptions& options, const Log& log, std::uint64_t epoch);
+  void checkpoint_if_due();
+
   shard::TaskPool pool_;
+  std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
+  std::unique_ptr<store::Store> store_;
   service::Service service_;
   transport::Router router_;
+  std::uint64_t checkpoint_every_ns_;
+  std::uint64_t last_checkpoint_ns_;
 };
 
 }  // namespace shearbus::server

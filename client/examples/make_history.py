@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Writes a macroscopic history for shearbus-replay with h5py: a place to start your own from.
 
   make_history.py constant OUT.h5       one node at 100 m/s and 11.2 GPa for 1 us (DLP 5.1)

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <csignal>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -11,6 +10,7 @@
 #include "client/include/shearbus/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
+#include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/scene_file.hpp"
@@ -21,18 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-
-// Set by SIGINT and SIGTERM, so that a stopped run takes its partial file away.
-volatile std::sig_atomic_t interrupted = 0;
-
-void stop_at_next_step() {
-  struct sigaction action = {};
-  action.sa_handler = [](int) { interrupted = 1; };
-  sigemptyset(&action.sa_mask);
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second one ends the program at once
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 // The named server, or one on a thread of this process.
 struct Service {
@@ -105,7 +93,7 @@ void replay(const Options& options, wire::HistoryReader& history, HistoryInput& 
   Batch request = session.request(input.optional_columns());
   input.prepare(request);
   for (std::size_t step = 0; step < history.steps(); ++step) {
-    if (interrupted)
+    if (wire::interrupted())
       throw std::runtime_error(
           fmt::format("interrupted at step {} of {}; no result is written", step, history.steps()));
     const auto start = Clock::now();
@@ -143,7 +131,7 @@ std::string plural(std::size_t count, const char* noun) {
 
 void run(const Options& options) {
   const auto start = Clock::now();
-  stop_at_next_step();
+  wire::stop_at_next_step();
   const wire::SceneFile scene = wire::load_scene_file(options.scene);
   wire::HistoryReader history(options.history);
   HistoryInput input(history, scene.scene, options.closed_loop);

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <chrono>
 #include <optional>
 #include <random>
 #include <utility>
@@ -14,11 +16,11 @@
 namespace shearbus {
 namespace {
 
-wire::SessionId random_session_id() {
+std::array<std::uint8_t, 16> random_bytes() {
   std::random_device source;
-  wire::SessionId id;
-  for (std::uint8_t& byte : id) byte = static_cast<std::uint8_t>(source());
-  return id;
+  std::array<std::uint8_t, 16> bytes;
+  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(source());
+  return bytes;
 }
 
 // The body of a reply, which must be of the kind the request asks for.
@@ -33,6 +35,32 @@ Body& body_of(Received& received) {
   return *body;
 }
 
+constexpr std::chrono::milliseconds kStoppingPause{100};  // between two questions to a server that is being restarted
+
+// Makes the session this client's: what others have sent, or sent late, does not run any more. Tells where it stands.
+Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token) {
+  const auto ask = [&](std::uint64_t epoch, std::uint64_t claim) {
+    wire::Request request;
+    request.request_id = connection.next_request_id();
+    request.session_id = id;
+    request.epoch = epoch;
+    request.body =
+        wire::ResumeSession{.resume_token = token, .claim = claim, .claimant = claim == 0 ? 0 : connection.claimant()};
+    return connection.call(request, connection.options().reply_deadline);
+  };
+  const auto started = connection.now();
+  for (;;) {
+    Received asked = ask(0, 0);
+    try {
+      return ask(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
+    } catch (const Error& fault) {
+      // Between the two the server was restarted once more.
+      const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
+      if (!again) throw;
+    }
+  }
+}
+
 // The same columns, for the length of a call.
 wire::Batch view_of(const wire::Batch& batch) {
   return wire::Batch::over(batch.columns(), batch.bytes());
@@ -43,21 +71,26 @@ wire::Batch view_of(const wire::Batch& batch) {
 struct Session::Impl {
   std::shared_ptr<Connection> connection;
   wire::SessionId id{};
+  wire::ResumeToken resume_token{};
   std::uint64_t epoch = 0;
   std::vector<std::uint64_t> node_ids;
   wire::SessionOpened opened;
   std::vector<Field> wanted;
   std::uint64_t last_sequence = 0;
-  std::optional<std::uint64_t> in_doubt;  // id of the request whose outcome is unknown
+  struct InDoubt {  // the request whose outcome is unknown: the same call again must have the same bytes
+    std::uint64_t request_id = 0;
+    std::uint64_t epoch = 0;
+  };
+  std::optional<InDoubt> in_doubt;
   bool closed = false;
   StepResult result;
 
   wire::Request next_request() const {
     wire::Request request;
     request.session_id = id;
-    request.epoch = epoch;
+    request.epoch = in_doubt ? in_doubt->epoch : epoch;
     request.sequence = last_sequence + 1;
-    request.request_id = in_doubt.value_or(0);
+    request.request_id = in_doubt ? in_doubt->request_id : 0;
     return request;
   }
 
@@ -66,18 +99,63 @@ struct Session::Impl {
   Received exchange(wire::Request request) {
     if (request.request_id == 0) request.request_id = connection->next_request_id();
     try {
-      Received received = connection->call(request, connection->options().reply_deadline);
+      Received received = call(request);
       in_doubt.reset();
       last_sequence = request.sequence;
       return received;
     } catch (const Error& fault) {
-      if (fault.status().code == Code::kUnknownOutcome)
-        in_doubt = request.request_id;
+      // A server that cannot run it now may still run a copy that is on its way.
+      const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
+      if (fault.status().code == Code::kUnknownOutcome || not_now)
+        in_doubt = InDoubt{request.request_id, request.epoch};
       else if (fault.status().code != Code::kUnreachable)
         in_doubt.reset();
       if (fault.status().code == Code::kSequenceReused) last_sequence = fault.status().last_sequence;
       throw;
     }
+  }
+
+  // A server that was restarted answers the last request of the session whatever its epoch; it refuses the next one
+  // with EPOCH until that is sent for the new epoch, which is done once it is sure where the session stands.
+  Received call(wire::Request& request) {
+    const auto started = connection->now();
+    for (;;) {
+      const auto left = connection->left_since(started);
+      try {
+        return connection->call(request, left);
+      } catch (const Error& fault) {
+        const bool restarted = fault.status().code == Code::kEpoch && request.epoch != 0;
+        const bool stopping =
+            fault.status().code == Code::kShuttingDown && connection->durable() && left > kStoppingPause;
+        if (!restarted && !stopping) throw;
+        if (restarted)
+          follow_restart(request, fault);
+        else
+          connection->pause(kStoppingPause);
+      }
+    }
+  }
+
+  void follow_restart(wire::Request& request, const Error& fault) {
+    Received where;
+    try {
+      where = claim_session(*connection, id, resume_token);
+    } catch (const Error& refusal) {
+      if (refusal.status().code == Code::kUnknownSession) throw fault;  // which says what that means
+      throw;
+    }
+    const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;
+    if (stands_at + 1 != request.sequence) {
+      wire::Status status = fault.status();
+      status.text = fmt::format(
+          "the server was restarted and came back with older states: the session stands at request "
+          "{}, this client at {}",
+          stands_at, last_sequence);
+      status.remedy = "Open a new session and start again from the host's last restart point.";
+      status.last_sequence = stands_at;
+      throw Error(std::move(status));
+    }
+    epoch = request.epoch = where.reply.epoch;
   }
 
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
@@ -101,9 +179,8 @@ struct Session::Impl {
   Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
     std::vector<Field> fields;
     if (with_node_ids) fields.push_back(Field::kNodeId);
-    const auto required = wire::columns_of(opened.effective_scene.strategy).required;
-    fields.insert(fields.end(), required.begin(), required.end());
-    fields.insert(fields.end(), optional_columns.begin(), optional_columns.end());
+    for (const Field field : wire::columns_of(opened.effective_scene.strategy).required) fields.push_back(field);
+    for (const Field field : optional_columns) fields.push_back(field);
     return Batch::of(fields, count);
   }
 };
@@ -155,6 +232,20 @@ std::uint64_t Session::rollback() {
   return body_of<wire::RolledBack>(received).state_version;
 }
 
+std::uint64_t Session::rollback_to(const std::string& mark) {
+  wire::Request request = impl_->next_request();
+  request.body = wire::Rollback{.to_mark = mark};
+  Received received = impl_->exchange(std::move(request));
+  return body_of<wire::RolledBack>(received).state_version;
+}
+
+wire::Marked Session::mark(const std::string& name) {
+  wire::Request request = impl_->next_request();
+  request.body = wire::Mark{.name = name};
+  Received received = impl_->exchange(std::move(request));
+  return std::move(body_of<wire::Marked>(received));
+}
+
 wire::SessionClosed Session::close() {
   wire::Request request = impl_->next_request();
   request.body = wire::CloseSession{};
@@ -178,14 +269,26 @@ std::uint64_t Session::bytes_per_node() const {
 const std::vector<std::uint64_t>& Session::node_ids() const {
   return impl_->node_ids;
 }
+Session::Ticket Session::ticket() const {
+  return {.session_id = impl_->id, .resume_token = impl_->resume_token};
+}
+std::uint64_t Session::last_sequence() const {
+  return impl_->last_sequence;
+}
+void Session::leave() {
+  impl_->closed = true;
+}
 
-Client::Client(ClientOptions options) : connection_(std::make_shared<Connection>(std::move(options))) {
+Client::Client(ClientOptions options) : Client(std::make_shared<SocketConnection>(std::move(options))) {}
+
+Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(connection)) {
   wire::Request request;
   request.request_id = connection_->next_request_id();
   request.body = wire::Hello{.client_name = connection_->options().name};
   try {
     Received received = connection_->call(request, connection_->options().connect_deadline);
     welcome_ = std::move(body_of<wire::Welcome>(received));
+    connection_->set_durable(welcome_.durability != "none");
   } catch (const Error& fault) {
     if (fault.status().code != Code::kUnknownOutcome) throw;
     // A greeting changes nothing: that it was not answered means that nobody is there who could.
@@ -215,7 +318,8 @@ Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids
                  .field = "initial_temperature_k"});
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;
-  impl->id = random_session_id();
+  impl->id = random_bytes();
+  impl->resume_token = random_bytes();
   impl->node_ids.assign(node_ids.begin(), node_ids.end());
 
   std::vector<Field> fields = {Field::kNodeId};
@@ -225,7 +329,7 @@ Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids
   std::copy(node_ids.begin(), node_ids.end(), request.batch.u64(Field::kNodeId).begin());
   std::copy(temperatures.begin(), temperatures.end(), request.batch.f64(Field::kInitialTemperature).begin());
   request.request_id = connection_->next_request_id();
-  request.body = wire::OpenSession{.scene = scene, .session_id = impl->id};
+  request.body = wire::OpenSession{.scene = scene, .session_id = impl->id, .resume_token = impl->resume_token};
 
   impl->closed = true;  // until it is open there is nothing to say goodbye to
   Received received;
@@ -240,6 +344,21 @@ Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionOpened>(received));
   impl->closed = false;
+  return Session(std::move(impl));
+}
+
+Session Client::resume(const Session::Ticket& ticket) {
+  Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token);
+  auto& where = body_of<wire::SessionResumed>(received);
+  auto impl = std::make_unique<Session::Impl>();
+  impl->connection = connection_;
+  impl->id = ticket.session_id;
+  impl->resume_token = ticket.resume_token;
+  impl->epoch = received.reply.epoch;
+  const auto node_ids = std::as_const(received.reply.batch).u64(Field::kNodeId);
+  impl->node_ids.assign(node_ids.begin(), node_ids.end());
+  impl->opened = std::move(where.session);
+  impl->last_sequence = where.last_sequence;
   return Session(std::move(impl));
 }
 

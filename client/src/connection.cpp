@@ -8,6 +8,7 @@
 #include <cstring>
 #include <random>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 #include <zmq.hpp>
@@ -44,32 +45,43 @@ void check_endpoint(const ClientOptions& options) {
 
 }  // namespace
 
-void Connection::CloseSocket::operator()(void* socket) const {
+void SocketConnection::CloseSocket::operator()(void* socket) const {
   zmq_close(socket);
 }
-void Connection::CloseContext::operator()(void* context) const {
+void SocketConnection::CloseContext::operator()(void* context) const {
   while (zmq_ctx_term(context) != 0 && zmq_errno() == EINTR) {
   }
 }
 
-Connection::Connection(ClientOptions options) : options_(std::move(options)) {
-  check_endpoint(options_);
-  if (options_.context == nullptr) own_context_.reset(zmq_ctx_new());
-  std::random_device random;
-  last_request_id_ = (std::uint64_t{random()} << 32) | random();
+SocketConnection::SocketConnection(ClientOptions options) : Connection(std::move(options)) {
+  check_endpoint(this->options());
+  if (this->options().context == nullptr) own_context_.reset(zmq_ctx_new());
 }
 
-Connection::~Connection() = default;
+SocketConnection::~SocketConnection() = default;
 
 std::uint64_t Connection::next_request_id() {
+  if (last_request_id_ == 0) {
+    std::random_device random;
+    last_request_id_ = (std::uint64_t{random()} << 32) | random();
+  }
   if (++last_request_id_ == 0) ++last_request_id_;
   return last_request_id_;
 }
 
-void Connection::connect() {
-  void* context = own_context_ ? own_context_.get() : options_.context;
+std::chrono::milliseconds Connection::left_since(Clock::time_point started) const {
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(started + options().reply_deadline - now());
+  return std::max(left, std::chrono::milliseconds(1));
+}
+
+void Connection::pause(std::chrono::milliseconds time) {
+  std::this_thread::sleep_for(time);
+}
+
+void SocketConnection::connect() {
+  void* context = own_context_ ? own_context_.get() : options().context;
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
-  if (!socket_) unreachable(options_, fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
+  if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
   zmq::socket_ref socket(zmq::from_handle, socket_.get());
   socket.set(zmq::sockopt::immediate, true);  // nothing is queued for a server that is not there
   socket.set(zmq::sockopt::linger, 0);
@@ -80,16 +92,16 @@ void Connection::connect() {
   socket.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
   socket.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
   socket.set(zmq::sockopt::tcp_keepalive, 1);
-  if (options_.endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
-  if (zmq_connect(socket_.get(), options_.endpoint.c_str()) != 0) {
+  if (options().endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
+  if (zmq_connect(socket_.get(), options().endpoint.c_str()) != 0) {
     const std::string why = zmq_strerror(zmq_errno());
     socket_.reset();
-    unreachable(options_, why);
+    unreachable(options(), why);
   }
 }
 
 // False where `until` has come first.
-bool Connection::wait(short events, Clock::time_point until) {
+bool SocketConnection::wait(short events, Clock::time_point until) {
   zmq_pollitem_t item{socket_.get(), 0, events, 0};
   for (;;) {
     // Rounded up: a wait of less than a millisecond must not become a busy loop.
@@ -97,12 +109,12 @@ bool Connection::wait(short events, Clock::time_point until) {
     const int found = zmq_poll(&item, 1, std::max<long>(left, 0));
     if (found > 0) return true;
     if (found == 0 && Clock::now() >= until) return false;
-    if (found < 0 && zmq_errno() != EINTR) unreachable(options_, zmq_strerror(zmq_errno()));
+    if (found < 0 && zmq_errno() != EINTR) unreachable(options(), zmq_strerror(zmq_errno()));
   }
 }
 
 // False where there is no connection (yet).
-bool Connection::send(const std::string& header, const wire::Batch& batch) {
+bool SocketConnection::send(const std::string& header, const wire::Batch& batch) {
   const bool has_payload = !batch.columns().empty();
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
     // A copy: the bytes are the caller's, and libzmq may hold on to a message beyond this call when a reply is lost.
@@ -110,7 +122,7 @@ bool Connection::send(const std::string& header, const wire::Batch& batch) {
     while (zmq_msg_send(message.handle(), socket_.get(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
       if (zmq_errno() == EINTR) continue;
       if (zmq_errno() == EAGAIN) return false;
-      unreachable(options_, zmq_strerror(zmq_errno()));
+      unreachable(options(), zmq_strerror(zmq_errno()));
     }
     return true;
   };
@@ -119,7 +131,7 @@ bool Connection::send(const std::string& header, const wire::Batch& batch) {
 }
 
 // Waits for the reply to `request_id`; answers to earlier requests are passed over. False where `until` has come first.
-bool Connection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
+bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   while (wait(ZMQ_POLLIN, until)) {
     std::array<std::shared_ptr<zmq::message_t>, kMaxFrames + 1> frames;
     std::array<std::span<const std::byte>, kMaxFrames + 1> views;
@@ -129,7 +141,7 @@ bool Connection::receive(std::uint64_t request_id, Clock::time_point until, Rece
       if (zmq_msg_recv(frame->handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
         if (zmq_errno() == EINTR) continue;
         if (zmq_errno() == EAGAIN) break;
-        unreachable(options_, zmq_strerror(zmq_errno()));
+        unreachable(options(), zmq_strerror(zmq_errno()));
       }
       more = frame->more();
       if (count == frames.size()) continue;  // too many frames: decode() says so from the first three
@@ -142,7 +154,7 @@ bool Connection::receive(std::uint64_t request_id, Clock::time_point until, Rece
       wire::decode(std::span(views.data(), count), received.reply);
     } catch (const Error& fault) {
       throw Error({.code = Code::kUnexpectedReply,
-                   .text = fmt::format("{} sent what is no reply: {}", options_.endpoint, describe(fault.status())),
+                   .text = fmt::format("{} sent what is no reply: {}", options().endpoint, describe(fault.status())),
                    .remedy = "Is it a shearbus server of this version?"});
     }
     // A server that could not read a request's id answers with 0.
@@ -154,7 +166,7 @@ bool Connection::receive(std::uint64_t request_id, Clock::time_point until, Rece
   return false;
 }
 
-Received Connection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
+Received SocketConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
   const auto last_moment = started + deadline;
   const std::string header = wire::encode_header(request);
@@ -165,7 +177,7 @@ Received Connection::call(const wire::Request& request, std::chrono::millisecond
       if (!wait(ZMQ_POLLOUT, last_moment)) give_up(sent, Clock::now() - started);
     sent = true;
     Received received;
-    if (receive(request.request_id, std::min(last_moment, Clock::now() + options_.retry_after), received)) {
+    if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
       received.round_trip = Clock::now() - started;
       if (!received.reply.status.ok()) throw Error(received.reply.status);
       return received;
@@ -175,19 +187,20 @@ Received Connection::call(const wire::Request& request, std::chrono::millisecond
   }
 }
 
-void Connection::give_up(bool sent, Clock::duration waited) const {
+void SocketConnection::give_up(bool sent, Clock::duration waited) const {
   const double seconds = std::chrono::duration<double>(waited).count();
   if (!sent)
-    throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("no server answered at {} within {:.1f} s", options_.endpoint, seconds),
-                 .remedy = fmt::format("Is one running? Start it with: shearbus-server --bind {}", options_.endpoint)});
+    throw Error(
+        {.code = Code::kUnreachable,
+         .text = fmt::format("no server answered at {} within {:.1f} s", options().endpoint, seconds),
+         .remedy = fmt::format("Is one running? Start it with: shearbus-server --bind {}", options().endpoint)});
   throw Error({.code = Code::kUnknownOutcome,
                .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run",
-                                   options_.endpoint, seconds),
+                                   options().endpoint, seconds),
                .remedy = "Make the same call again: if it has run, it is not run a second time."});
 }
 
-void Connection::say(const wire::Request& request) noexcept try {
+void SocketConnection::say(const wire::Request& request) noexcept try {
   if (!socket_) return;
   const int linger = kGoodbyeLingerMs;
   zmq_setsockopt(socket_.get(), ZMQ_LINGER, &linger, sizeof linger);

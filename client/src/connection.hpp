@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "client/include/shearbus/client.hpp"
 #include "proto/wire/messages.hpp"
@@ -19,26 +20,55 @@ struct Received {
   std::chrono::nanoseconds round_trip{0};
 };
 
+// What a session needs of the way to its server. The one there is has a socket; tests have others.
 class Connection {
  public:
-  explicit Connection(ClientOptions options);
+  using Clock = std::chrono::steady_clock;
+
+  explicit Connection(ClientOptions options) : options_(std::move(options)) {}
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
-  ~Connection();
-
-  const ClientOptions& options() const { return options_; }
-  std::uint64_t next_request_id();  // never 0
+  virtual ~Connection() = default;
 
   // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without
   // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left,
   // kUnknownOutcome where it left and nothing came back before the deadline.
-  Received call(const wire::Request& request, std::chrono::milliseconds deadline);
+  virtual Received call(const wire::Request& request, std::chrono::milliseconds deadline) = 0;
 
   // Sends without waiting for anything, if that can be done now.
-  void say(const wire::Request& request) noexcept;
+  virtual void say(const wire::Request& request) noexcept = 0;
+
+  virtual Clock::time_point now() const { return Clock::now(); }
+  virtual void pause(std::chrono::milliseconds time);
+
+  // Of a call that takes several exchanges: what is left of its deadline.
+  std::chrono::milliseconds left_since(Clock::time_point started) const;
+
+  const ClientOptions& options() const { return options_; }
+  std::uint64_t next_request_id();  // never 0
+  std::uint64_t claimant() {
+    return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
+  }  // random, of this client
+
+  bool durable() const { return durable_; }  // the server's sessions outlive it, says its welcome
+  void set_durable(bool durable) { durable_ = durable; }
 
  private:
-  using Clock = std::chrono::steady_clock;
+  ClientOptions options_;
+  std::uint64_t last_request_id_ = 0;  // 0: none drawn yet
+  std::uint64_t claimant_ = 0;
+  bool durable_ = false;
+};
+
+class SocketConnection final : public Connection {
+ public:
+  explicit SocketConnection(ClientOptions options);
+  ~SocketConnection() override;
+
+  Received call(const wire::Request& request, std::chrono::milliseconds deadline) override;
+  void say(const wire::Request& request) noexcept override;
+
+ private:
   struct CloseSocket {
     void operator()(void* socket) const;
   };
@@ -52,10 +82,8 @@ class Connection {
   bool receive(std::uint64_t request_id, Clock::time_point until, Received& received);
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
-  ClientOptions options_;
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
   std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
-  std::uint64_t last_request_id_ = 0;
 };
 
 }  // namespace shearbus

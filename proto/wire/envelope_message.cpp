@@ -48,6 +48,8 @@ static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
               same(Drive::kInterfaceSlip, v1::DRIVE_INTERFACE_SLIP) &&
               same(InterfaceLaw::kSubgrid, v1::INTERFACE_LAW_SUBGRID) &&
               same(InterfaceLaw::kCoulombTresca, v1::INTERFACE_LAW_COULOMB_TRESCA) &&
+              same(InterfaceLaw::kFreeSlip, v1::INTERFACE_LAW_FREE_SLIP) &&
+              same(InterfaceLaw::kStick, v1::INTERFACE_LAW_STICK) &&
               same(FarEnd::kTransmitting, v1::FAR_END_TRANSMITTING) && same(FarEnd::kFree, v1::FAR_END_FREE));
 static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_BAD_FRAMING) &&
               same(Code::kMalformed, v1::CODE_MALFORMED) && same(Code::kVersion, v1::CODE_VERSION) &&
@@ -59,7 +61,9 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kNothingToCommit, v1::CODE_NOTHING_TO_COMMIT) &&
               same(Code::kInvalidScene, v1::CODE_INVALID_SCENE) && same(Code::kInvalidValue, v1::CODE_INVALID_VALUE) &&
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
-              same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL));
+              same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
+              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
+              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -93,6 +97,7 @@ void put(const Hello& from, v1::RequestHeader& header) {
 void put(const OpenSession& from, v1::RequestHeader& header) {
   put_scene(from.scene, *header.mutable_open_session()->mutable_scene());
   header.mutable_open_session()->set_session_id(id_bytes(from.session_id));
+  header.mutable_open_session()->set_resume_token(id_bytes(from.resume_token));
 }
 void put(const Downscale& from, v1::RequestHeader& header) {
   v1::Downscale& to = *header.mutable_downscale();
@@ -107,14 +112,23 @@ void put(const Downscale& from, v1::RequestHeader& header) {
 void put(const Commit&, v1::RequestHeader& header) {
   header.mutable_commit();
 }
-void put(const Rollback&, v1::RequestHeader& header) {
-  header.mutable_rollback();
+void put(const Rollback& from, v1::RequestHeader& header) {
+  header.mutable_rollback()->set_to_mark(as_utf8(from.to_mark, kMaxTextBytes));
+}
+void put(const Mark& from, v1::RequestHeader& header) {
+  header.mutable_mark()->set_name(as_utf8(from.name, kMaxTextBytes));
 }
 void put(const CloseSession& from, v1::RequestHeader& header) {
   header.mutable_close_session()->set_reason(as_utf8(from.reason, kMaxTextBytes));
 }
 void put(const ServerStatusQuery&, v1::RequestHeader& header) {
   header.mutable_server_status();
+}
+void put(const ResumeSession& from, v1::RequestHeader& header) {
+  v1::ResumeSession& to = *header.mutable_resume_session();
+  to.set_resume_token(id_bytes(from.resume_token));
+  to.set_claim(from.claim);
+  to.set_claimant(from.claimant);
 }
 
 void put(const Welcome& from, v1::ReplyHeader& header) {
@@ -126,14 +140,25 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   to.mutable_limits()->set_max_payload_bytes(from.limits.max_payload_bytes);
   to.mutable_limits()->set_max_nodes_per_session(from.limits.max_nodes_per_session);
   to.mutable_limits()->set_max_sessions(from.limits.max_sessions);
+  to.mutable_limits()->set_max_marks(from.limits.max_marks);
   for (const std::string& capability : from.capabilities) to.add_capabilities(as_utf8(capability, kMaxTextBytes));
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
 }
-void put(const SessionOpened& from, v1::ReplyHeader& header) {
-  v1::SessionOpened& to = *header.mutable_session_opened();
+void put(const SessionOpened& from, v1::SessionOpened& to) {
   put_scene(from.effective_scene, *to.mutable_effective_scene());
   to.set_bytes_per_node(from.bytes_per_node);
   for (const std::string& warning : from.warnings) to.add_warnings(as_utf8(warning, kMaxTextBytes));
+}
+void put(const SessionOpened& from, v1::ReplyHeader& header) {
+  put(from, *header.mutable_session_opened());
+}
+void put(const SessionResumed& from, v1::ReplyHeader& header) {
+  v1::SessionResumed& to = *header.mutable_session_resumed();
+  put(from.session, *to.mutable_session());
+  to.set_last_sequence(from.last_sequence);
+  to.set_state_version(from.state_version);
+  to.set_trial_stands(from.trial_stands);
+  to.set_claim(from.claim);
 }
 void put(const Upscale& from, v1::ReplyHeader& header) {
   v1::Upscale& to = *header.mutable_upscale();
@@ -148,6 +173,11 @@ void put(const Committed& from, v1::ReplyHeader& header) {
 }
 void put(const RolledBack& from, v1::ReplyHeader& header) {
   header.mutable_rolled_back()->set_state_version(from.state_version);
+}
+void put(const Marked& from, v1::ReplyHeader& header) {
+  v1::Marked& to = *header.mutable_marked();
+  to.set_state_version(from.state_version);
+  for (const std::string& mark : from.names) to.add_names(as_utf8(mark, kMaxTextBytes));
 }
 void put(const SessionClosed& from, v1::ReplyHeader& header) {
   v1::SessionClosed& to = *header.mutable_session_closed();
@@ -209,7 +239,8 @@ Hello take(const v1::Hello& from) {
 OpenSession take(const v1::OpenSession& from) {
   if (!from.has_scene()) refuse(Code::kMalformed, "open_session has no scene", "open_session.scene");
   return {.scene = take_scene(from.scene()),
-          .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id")};
+          .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id"),
+          .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token")};
 }
 Downscale take(const v1::Downscale& from) {
   Downscale to{.dt_s = from.dt_s(),
@@ -235,6 +266,12 @@ CloseSession take(const v1::CloseSession& from) {
   return {.reason = from.reason()};
 }
 
+ResumeSession take(const v1::ResumeSession& from) {
+  return {.resume_token = id_from(bytes_of(from.resume_token()), "resume_session.resume_token"),
+          .claim = from.claim(),
+          .claimant = from.claimant()};
+}
+
 Welcome take(const v1::Welcome& from) {
   return {.protocol_major = from.protocol_major(),
           .protocol_minor = from.protocol_minor(),
@@ -242,7 +279,8 @@ Welcome take(const v1::Welcome& from) {
           .limits = {.max_header_bytes = from.limits().max_header_bytes(),
                      .max_payload_bytes = from.limits().max_payload_bytes(),
                      .max_nodes_per_session = from.limits().max_nodes_per_session(),
-                     .max_sessions = from.limits().max_sessions()},
+                     .max_sessions = from.limits().max_sessions(),
+                     .max_marks = from.limits().max_marks()},
           .capabilities = {from.capabilities().begin(), from.capabilities().end()},
           .durability = from.durability()};
 }
@@ -252,6 +290,13 @@ SessionOpened take(const v1::SessionOpened& from) {
   return {.effective_scene = take_scene(from.effective_scene()),
           .bytes_per_node = from.bytes_per_node(),
           .warnings = {from.warnings().begin(), from.warnings().end()}};
+}
+SessionResumed take(const v1::SessionResumed& from) {
+  return {.session = take(from.session()),
+          .last_sequence = from.last_sequence(),
+          .state_version = from.state_version(),
+          .trial_stands = from.trial_stands(),
+          .claim = from.claim()};
 }
 Upscale take(const v1::Upscale& from) {
   return {.nodes = from.nodes(),
@@ -292,13 +337,19 @@ void take_body(const v1::RequestHeader& header, Request& message) {
       message.body = Commit{};
       break;
     case v1::RequestHeader::kRollback:
-      message.body = Rollback{};
+      message.body = Rollback{.to_mark = header.rollback().to_mark()};
       break;
     case v1::RequestHeader::kCloseSession:
       message.body = take(header.close_session());
       break;
     case v1::RequestHeader::kServerStatus:
       message.body = ServerStatusQuery{};
+      break;
+    case v1::RequestHeader::kResumeSession:
+      message.body = take(header.resume_session());
+      break;
+    case v1::RequestHeader::kMark:
+      message.body = Mark{.name = header.mark().name()};
       break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");
@@ -346,6 +397,13 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
       break;
     case v1::ReplyHeader::kServerStatus:
       message.body = take(header.server_status());
+      break;
+    case v1::ReplyHeader::kMarked:
+      message.body = Marked{.state_version = header.marked().state_version(),
+                            .names = {header.marked().names().begin(), header.marked().names().end()}};
+      break;
+    case v1::ReplyHeader::kSessionResumed:
+      message.body = take(header.session_resumed());
       break;
     case v1::ReplyHeader::BODY_NOT_SET:
       break;

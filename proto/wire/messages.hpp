@@ -33,9 +33,11 @@ struct Hello {
   std::uint32_t newest_major = kProtocolMajor;
   std::string client_name;
 };
+using ResumeToken = std::array<std::uint8_t, 16>;  // all zero: none
 struct OpenSession {
   Scene scene;
   SessionId session_id{};
+  ResumeToken resume_token{};
 };
 struct Downscale {
   double dt_s = 0.0;
@@ -47,11 +49,21 @@ struct Downscale {
   std::vector<Field> wanted;  // empty: all of the strategy's
 };
 struct Commit {};
-struct Rollback {};
+struct Rollback {
+  std::string to_mark;  // empty: the standing trial is forgotten
+};
+struct Mark {
+  std::string name;
+};
 struct CloseSession {
   std::string reason;
 };
 struct ServerStatusQuery {};
+struct ResumeSession {
+  ResumeToken resume_token{};
+  std::uint64_t claim = 0;
+  std::uint64_t claimant = 0;
+};
 
 struct Request {
   std::uint32_t protocol_major = kProtocolMajor;
@@ -60,7 +72,9 @@ struct Request {
   SessionId session_id{};
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
-  std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery> body;
+  std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery,
+               ResumeSession, Mark>
+      body;
   Batch batch;
 };
 
@@ -69,6 +83,7 @@ struct Limits {
   std::uint64_t max_payload_bytes = kMaxPayloadBytes;
   std::uint64_t max_nodes_per_session = kMaxNodesPerSession;
   std::uint64_t max_sessions = kMaxSessions;
+  std::uint64_t max_marks = kMaxMarks;
 };
 struct Welcome {
   std::uint32_t protocol_major = kProtocolMajor;
@@ -83,6 +98,13 @@ struct SessionOpened {
   std::uint64_t bytes_per_node = 0;
   std::vector<std::string> warnings;
 };
+struct SessionResumed {
+  SessionOpened session;
+  std::uint64_t last_sequence = 0;
+  std::uint64_t state_version = 0;
+  bool trial_stands = false;
+  std::uint64_t claim = 0;
+};
 struct Upscale {
   std::uint64_t nodes = 0;
   std::uint64_t state_version = 0;
@@ -95,6 +117,10 @@ struct Committed {
 };
 struct RolledBack {
   std::uint64_t state_version = 0;
+};
+struct Marked {
+  std::uint64_t state_version = 0;
+  std::vector<std::string> names;  // oldest first
 };
 struct SessionClosed {
   std::uint64_t requests = 0;
@@ -124,7 +150,8 @@ struct Reply {
   std::uint64_t epoch = 0;
   Status status;
   bool replayed = false;
-  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus>
+  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus,
+               SessionResumed, Marked>
       body;
   Batch batch;
 };

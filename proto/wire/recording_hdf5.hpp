@@ -1,4 +1,4 @@
-// HDF5 handles that close themselves and HDF5 errors as one line. Private to recording_writer.cpp and
+// HDF5 handles that close themselves and HDF5 errors as one line. Private to fields.cpp, recording_writer.cpp and
 // recording_reader.cpp.
 #pragma once
 

@@ -13,7 +13,8 @@ namespace shearbus::wire {
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
 enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
-enum class InterfaceLaw { kUnspecified = 0, kSubgrid = 1, kCoulombTresca = 2 };
+enum class InterfaceLaw { kUnspecified = 0, kSubgrid = 1, kCoulombTresca = 2, kFreeSlip = 3, kStick = 4 };
+enum class Lists { kUnspecified = 0, kPaired = 1, kCombined = 2 };
 enum class FarEnd { kUnspecified = 0, kTransmitting = 1, kFree = 2 };
 
 // A material: catalog name (may be empty) and the constants given beside it, under their scene names
@@ -50,6 +51,7 @@ struct ShearColumn {
   std::vector<double> initial_temperature_k;
   std::vector<double> pressure_pa;
   std::vector<double> pressure_time_s;
+  Lists lists = Lists::kPaired;
 };
 
 struct CoulombTresca {
@@ -59,6 +61,28 @@ struct CoulombTresca {
   double yield_fraction = 1.0;
 };
 
+struct MieGrueneisen {
+  double sound_speed_m_per_s = 0.0;
+  double hugoniot_slope = 0.0;
+  double grueneisen_coefficient = 0.0;
+  std::optional<double> tension_limit_pa;
+};
+
+struct ConeTarget {
+  double length_m = 20e-3;
+  double front_radius_m = 8e-3;
+  double back_radius_m = 5e-3;
+  double confinement_radius_m = 20e-3;
+  double flyer_thickness_m = 10e-3;
+  double flyer_speed_m_per_s = 568.0;
+  double zone_width_m = 0.2e-3;
+  double courant = 0.5;
+  double history_interval_s = 20e-9;
+  std::uint32_t frames = 24;
+  MieGrueneisen soft_eos;
+  MieGrueneisen hard_eos;
+};
+
 struct Hydro {
   InterfaceLaw interface_law = InterfaceLaw::kSubgrid;
   double end_time_s = 0.0;
@@ -66,6 +90,7 @@ struct Hydro {
   double cfl = 1.0;
   std::optional<ShearColumn> shear_column;
   CoulombTresca coulomb_tresca;
+  std::optional<ConeTarget> cone_target;
 };
 
 struct Scene {

@@ -159,7 +159,7 @@ class Reader {
       case FieldDescriptor::CPPTYPE_STRING:
         if (const auto text = node.value_exact<std::string>(); !text)
           fault(place, fmt::format("{}: expected text in quotes, {}", name, found(node)));
-        else if (text->empty() && field.options().GetExtension(v1::rule).required())
+        else if (text->empty())  // on the wire an empty text is an absent one
           fault(place, fmt::format("{} is empty, expected text", name));
         else
           to.GetReflection()->SetString(&to, &field, *text);

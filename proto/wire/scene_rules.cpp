@@ -157,9 +157,12 @@ class Together {
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
+    if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN && scene_.interface().plastic_layer())
+      add("interface.plastic_layer",
+          "interface.plastic_layer is an option of strategy force_driven; a velocity-driven layer always flows");
   }
 
-  // Lists hold one value for all columns or one per column; pressures may instead follow their times.
+  // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.
   void shear_column() {
     const v1::ShearColumn& column = scene_.hydro().shear_column();
     const int jumps = column.velocity_jump_m_per_s_size();
@@ -170,10 +173,15 @@ class Together {
         !sound(kColumn + "initial_temperature_k", temperatures > 0) || !sound(kColumn + "pressure_pa", pressures > 0) ||
         !sound(kColumn + "pressure_time_s", times > 0))
       return;
-    const int columns = std::max({jumps, temperatures, times > 0 ? 0 : pressures});
-    one_or_all("velocity_jump_m_per_s", jumps, columns);
-    one_or_all("initial_temperature_k", temperatures, columns);
-    if (times == 0) return one_or_all("pressure_pa", pressures, columns);
+    if (column.lists() == v1::LISTS_COMBINED) {
+      combinations(jumps, temperatures, times > 0 ? 1 : pressures);
+    } else {
+      const int columns = std::max({jumps, temperatures, times > 0 ? 0 : pressures});
+      one_or_all("velocity_jump_m_per_s", jumps, columns);
+      one_or_all("initial_temperature_k", temperatures, columns);
+      if (times == 0) one_or_all("pressure_pa", pressures, columns);
+    }
+    if (times == 0) return;
     if (pressures != times)
       add(kColumn + "pressure_pa",
           fmt::format("{}pressure_pa has {} values, expected {} (one per pressure_time_s)", kColumn, pressures, times));
@@ -196,6 +204,14 @@ class Together {
     if (size > 1 && size != columns)
       add(kColumn + key,
           fmt::format("{}{} has {} values, expected 1 or {} (one per column)", kColumn, key, size, columns));
+  }
+
+  void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
+    const std::size_t columns =
+        jumps * std::max<std::size_t>(1, temperatures) * pressures;  // each at most 2e5: no overflow
+    if (columns > kMaxNodesPerSession)
+      add(kColumn + "lists",
+          fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns, kMaxNodesPerSession));
   }
 
   inline static const std::string kColumn = "hydro.shear_column.";

@@ -37,6 +37,12 @@ const char* name(Code code) {
       return "EPOCH";
     case Code::kNothingToCommit:
       return "NOTHING_TO_COMMIT";
+    case Code::kResumeRefused:
+      return "RESUME_REFUSED";
+    case Code::kSuperseded:
+      return "SUPERSEDED";
+    case Code::kUnknownMark:
+      return "UNKNOWN_MARK";
     case Code::kInvalidScene:
       return "INVALID_SCENE";
     case Code::kInvalidValue:
@@ -49,6 +55,8 @@ const char* name(Code code) {
       return "SHUTTING_DOWN";
     case Code::kInternal:
       return "INTERNAL";
+    case Code::kNoSpace:
+      return "NO_SPACE";
     case Code::kUnreachable:
       return "UNREACHABLE";
     case Code::kUnknownOutcome:

@@ -26,12 +26,16 @@ enum class Code : std::uint16_t {
   kSequenceReused = 203,
   kEpoch = 204,
   kNothingToCommit = 205,
+  kResumeRefused = 206,
+  kSuperseded = 207,
+  kUnknownMark = 208,
   kInvalidScene = 300,
   kInvalidValue = 301,
   kUnknownNode = 302,
   kDuplicateNode = 303,
   kShuttingDown = 400,
   kInternal = 401,
+  kNoSpace = 402,
   kUnreachable = 500,      // no connection to the endpoint before the deadline
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request

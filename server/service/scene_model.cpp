@@ -51,20 +51,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   if (scene.interface)
     made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
                               .yield_strength = scene.interface->yield_strength_pa};
-  if (scene.interface && scene.interface->plastic_layer) {
-    if (scene.strategy != wire::Strategy::kForceDriven)
-      throw wire::Error({.code = wire::Code::kInvalidScene,
-                         .text = "interface.plastic_layer is an option of strategy force_driven; the velocity-driven "
-                                 "layer always flows",
-                         .remedy = "Leave the key out, or set strategy = \"force_driven\".",
-                         .field = "interface.plastic_layer"});
-    made.options.plastic_layer = true;
-  }
-  if (!scene.interface && scene.strategy == wire::Strategy::kForceDriven)
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = "strategy force_driven needs the table [interface]; there is none",
-                       .remedy = "Give interface.friction_coefficient and interface.yield_strength_pa.",
-                       .field = "interface"});
+  made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;
   made.effective.hydro.reset();

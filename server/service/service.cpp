@@ -11,6 +11,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/status.hpp"
+#include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
 
@@ -19,14 +20,6 @@ namespace shearbus::service {
 using wire::Code;
 using wire::Error;
 using wire::Field;
-
-struct Service::Member {
-  wire::SessionId id{};
-  session::Session conversation;
-  std::unique_ptr<shard::Shard> shard;  // null once closed
-  wire::Scene scene;                    // effective
-  wire::SessionClosed totals;
-};
 
 namespace {
 
@@ -41,6 +34,11 @@ std::string printable(const std::string& text) {
   for (char& c : shown)
     if (c < ' ' || c > '~') c = '?';
   return shown;
+}
+
+// Memory of a mark: the states once, where a shard has them twice.
+std::uint64_t mark_bytes(const shard::Shard& shard) {
+  return shard.state_bytes() / 2;
 }
 
 shard::StepInputs inputs_of(const wire::Batch& batch) {
@@ -64,16 +62,10 @@ shard::StepOutputs outputs_of(wire::Batch& batch) {
           .outcome = batch.u8(Field::kOutcome)};
 }
 
-void check_no_payload(const wire::Request& request) {
-  if (!request.batch.columns().empty())
-    throw Error({.code = Code::kShape,
-                 .text = fmt::format("{} columns with a request that takes none", request.batch.columns().size()),
-                 .remedy = "Send the header frame alone."});
-}
-
 }  // namespace
 
-Service::Service(ServiceOptions options, shard::TaskPool& pool) : options_(std::move(options)), pool_(pool) {
+Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store)
+    : options_(std::move(options)), pool_(pool), store_(store), epoch_(options_.epoch) {
   started_ns_ = options_.now_ns();
 }
 
@@ -84,17 +76,25 @@ void Service::log(const std::string& line) const {
 }
 
 std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
+  if (failed()) return std::nullopt;
   ++metrics_.requests;
   auto reply = std::make_shared<wire::Reply>();
-  reply->epoch = options_.epoch;
+  reply->epoch = epoch_;
+  kept_ = false;
   try {
     reply = answer(frames, reply);
+    if (std::exchange(kept_, false)) store_->settle();
   } catch (const Error& error) {
     reply->status = error.status();
   } catch (const std::exception& fault) {
     reply->status = {.code = Code::kInternal,
                      .text = fmt::format("the server could not run the request: {}", fault.what()),
                      .remedy = "Nothing was changed. Tell the maintainers of the server."};
+  }
+  if (kept_) failed_ = true;  // in the journal, but not run: states and journal have parted
+  if (failed()) {
+    log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
+    return std::nullopt;
   }
   if (!reply->status.ok()) {
     ++metrics_.refused;
@@ -108,12 +108,14 @@ std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
   sent.owner = std::move(reply);
   return sent;
 } catch (const std::exception&) {
+  failed_ = failed_ || kept_;
   return std::nullopt;
 }
 
 // Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
 Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
-  wire::Request request;
+  Arrival arrival{.frames = frames, .request = {}, .hash = 0, .started_ns = 0};
+  wire::Request& request = arrival.request;
   const auto address = [&] {
     reply->request_id = request.request_id;
     reply->session_id = request.session_id;
@@ -126,36 +128,47 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
     throw;
   }
   address();
-  const std::uint64_t started_ns = options_.now_ns();
+  arrival.started_ns = options_.now_ns();
   if (shutting_down_)
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
 
   if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
-    check_no_payload(request);
     hello(*greeting, *reply);
     return reply;
   }
   if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
-    check_no_payload(request);
     reply->body = status();
     return reply;
   }
-  check_epoch(request);
-  const std::uint64_t hash = wire::hash_of(frames);
-  if (const auto* open = std::get_if<wire::OpenSession>(&request.body))
-    return open_session(*open, request, hash, reply);
-  return answer_in_session(request, hash, started_ns, reply);
+  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, request, reply);
+  // The header holds the checksum of the payload, which decode() has compared: the header's bytes stand for all of
+  // them.
+  arrival.hash = wire::hash_of(frames.first(1));
+  if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, arrival, reply);
+  return answer_in_session(arrival, reply);
 }
 
-void Service::check_epoch(const wire::Request& request) const {
-  if (request.epoch != 0 && request.epoch != options_.epoch)
-    throw Error(
-        {.code = Code::kEpoch,
-         .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted and "
-                             "holds none of the earlier states",
-                             request.epoch, options_.epoch),
-         .remedy = "Open a new session and start again from the host's last restart point."});
+// `member` is null where the request's session is not known. What is replayed was checked when it was run.
+void Service::check_epoch(const wire::Request& request, const Member* member) const {
+  const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
+  if (request.epoch == 0 || request.epoch == expected || replaying_) return;
+  if (request.epoch - epoch_ <= claims_)
+    throw Error({.code = Code::kSuperseded,
+                 .text = "the session was resumed since by a client that showed its token",
+                 .remedy = "Leave it to that one."});
+  throw Error(
+      {.code = Code::kEpoch,
+       .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
+                           request.epoch, epoch_, member != nullptr ? "" : " and holds none of the earlier states"),
+       .remedy = member != nullptr ? "Resume the session, which tells where it stands, and go on from there."
+                                   : "Open a new session and start again from the host's last restart point."});
+}
+
+Service::ReplyPtr Service::repeat(const Member& member) {
+  ++metrics_.replayed;
+  make_repeat(*member.conversation.kept_reply());
+  return member.conversation.kept_reply();
 }
 
 void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
@@ -167,12 +180,13 @@ void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark"};
+  if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
 }
 
-Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wire::Request& request, std::uint64_t hash,
-                                        const ReplyPtr& reply) {
+Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   reply->session_id = open.session_id;
   if (open.session_id == wire::SessionId{})
     throw Error({.code = Code::kInvalidValue,
@@ -180,14 +194,13 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wir
                  .remedy = "Draw them from the system's random source.",
                  .field = "session_id"});
   if (const auto known = members_.find(open.session_id); known != members_.end()) {
-    session::Verdict verdict = known->second->conversation.triage(request.sequence, hash);
+    session::Verdict verdict = known->second->conversation.triage(request.sequence, arrival.hash);
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
-    ++metrics_.replayed;
-    known->second->conversation.kept_reply()->replayed = true;
-    return known->second->conversation.kept_reply();
+    return repeat(*known->second);
   }
+  check_epoch(request, nullptr);
   if (request.sequence != 0)
     throw Error({.code = Code::kSequenceGap,
                  .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
@@ -202,7 +215,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wir
   const std::vector<double> temperatures =
       check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
   physics::Model model(made.options);
-  check_memory(model, node_ids.size());
+  check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
 
   wire::SessionOpened opened;
   opened.effective_scene = made.effective;
@@ -212,24 +225,29 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const wir
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
+  member->resume_token = open.resume_token;
   member->scene = std::move(made.effective);
   member->shard = std::make_unique<shard::Shard>(
       std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()), temperatures, pool_,
       shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
-  member->conversation.complete(0, hash, reply);
+  member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
-  log(fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
-                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model())));
+  const std::string line =
+      fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
+                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
-  members_.emplace(open.session_id, std::move(member));
+  Members made_member;
+  made_member.emplace(open.session_id, std::move(member));
+  keep(arrival, open.session_id, nullptr);
+  members_.merge(made_member);
   ++metrics_.sessions;
   metrics_.nodes += node_ids.size();
   metrics_.state_bytes += state_bytes;
+  log(line);
   return reply;
 }
 
-void Service::check_memory(const physics::Model& model, std::size_t nodes) const {
-  const std::uint64_t wanted = shard::Shard::bytes_for(model, nodes);
+void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
   if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
@@ -237,52 +255,52 @@ void Service::check_memory(const physics::Model& model, std::size_t nodes) const
                  .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
 }
 
-Service::ReplyPtr Service::answer_in_session(const wire::Request& request, std::uint64_t hash, std::uint64_t started_ns,
-                                             const ReplyPtr& reply) {
+Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
-  if (found == members_.end())
+  if (found == members_.end()) {
+    check_epoch(request, nullptr);
     throw Error({.code = Code::kUnknownSession,
                  .text = "no session has this id: it was never opened here, or closed long ago",
                  .remedy = "Open a session first."});
-  Member& member = *found->second;
-  session::Verdict verdict = member.conversation.triage(request.sequence, hash);
-  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
-  if (verdict.triage == session::Triage::kResend) {
-    ++metrics_.replayed;
-    member.conversation.kept_reply()->replayed = true;
-    return member.conversation.kept_reply();
   }
+  Member& member = *found->second;
+  session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
+  check_epoch(request, &member);
+  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession, .text = "the session is closed", .remedy = "Open a new session."});
 
   if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
-    downscale(member, *step, request, hash, started_ns, reply);
+    downscale(member, *step, arrival, reply);
     return reply;
   }
-  check_no_payload(request);
   if (std::holds_alternative<wire::Commit>(request.body)) {
     if (!member.shard->has_trial())
       throw Error(
           {.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
+    keep(arrival, member.id, &member);
     member.shard->commit();
     reply->body = wire::Committed{.state_version = member.shard->state_version()};
-  } else if (std::holds_alternative<wire::Rollback>(request.body)) {
-    member.shard->rollback();
-    reply->body = wire::RolledBack{.state_version = member.shard->state_version()};
+  } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
+    rollback(member, *back, arrival, *reply);
+  } else if (const auto* named = std::get_if<wire::Mark>(&request.body)) {
+    mark(member, *named, arrival, *reply);
   } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
-    close_session(member, *close, *reply);
+    close_session(member, *close, arrival, *reply);
   } else {
     throw Error({.code = Code::kUnsupported, .text = "this server does not know the request"});
   }
   ++member.totals.requests;
-  member.conversation.complete(request.sequence, hash, reply);
+  member.conversation.complete(request.sequence, arrival.hash, reply);
   return reply;
 }
 
-void Service::downscale(Member& member, const wire::Downscale& step, const wire::Request& request, std::uint64_t hash,
-                        std::uint64_t started_ns, const ReplyPtr& reply) {
+void Service::downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
-  // 1. everything that can fail: checks, factorisation, memory
+  // 1. everything that can fail: checks, factorisation, memory, the journal
   const std::vector<Field> wanted = check_wanted(step, member.scene.strategy);
   const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
@@ -293,6 +311,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const wire:
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
   reply->batch = wire::Batch::of(wanted, num_rows);
   auto& upscale = reply->body.emplace<wire::Upscale>();
+  keep(arrival, member.id, &member);
 
   // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
   if (step.commit_previous) shard.commit();
@@ -303,8 +322,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const wire:
   upscale.nodes = num_rows;
   upscale.state_version = shard.state_version();
   upscale.solver_ns = ended_ns - solver_started_ns;
-  upscale.service_ns = ended_ns - started_ns;
-  member.conversation.complete(request.sequence, hash, reply);
+  upscale.service_ns = ended_ns - arrival.started_ns;
+  member.conversation.complete(request.sequence, arrival.hash, reply);
 
   ++member.totals.requests;
   member.totals.node_steps += num_rows;
@@ -313,7 +332,54 @@ void Service::downscale(Member& member, const wire::Downscale& step, const wire:
   metrics_.solver_ns += upscale.solver_ns;
 }
 
-void Service::close_session(Member& member, const wire::CloseSession& close, wire::Reply& reply) {
+void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply) {
+  if (mark.name.empty() || mark.name.size() > wire::kMaxMarkNameBytes)
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("the name of a mark has {} bytes; expected 1 to {}", mark.name.size(),
+                                     wire::kMaxMarkNameBytes),
+                 .field = "mark.name"});
+  const shard::Shard& shard = *member.shard;
+  member.marks.reserve(wire::kMaxMarks + 1);
+  auto gone =
+      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == mark.name; });
+  if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
+  const bool grows = gone == member.marks.end();
+  if (grows) check_memory(mark_bytes(shard), shard.nodes().size());
+  auto& answer = reply.body.emplace<wire::Marked>();
+  answer.state_version = shard.state_version();
+  for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
+    if (old != gone) answer.names.push_back(old->name);
+  answer.names.push_back(mark.name);
+  store::MarkImage made{.name = mark.name, .state_version = shard.state_version(), .states = shard.committed_states()};
+  keep(arrival, member.id, &member);
+
+  if (grows)
+    metrics_.state_bytes += mark_bytes(shard);
+  else
+    member.marks.erase(gone);
+  member.marks.push_back(std::move(made));
+}
+
+void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
+  const auto to =
+      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == rollback.to_mark; });
+  if (!rollback.to_mark.empty() && to == member.marks.end())
+    throw Error({.code = Code::kUnknownMark,
+                 .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
+                                     member.marks.size()),
+                 .remedy = "The oldest mark goes when a session has more than the limit.",
+                 .field = "rollback.to_mark"});
+  keep(arrival, member.id, &member);
+  if (rollback.to_mark.empty())
+    member.shard->rollback();
+  else
+    member.shard->restore(to->states, nullptr, to->state_version);
+  reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
+}
+
+void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
+                            wire::Reply& reply) {
+  keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
   ++totals.requests;  // this one
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
@@ -323,7 +389,8 @@ void Service::close_session(Member& member, const wire::CloseSession& close, wir
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();
-  metrics_.state_bytes -= member.shard->state_bytes();
+  metrics_.state_bytes -= member.shard->state_bytes() + member.marks.size() * mark_bytes(*member.shard);
+  member.marks.clear();
   member.shard.reset();
   if (closed_.size() > kClosedSessionsKept) {
     members_.erase(closed_.front());

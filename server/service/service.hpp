@@ -17,6 +17,7 @@
 #include "server/session/session.hpp"
 #include "server/shard/shard.hpp"
 #include "server/shard/task_pool.hpp"
+#include "server/store/store.hpp"
 
 namespace shearbus::service {
 
@@ -40,14 +41,25 @@ struct ServiceOptions {
   std::function<void(const std::string&)> log;  // a line when a session opens or closes; may be empty
 };
 
-class Service {
+class Service : private store::Recovery {
  public:
-  Service(ServiceOptions options, shard::TaskPool& pool);
-  ~Service();
+  // With a store, requests outlive the server as its durability says; without one, nothing does.
+  Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store = nullptr);
+  ~Service() override;
 
-  // The answer to one request. Never throws. Empty only when the request was run and its answer found no memory: the
-  // client will repeat it and be answered then.
+  // Once, before the first request: takes up what the store holds. Throws where it cannot be used.
+  void recover();
+
+  // The answer to one request. Never throws. Empty where the request was run and its answer found no memory (the client
+  // will repeat it and be answered then), and always once failed().
   std::optional<ReplyFrames> handle(Frames frames) noexcept;
+
+  // What was promised of a request that was run can no longer be held: nothing is answered any more. The server must
+  // end; the next one recovers.
+  bool failed() const { return failed_ || (store_ != nullptr && store_->failed()); }
+
+  // Writes the states of all sessions to the store. False where there is none or it could not be done.
+  bool checkpoint();
 
   // From here on every request is refused with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }
@@ -58,26 +70,41 @@ class Service {
   // A session and the states it owns. A closed one stays for a while without states: it knows a repeated goodbye, and a
   // late copy of its opening cannot bring it back.
   struct Member;
+  struct Arrival;
   using Members = std::map<wire::SessionId, std::unique_ptr<Member>>;
   using ReplyPtr = std::shared_ptr<wire::Reply>;
 
   ReplyPtr answer(Frames frames, const ReplyPtr& reply);
-  ReplyPtr answer_in_session(const wire::Request& request, std::uint64_t hash, std::uint64_t started_ns,
-                             const ReplyPtr& reply);
+  ReplyPtr answer_in_session(const Arrival& arrival, const ReplyPtr& reply);
   void hello(const wire::Hello& hello, wire::Reply& reply) const;
-  ReplyPtr open_session(const wire::OpenSession& open, const wire::Request& request, std::uint64_t hash,
-                        const ReplyPtr& reply);
-  void check_epoch(const wire::Request& request) const;
-  void check_memory(const physics::Model& model, std::size_t nodes) const;
-  void downscale(Member& member, const wire::Downscale& step, const wire::Request& request, std::uint64_t hash,
-                 std::uint64_t started_ns, const ReplyPtr& reply);
-  void close_session(Member& member, const wire::CloseSession& close, wire::Reply& reply);
+  ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply);
+  void check_epoch(const wire::Request& request, const Member* member) const;
+  void check_memory(std::uint64_t wanted, std::size_t nodes) const;
+  ReplyPtr repeat(const Member& member);
+  void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
+  void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
+  void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);
+  void close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply);
+
+  void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member);
+  store::Snapshot snapshot() const;
+  void restore(const store::Snapshot& snapshot) override;
+  void replay(const store::Record& record, std::uint64_t epoch) override;
+  void clear() override;
+
   void log(const std::string& line) const;
 
   static constexpr std::size_t kClosedSessionsKept = 256;
 
   ServiceOptions options_;
   shard::TaskPool& pool_;
+  store::Store* store_;
+  std::uint64_t epoch_;       // options_.epoch; during recovery that of the server that answered
+  std::uint64_t claims_ = 0;  // granted: each brings an epoch of its own, counted on from the server's
+  bool replaying_ = false;    // during recovery
+  bool kept_ = false;         // the request at hand is in the journal, and not yet run
+  bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
   Members members_;                     // open and closed

@@ -193,9 +193,6 @@ std::vector<double> check_initial_temperatures(const wire::Batch& batch, const w
 
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const wire::Scene& effective,
                        const shard::NodeTable& nodes) {
-  if (step.mode != wire::Mode::kAdvance && step.mode != wire::Mode::kTrial)
-    refuse(Code::kUnsupported, "mode", fmt::format("mode {} is unknown", static_cast<int>(step.mode)),
-           "Use MODE_ADVANCE or MODE_TRIAL.");
   if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
     refuse(Code::kInvalidValue, "dt_s",
            fmt::format("dt_s is {}; expected from {} to {} s", step.dt_s, kShortestStep, kLongestStep),

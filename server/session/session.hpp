@@ -36,6 +36,7 @@ class Session {
   void complete(std::uint64_t sequence, std::uint64_t hash, std::shared_ptr<wire::Reply> reply);
 
   std::uint64_t last_sequence() const { return last_sequence_; }
+  std::uint64_t last_hash() const { return last_hash_; }
   const std::shared_ptr<wire::Reply>& kept_reply() const { return kept_reply_; }
 
  private:

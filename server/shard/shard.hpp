@@ -14,6 +14,7 @@
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
 #include "server/shard/node_table.hpp"
+#include "server/shard/states.hpp"
 #include "server/shard/task_pool.hpp"
 
 namespace shearbus::shard {
@@ -73,14 +74,23 @@ class Shard {
   void commit();    // the trial becomes the committed states
   void rollback();  // the trial is forgotten
 
-  // Committed states of one node's tile, for tests and, later, checkpoints: [TileLayout::doubles].
+  // Committed states of one node's tile, for tests: [TileLayout::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;
+
+  States committed_states() const;  // of every node
+  States trial_states() const;      // of the nodes whose tile the trial touched; none without a trial
+  // Puts back what the two above gave, to the last bit; null: no trial stands. Throws std::invalid_argument where they
+  // are not of this shard's model and nodes.
+  void restore(const States& committed, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
 
  private:
   std::size_t num_tiles() const { return (nodes_.size() + physics::kLanes - 1) / physics::kLanes; }
   double* buffer(std::size_t tile, unsigned which) const;
+  static std::uint32_t tile_of(std::uint32_t slot);
+  States states_in(const std::vector<std::uint32_t>& slots, bool of_trial) const;
+  void put_states(const States& states, bool of_trial);
   std::uint64_t step_tile(std::size_t tile, bool all_rows, const physics::StepOperators& operators,
                           const StepInputs& inputs, const StepOutputs& outputs);
 

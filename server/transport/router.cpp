@@ -17,7 +17,7 @@ namespace shearbus::transport {
 namespace {
 
 constexpr std::size_t kMaxFrames = 2;           // of a request, after the peer's routing id
-constexpr std::size_t kCopiedUpTo = 16 * 1024;  // below this a copy is cheaper than a counted reference
+constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // below this a copy is cheaper than a counted reference
 constexpr int kAnswersBeforePoll = 8;           // so that a busy bus cannot hide the stop signal
 
 constexpr int kHandshakeMs = 5'000;

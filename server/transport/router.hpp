@@ -24,7 +24,7 @@ using Frames = std::span<const std::span<const std::byte>>;
 using Handler = std::function<std::vector<OutFrame>(Frames)>;  // no frames: no answer
 
 struct RouterOptions {
-  std::size_t max_frame_bytes = 16 * 1024 * 1024;  // a peer that sends a larger one is cut off
+  std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger one is cut off
   int queued_messages_per_peer = 4;                // a peer has one request in flight; the rest is slack for repeats
   bool insecure_plaintext = false;                 // listen where other machines can reach us, without authentication
   std::function<void(const std::string&)> log;     // a line per answer that found nobody; may be empty

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Holds shearbus/v1/*.proto to what was agreed: against the descriptors kept in tests/golden, no message, field, enum or enum
 value may be gone, renumbered, retyped, or moved in or out of a oneof. Additions are free.
 

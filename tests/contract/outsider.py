@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """A client written from proto/WIRE.md and the .proto files alone, and what it holds a server to. It shares no code with the
 C++ client: if the page is wrong or incomplete, this fails.
 

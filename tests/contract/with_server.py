@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Runs a program against a server of its own: with_server.py --server SHEARBUS_SERVER -- COMMAND ARGS... where {endpoint} stands
 for the server's endpoint. Fails if the program does, or if the server does not stop cleanly on SIGTERM."""
 import argparse

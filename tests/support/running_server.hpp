@@ -5,35 +5,17 @@
 #include <unistd.h>
 
 #include <cstdint>
-#include <filesystem>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "client/include/shearbus/client.hpp"
 #include "server/server.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace shearbus::support {
 
-// A directory of this test's own, short enough for the path of a socket.
-class ScratchDirectory {
- public:
-  ScratchDirectory() {
-    char name[] = "/tmp/shearbus-test-XXXXXX";
-    if (::mkdtemp(name) == nullptr) throw std::runtime_error("no scratch directory");
-    path_ = name;
-  }
-  ScratchDirectory(const ScratchDirectory&) = delete;
-  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
-  ~ScratchDirectory() { std::filesystem::remove_all(path_); }
-
-  const std::filesystem::path& path() const { return path_; }
-  std::string ipc(const std::string& name = "bus") const { return "ipc://" + (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
-};
+using ScratchDirectory = test::Scratch;
 
 class RunningServer {
  public:

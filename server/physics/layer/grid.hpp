@@ -1,7 +1,6 @@
 // The grid across the shear layer, z = 0 at the interface.
 #pragma once
 
-#include <string>
 #include <vector>
 
 namespace shearbus::physics {
@@ -14,10 +13,6 @@ struct GridOptions {
   double grading = 1.0;  // ratio of neighbouring cells, growing from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
 };
-
-// What is wrong with the options, empty: nothing. Beyond what each option allows by itself: cells and grading together
-// must leave a first cell that is still a length next to the thickness.
-std::string grid_fault(const GridOptions& options);
 
 struct Grid {
   explicit Grid(const GridOptions& options);

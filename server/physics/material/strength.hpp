@@ -12,6 +12,8 @@ inline constexpr double kSqrt3 = 1.7320508075688772;
 inline constexpr double kSofteningReference = 300.0;  // of hT (T - 300)                       [K]
 inline constexpr double kMeltingFactor = 0.001;       // of exp(-0.001 T / (T_melt - T)), Ball et al.
 
+inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on an interface that yields is called melting
+
 // g(P, T) = (1 + gP P - hT (T - 300)) exp(-0.001 T / (T_melt - T)) and its slope dg/dT. Zero where the bracket is not
 // positive and at T_melt and above.
 struct Softening {

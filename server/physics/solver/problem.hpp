@@ -18,8 +18,6 @@ struct Problem {
   double heat_partition;  // beta_T
 };
 
-inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on a flowing interface is called melting
-
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs);

@@ -1,0 +1,132 @@
+#include "hydro_stub/cone_target.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "proto/wire/status.hpp"
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::hydro {
+namespace {
+
+using lagrange::Side;
+using lagrange::Vec2;
+
+[[noreturn]] void refuse(std::string field, std::string text, std::string remedy) {
+  throw wire::Error({.code = wire::Code::kInvalidScene,
+                     .text = std::move(text),
+                     .remedy = std::move(remedy),
+                     .field = std::move(field)});
+}
+
+physics::Material resolve(const wire::Body& body, const std::string& table) {
+  physics::MaterialResult result = physics::make_material(body.material, body.given);
+  if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
+  return result.material;
+}
+
+lagrange::BodyMaterial body_material(const physics::Material& metal, const wire::MieGrueneisen& eos,
+                                     double temperature) {
+  lagrange::MieGrueneisen m = {.density = metal.density,
+                               .sound_speed = eos.sound_speed_m_per_s,
+                               .s1 = eos.hugoniot_slope,
+                               .gamma0 = eos.grueneisen_coefficient,
+                               .specific_heat = metal.specific_heat,
+                               .reference_temperature = temperature};
+  if (eos.tension_limit_pa) m.tension_limit = *eos.tension_limit_pa;
+  return {.eos = lagrange::Eos(m), .strength = metal};
+}
+
+}  // namespace
+
+ConeTarget make_cone_target(const wire::Scene& scene) {
+  ConeTarget problem{.scene = *scene.hydro->cone_target,
+                     .end_time = scene.hydro->end_time_s,
+                     .soft = resolve(scene.soft, "soft"),
+                     .hard = resolve(scene.hard, "hard")};
+  const wire::ConeTarget& cone = problem.scene;
+  const double widest = std::max(cone.front_radius_m, cone.back_radius_m);
+  if (!(widest < cone.confinement_radius_m)) {
+    refuse("hydro.cone_target.confinement_radius_m",
+           fmt::format("the confinement's radius {} m does not contain the cone's {} m", cone.confinement_radius_m,
+                       widest),
+           "make the confinement wider or the cone narrower");
+  }
+  const double thinnest = std::min({cone.length_m, cone.front_radius_m, cone.back_radius_m, cone.flyer_thickness_m,
+                                    cone.confinement_radius_m - widest});
+  if (!(cone.zone_width_m <= 0.5 * thinnest)) {
+    refuse("hydro.cone_target.zone_width_m",
+           fmt::format("zones of {} m do not go twice into the thinnest part, {} m", cone.zone_width_m, thinnest),
+           "lower zone_width_m");
+  }
+  constexpr double kMostZones = 5e6;
+  const double zones =
+      cone.confinement_radius_m * (cone.length_m + cone.flyer_thickness_m) / (cone.zone_width_m * cone.zone_width_m);
+  if (zones > kMostZones) {
+    refuse("hydro.cone_target.zone_width_m",
+           fmt::format("about {:.3g} zones, at most {:g} are allowed", zones, kMostZones), "raise zone_width_m");
+  }
+  return problem;
+}
+
+lagrange::Bodies make_bodies(const ConeTarget& problem) {
+  const wire::ConeTarget& cone = problem.scene;
+  const auto zones = [&](double length) {
+    return std::max(2, static_cast<int>(std::lround(length / cone.zone_width_m)));
+  };
+  const auto flank = [&](double z) {
+    return cone.front_radius_m + (cone.back_radius_m - cone.front_radius_m) * z / cone.length_m;
+  };
+  lagrange::Mesh mesh(lagrange::Symmetry::kAxisymmetric);
+  const int along = zones(cone.length_m);
+  const int across = zones(0.5 * (cone.front_radius_m + cone.back_radius_m));
+  const int outside = zones(cone.confinement_radius_m - 0.5 * (cone.front_radius_m + cone.back_radius_m));
+  mesh.add_block(across, along, [&](int i, int j) {
+    const double z = cone.length_m * j / along;
+    return Vec2{flank(z) * i / across, z};
+  });
+  mesh.add_block(outside, along, [&](int i, int j) {
+    const double z = cone.length_m * j / along;
+    return Vec2{flank(z) + (cone.confinement_radius_m - flank(z)) * i / outside, z};
+  });
+  const int thick = zones(cone.flyer_thickness_m);
+  const int wide = zones(cone.confinement_radius_m);
+  mesh.add_block(wide, thick, [&](int i, int j) {
+    return Vec2{cone.confinement_radius_m * i / wide, cone.flyer_thickness_m * (static_cast<double>(j) / thick - 1.0)};
+  });
+
+  lagrange::Bodies bodies(std::move(mesh));
+  const lagrange::Block target_cone = bodies.mesh.blocks()[ConeTarget::kCone];
+  const lagrange::Block confinement = bodies.mesh.blocks()[ConeTarget::kConfinement];
+  const lagrange::Block flyer = bodies.mesh.blocks()[ConeTarget::kFlyer];
+  const auto fill = [&](const lagrange::Block& block, const physics::Material& metal, double speed) {
+    std::fill_n(bodies.density.begin() + block.first_zone, block.num_zones(), metal.density);
+    std::fill_n(bodies.velocity.begin() + block.first_node, block.num_nodes(), Vec2{0.0, speed});
+  };
+  constexpr double kRoomTemperature = 300.0;
+  bodies.materials = {body_material(problem.soft, cone.soft_eos, kRoomTemperature),
+                      body_material(problem.hard, cone.hard_eos, kRoomTemperature),
+                      body_material(problem.hard, cone.hard_eos, kRoomTemperature)};
+  fill(target_cone, problem.soft, 0.0);
+  fill(confinement, problem.hard, 0.0);
+  fill(flyer, problem.hard, cone.flyer_speed_m_per_s);
+  bodies.walls = {{target_cone.side(Side::kLeft), {1.0, 0.0}, 0.0}, {flyer.side(Side::kLeft), {1.0, 0.0}, 0.0}};
+  bodies.slide_lines = {
+      {surface(target_cone, Side::kRight), surface(confinement, Side::kLeft), true},
+      {surface(target_cone, Side::kBottom), surface(flyer, Side::kTop), false},
+      {surface(confinement, Side::kBottom), surface(flyer, Side::kTop), false},
+  };
+  bodies.contact.soft_share = physics::heat_partition(problem.soft, problem.hard);
+  bodies.time_step.cfl = cone.courant;
+  return bodies;
+}
+
+std::size_t interface_nodes(const lagrange::Bodies& bodies) {
+  return bodies.slide_lines.front().soft.nodes.size();
+}
+
+}  // namespace shearbus::hydro

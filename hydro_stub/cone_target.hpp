@@ -1,0 +1,43 @@
+// The problem `cone_target` of a scene: a light cone in a heavy confinement, struck by a flyer (the dynamic friction
+// experiment of DLP section 2, Fig. 6). Axisymmetric, z along the axis:
+//
+//      z
+//      |___________ back radius, free surface
+//      |          \ |               |
+//      |   cone    \|  confinement  |     the cone's flank slides along the confinement: the interface
+//      |____________\_______________|     front radius, z = 0
+//      |                            |
+//      |           flyer    ^       |
+//      |____________________|_______|
+#pragma once
+
+#include <cstddef>
+
+#include "hydro_stub/lagrange/cycle.hpp"
+#include "proto/wire/scene.hpp"
+#include "server/physics/material/material.hpp"
+
+namespace shearbus::hydro {
+
+struct ConeTarget {
+  wire::ConeTarget scene;
+  double end_time = 0.0;  // [s]
+  physics::Material soft;
+  physics::Material hard;
+
+  // Blocks of the mesh.
+  static constexpr int kCone = 0;
+  static constexpr int kConfinement = 1;
+  static constexpr int kFlyer = 2;
+};
+
+// Throws wire::Error{kInvalidScene} that names the field at fault.
+ConeTarget make_cone_target(const wire::Scene& scene);
+
+// Mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
+lagrange::Bodies make_bodies(const ConeTarget& problem);
+
+// Interface nodes: from the struck end to the free surface.
+std::size_t interface_nodes(const lagrange::Bodies& bodies);
+
+}  // namespace shearbus::hydro

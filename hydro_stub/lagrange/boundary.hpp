@@ -1,0 +1,51 @@
+// What acts on the outside of a body: walls that guide or push nodes, and given pressures.
+#pragma once
+
+#include <vector>
+
+#include "hydro_stub/lagrange/mesh.hpp"
+
+namespace shearbus::lagrange {
+
+// Nodes that move along a plane: v . normal = speed. Speed 0 is a plane of symmetry, otherwise a piston. Walls that
+// share nodes must be at right angles.
+struct Wall {
+  std::vector<int> nodes;
+  Vec2 normal;         // of length 1
+  double speed = 0.0;  // along the normal  [m/s]
+};
+
+// A given pressure on a polyline of boundary nodes, the body on its left.
+struct PressureLoad {
+  std::vector<int> nodes;
+  double pressure = 0.0;  // [Pa]
+};
+
+// What a boundary gave the mesh since the start.
+struct Given {
+  Vec2 impulse;       // [kg m/s per metre of depth, or per radian]
+  double work = 0.0;  // [J per metre of depth, or per radian]
+};
+
+// The load's force on each of its nodes.
+std::vector<Vec2> pressure_forces(const Mesh& mesh, const PressureLoad& load, const std::vector<Vec2>& position);
+
+// The part of a vector of a node that its walls leave free.
+class Guides {
+ public:
+  Guides(int num_nodes, const std::vector<Wall>& walls);
+  Vec2 free_part(int node, Vec2 v) const {
+    const Normals& n = normals_[node];
+    v -= dot(v, n.first) * n.first;
+    v -= dot(v, n.second) * n.second;
+    return v;
+  }
+
+ private:
+  struct Normals {
+    Vec2 first, second;  // zero: none
+  };
+  std::vector<Normals> normals_;
+};
+
+}  // namespace shearbus::lagrange

@@ -1,0 +1,168 @@
+#include "hydro_stub/lagrange/contact.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace shearbus::lagrange {
+namespace {
+
+// A node that the hard surface covers less than this does not rub: stresses over so small an area mean nothing.
+constexpr double kLeastCovered = 0.05;
+// Pressures below this come from rounding and the foot of a smeared shock: the law is told that the node is open.
+constexpr double kLeastPressure = 1e4;  // [Pa]
+
+}  // namespace
+
+Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes)
+    : weights_(symmetry, std::move(lines)),
+      options_(options),
+      inputs_(weights_.rubbing()),
+      answer_(weights_.rubbing()),
+      pressing_(weights_.size(), 0.0),
+      impulse_(num_nodes) {}
+
+void Contact::apply(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
+                    std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new) {
+  weights_.find(middle_position);
+  std::ranges::fill(impulse_, Vec2{});
+  std::ranges::fill(pressing_, 0.0);
+  press(guides, state, dt, velocity_new);
+  ask_law(state, dt, step, law, velocity_new);
+  rub(guides, state, dt, velocity_new);
+  press(guides, state, dt, velocity_new);
+}
+
+double Contact::opening_rate(int i, const std::vector<Vec2>& velocity) const {
+  double rate = 0.0;
+  for (const PushWeight& w : weights_.push(i)) rate += dot(w.weight, velocity[w.node]);
+  return rate;
+}
+
+double Contact::jump(int i, const std::vector<Vec2>& velocity) const {
+  Vec2 hard;
+  for (const RubWeight& w : weights_.rub(i)) hard += w.weight * velocity[w.node];
+  return dot(velocity[weights_.node(i)] - (1.0 / weights_.area(i)) * hard, weights_.tangent(i));
+}
+
+void Contact::give(int node, Vec2 impulse, const Guides& guides, const State& state, std::vector<Vec2>& velocity) {
+  impulse_[node] += impulse;
+  velocity[node] += (1.0 / state.node_mass[node]) * guides.free_part(node, impulse);
+}
+
+// Projected Gauss-Seidel, forward and back. The matrix is that of one-dimensional mass matrices, so each sweep takes
+// off a fixed share of the error.
+void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
+  constexpr int kMostSweeps = 400;
+  constexpr double kTolerance = 1e-13;
+  const int size = weights_.size();
+  std::vector<double> compliance(size, 0.0), least_rate(size, 0.0);
+  for (int i = 0; i < size; ++i) {
+    if (!weights_.faces(i)) continue;
+    for (const PushWeight& w : weights_.push(i)) {
+      compliance[i] += dot(w.weight, guides.free_part(w.node, w.weight)) / state.node_mass[w.node];
+    }
+    const double gap = weights_.gap(i);
+    least_rate[i] = -(gap > 0.0 ? options_.approach : options_.push_out) * gap / dt * weights_.area(i);
+  }
+  const auto relax = [&](int i) {
+    if (!(compliance[i] > 0.0)) return 0.0;
+    const double missing = least_rate[i] - opening_rate(i, velocity);
+    const double next = std::max(0.0, pressing_[i] + missing / compliance[i]);
+    const double change = next - pressing_[i];
+    if (change == 0.0) return 0.0;
+    pressing_[i] = next;
+    for (const PushWeight& w : weights_.push(i)) give(w.node, change * w.weight, guides, state, velocity);
+    return std::abs(change);
+  };
+  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+    double largest = 0.0;
+    for (int i = 0; i < size; ++i) largest = std::max(largest, relax(i));
+    for (int i = size - 1; i >= 0; --i) largest = std::max(largest, relax(i));
+    const double scale = size > 0 ? *std::ranges::max_element(pressing_) : 0.0;
+    if (largest <= kTolerance * scale) return;
+  }
+}
+
+// 1/m of the hard side sums what all interface nodes together would move it, as if their stresses were equal: the true
+// coupling of neighbours is never stronger, so sticking converges without ringing.
+void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
+                      const std::vector<Vec2>& velocity) {
+  const int size = weights_.rubbing();
+  std::vector<double> hard_area(state.node_mass.size(), 0.0);
+  for (int i = 0; i < size; ++i) {
+    for (const RubWeight& w : weights_.rub(i)) hard_area[w.node] += w.weight;
+  }
+  inputs_.step = step;
+  inputs_.time = state.time + dt;
+  inputs_.dt = dt;
+  inputs_.zone_temperature.assign(size, 0.0);
+  inputs_.zone_plastic_strain.assign(size, 0.0);
+  for (int i = 0; i < size; ++i) {
+    inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_minus[i] = inputs_.stress_plus[i] = 0.0;
+    inputs_.mass_minus[i] = inputs_.mass_plus[i] = 1.0;  // where no hard surface is near, nothing depends on them
+    for (const int zone : weights_.zones_at(i)) {
+      inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
+      inputs_.zone_plastic_strain[i] += 0.5 * state.plastic_strain[zone];
+    }
+    if (!weights_.faces(i) || weights_.covered(i) < kLeastCovered) continue;
+    const int node = weights_.node(i);
+    const double area = weights_.area(i);
+    const double old_jump = jump(i, state.velocity);
+    const Vec2 t = weights_.tangent(i);
+    double hard_compliance = 0.0;  // 1/m_plus
+    double hard_change = 0.0;
+    for (const RubWeight& w : weights_.rub(i)) {
+      hard_compliance += w.weight * hard_area[w.node] / (state.node_mass[w.node] * area);
+      hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
+    }
+    inputs_.velocity_jump[i] = old_jump;
+    // The mean over the node's area, which evens out what unlike meshes make of the p_i.
+    for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
+    if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
+    inputs_.mass_minus[i] = state.node_mass[node] / area;
+    inputs_.mass_plus[i] = 1.0 / hard_compliance;
+    inputs_.stress_minus[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_minus[i] / dt;
+    inputs_.stress_plus[i] = -hard_change * inputs_.mass_plus[i] / dt;
+  }
+  std::ranges::fill(answer_.shear_stress, 0.0);
+  if (law == nullptr || size == 0) return;
+  law->advance(inputs_, answer_);
+  for (int i = 0; i < size; ++i) {
+    if (std::isfinite(answer_.shear_stress[i])) continue;
+    throw std::runtime_error(fmt::format("the interface law answered shear stress {} Pa for node {} in step {}",
+                                         answer_.shear_stress[i], i, step));
+  }
+}
+
+void Contact::rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
+  for (int i = 0; i < weights_.rubbing(); ++i) {
+    if (!weights_.faces(i) || answer_.shear_stress[i] == 0.0) continue;
+    const Vec2 pull = (answer_.shear_stress[i] * dt) * weights_.tangent(i);
+    for (const RubWeight& w : weights_.rub(i)) {
+      give(w.node, w.weight * pull, guides, state, velocity);
+      give(weights_.node(i), -w.weight * pull, guides, state, velocity);
+    }
+  }
+}
+
+void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
+                           std::vector<double>& energy) {
+  for (int i = 0; i < weights_.size(); ++i) {
+    if (!weights_.faces(i)) continue;
+    const double closing = -pressing_[i] * opening_rate(i, velocity_mean);
+    const double friction =
+        i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
+    closing_heat_ += closing;
+    friction_heat_ += friction;
+    const double soft = 0.5 * closing + options_.soft_share * friction;
+    const double hard = 0.5 * closing + (1.0 - options_.soft_share) * friction;
+    for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];
+    for (const ZoneShare& z : weights_.hard_zones(i)) energy[z.zone] += z.share * hard / mass[z.zone];
+  }
+}
+
+}  // namespace shearbus::lagrange

@@ -1,0 +1,70 @@
+// Bodies that press and rub on each other: impulses on slide lines through the nodes' masses.
+//
+//   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening one (a
+//      linear complementarity problem, by projected Gauss-Seidel)
+//   2. tangential: for every interface node the far-field stresses, masses and jump of DLP (58)-(61); the interface law
+//      answers a shear stress
+//   3. normal again, with the shear impulses known
+//
+// All impulses are equal and opposite between the bodies to rounding. The work that a node's impulses take from the
+// motion becomes heat of the adjoining zones: friction in the shares of the two bodies' effusivities (DLP 19), what is
+// lost when a gap closes by halves.
+#pragma once
+
+#include <vector>
+
+#include "hydro_stub/interface_law.hpp"
+#include "hydro_stub/lagrange/boundary.hpp"
+#include "hydro_stub/lagrange/slide_line.hpp"
+#include "hydro_stub/lagrange/state.hpp"
+
+namespace shearbus::lagrange {
+
+struct ContactOptions {
+  double soft_share = 0.5;  // of friction heat, to the soft body
+  // Of the gap that is made up in a step, to keep surfaces together that curve under each other (Baumgarte, Comput.
+  // Methods Appl. Mech. Eng. 1 (1972) 1).
+  double push_out = 0.2;  // bodies that overlap
+  double approach = 0.5;  // bodies that would touch within the step
+};
+
+class Contact {
+ public:
+  Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes);
+
+  // Adds the step's impulses to `velocity_new`, which holds velocities after all other forces. `law` null: free slip.
+  void apply(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
+             std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
+
+  // Once the step stands: gives the lost energy to the zones, and books it.
+  void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
+                    std::vector<double>& energy);
+
+  int size() const { return weights_.rubbing(); }  // nodes of the law: the first of the weights'
+  const InterfaceWeights& weights() const { return weights_; }
+  const std::vector<Vec2>& impulse() const { return impulse_; }     // of the step, per mesh node  [kg m/s]
+  const hydro::InterfaceInputs& inputs() const { return inputs_; }  // what the law was asked
+  const hydro::InterfaceAnswer& answer() const { return answer_; }
+  double friction_heat() const { return friction_heat_; }  // since the start  [J]
+  double closing_heat() const { return closing_heat_; }
+
+ private:
+  void press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
+  void ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
+               const std::vector<Vec2>& velocity);
+  void rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
+  double opening_rate(int i, const std::vector<Vec2>& velocity) const;
+  double jump(int i, const std::vector<Vec2>& velocity) const;
+  void give(int node, Vec2 impulse, const Guides& guides, const State& state, std::vector<Vec2>& velocity);
+
+  InterfaceWeights weights_;
+  ContactOptions options_;
+  hydro::InterfaceInputs inputs_;
+  hydro::InterfaceAnswer answer_;
+  std::vector<double> pressing_;  // p_i dt of the step  [Pa s]
+  std::vector<Vec2> impulse_;
+  double friction_heat_ = 0.0;
+  double closing_heat_ = 0.0;
+};
+
+}  // namespace shearbus::lagrange

@@ -1,0 +1,129 @@
+// A staggered Lagrangian hydrocode in two dimensions: velocities on nodes, everything else in zones, one predictor and
+// one evaluation of forces a step, as in PENNANT and the compatible scheme of Caramana, Burton, Shashkov & Whalen (J.
+// Comput. Phys. 146 (1998) 227). The work of every force is taken from or given to the zone it belongs to, so that
+// total energy changes by what boundaries do, to rounding.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "hydro_stub/interface_law.hpp"
+#include "hydro_stub/lagrange/boundary.hpp"
+#include "hydro_stub/lagrange/contact.hpp"
+#include "hydro_stub/lagrange/eos.hpp"
+#include "hydro_stub/lagrange/geometry.hpp"
+#include "hydro_stub/lagrange/mesh.hpp"
+#include "hydro_stub/lagrange/state.hpp"
+#include "hydro_stub/lagrange/time_step.hpp"
+#include "hydro_stub/lagrange/viscosity.hpp"
+#include "server/physics/material/material.hpp"
+
+namespace shearbus::lagrange {
+
+struct BodyMaterial {
+  Eos eos;
+  std::optional<physics::Material> strength;  // absent: a fluid
+};
+
+struct Bodies {
+  explicit Bodies(Mesh blocks)
+      : mesh(std::move(blocks)), velocity(mesh.num_nodes()), density(mesh.num_zones()), energy(mesh.num_zones()) {}
+
+  Mesh mesh;
+  std::vector<BodyMaterial> materials;  // one per block
+  std::vector<Vec2> velocity;           // per node  [m/s]
+  std::vector<double> density;          // per zone  [kg/m3]
+  std::vector<double> energy;           // per zone  [J/kg]
+  std::vector<Wall> walls;
+  std::vector<PressureLoad> loads;
+  std::vector<SlideLine> slide_lines;
+  ContactOptions contact;
+  ViscosityOptions viscosity;
+  double hourglass = 0.1;
+  TimeStepOptions time_step;
+};
+
+// Sums over all bodies. What boundaries gave is since the start.
+struct Ledger {
+  Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
+  double kinetic = 0.0;        // [J]
+  double internal = 0.0;       // [J]
+  Vec2 impulse_given;          // by walls and loads  [kg m/s]
+  double work_given = 0.0;     // by walls and loads  [J]
+  double friction_heat = 0.0;  // part of the internal energy that came from rubbing on slide lines  [J]
+  double closing_heat = 0.0;   // and from closing them  [J]
+  double total_energy() const { return kinetic + internal; }
+};
+
+class Cycle {
+ public:
+  // `law` acts on all slide lines and must outlive the cycle; none: free slip. Throws std::invalid_argument where the
+  // bodies make no sense.
+  explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
+
+  // One step, not beyond `end_time`. A step that turned out too long (a zone turned inside out or changed its volume by
+  // more than twice the limit) is taken back and repeated with a quarter of its length; std::runtime_error names the
+  // zone when that does not help.
+  void advance(double end_time);
+  void run_to(double end_time);
+
+  const Mesh& mesh() const { return bodies_.mesh; }
+  const State& state() const { return state_; }
+  const TimeStep& time_step() const { return step_; }  // the last one taken
+  std::uint64_t steps() const { return steps_; }
+  std::uint64_t rejected_steps() const { return rejected_; }
+  const Contact& contact() const { return contact_; }
+  Ledger ledger() const;
+
+ private:
+  bool try_step(double dt);
+  bool go_to_middle(double dt);
+  void find_gradients();
+  void predict_state(double dt);
+  void find_forces();
+  void accelerate(double dt);
+  bool go_to_end(double dt);
+  void do_work(double dt);
+  void advance_stress(double dt);
+  void book_boundaries(double dt);
+  void update_state(const std::vector<double>& volume, const std::vector<double>& energy, std::vector<double>& density,
+                    std::vector<double>& pressure);
+  void find_sound_speed_and_temperature();
+  void choose_step(double end_time);
+
+  Bodies bodies_;
+  State state_;
+  Guides guides_;
+  Contact contact_;
+  hydro::InterfaceLaw* law_;
+  TimeStep step_;
+  TimeStep unshortened_;  // the same before the end time cut it: what the next may grow from
+  std::uint64_t steps_ = 0;
+  std::uint64_t rejected_ = 0;
+  Vec2 impulse_given_;
+  double work_given_ = 0.0;
+
+  // Of the step under way.
+  Geometry middle_;  // at n+1/2
+  std::vector<Vec2> middle_position_;
+  std::vector<double> middle_density_;
+  std::vector<double> middle_energy_;
+  std::vector<double> middle_pressure_;
+  std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // deviators
+  std::vector<double> sound_squared_;
+  std::vector<Vec2> corner_force_;
+  std::vector<Vec2> node_force_;               // of the zones
+  std::vector<std::vector<Vec2>> load_force_;  // of each load
+  std::vector<Vec2> position_new_;
+  std::vector<Vec2> velocity_new_;
+  std::vector<Vec2> velocity_mean_;  // of the step's beginning and end: moves the nodes and does the work
+  std::vector<double> volume_new_;
+  std::vector<Gradient> gradient_;  // at n+1/2 with the velocities of n
+  std::vector<double> viscous_rate_;
+  std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
+  std::vector<double> heating_new_;
+  std::vector<double> dilatation_;  // dV/dt / V of the last step  [1/s]
+};
+
+}  // namespace shearbus::lagrange

@@ -1,0 +1,75 @@
+// Equations of state: pressure, sound speed and temperature from density and specific internal energy.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+namespace shearbus::lagrange {
+
+struct EosPoint {
+  double pressure;             // [Pa]
+  double sound_speed_squared;  // dP/drho at constant e + (P/rho2) dP/de, not negative  [m2/s2]
+};
+
+struct IdealGas {
+  double gamma = 5.0 / 3.0;
+  double specific_heat = 1.0;  // at constant volume; for the temperature only  [J/(kg K)]
+};
+
+// Mie-Grueneisen about the Hugoniot Us = c0 + s1 up + s2 (up/Us) up + s3 (up/Us)^2 up, with rho Gamma = rho0 gamma0 (D.
+// J. Steinberg, LLNL UCRL-MA-106439, with its volume correction of Gamma left out). In tension P = c0^2 (rho - rho0) +
+// gamma0 rho0 e. e = 0 at rho0 and the reference temperature.
+struct MieGrueneisen {
+  double density = 0.0;      // rho0    [kg/m3]
+  double sound_speed = 0.0;  // c0      [m/s]
+  double s1 = 0.0;
+  double s2 = 0.0;
+  double s3 = 0.0;
+  double gamma0 = 0.0;
+  double specific_heat = 0.0;                                      // [J/(kg K)]
+  double reference_temperature = 300.0;                            // [K]
+  double tension_limit = std::numeric_limits<double>::infinity();  // the metal spalls: P never falls below -this  [Pa]
+};
+
+inline EosPoint eos_from_density_energy(const IdealGas& gas, double density, double energy) {
+  const double pressure = (gas.gamma - 1.0) * density * energy;
+  return {pressure, gas.gamma * (gas.gamma - 1.0) * (energy > 0.0 ? energy : 0.0)};
+}
+
+EosPoint eos_from_density_energy(const MieGrueneisen& metal, double density, double energy);
+
+// A material's equation of state, with what it has to tabulate.
+class Eos {
+ public:
+  explicit Eos(const IdealGas& gas);
+  explicit Eos(const MieGrueneisen& metal);
+
+  // Of the zones [first, last).
+  void evaluate(const std::vector<double>& density, const std::vector<double>& energy, int first, int last,
+                std::vector<double>& pressure, std::vector<double>& sound_speed_squared) const;
+
+  EosPoint at(double density, double energy) const;
+
+  // T = T_s(rho) + (e - e_s(rho)) / c_v along the isentrope through the reference state, T_s = T0 exp(gamma0 (1 -
+  // rho0/rho)).
+  double temperature(double density, double energy) const;
+
+  // Half the slope of the shock velocity over the velocity jump: (gamma + 1)/4 of a gas, s1/2 of a metal. The quadratic
+  // viscosity takes it.
+  double half_shock_slope() const;
+
+ private:
+  void tabulate_isentrope();
+  double isentrope_energy(double compression) const;
+
+  bool is_gas_;
+  IdealGas gas_;
+  MieGrueneisen metal_;
+  // Energy and its slope on the reference isentrope, over the compression 1 - rho0/rho.
+  double first_compression_ = 0.0;
+  double compression_step_ = 0.0;
+  std::vector<double> isentrope_energy_;
+  std::vector<double> isentrope_slope_;
+};
+
+}  // namespace shearbus::lagrange

@@ -1,0 +1,151 @@
+#include "hydro_stub/lagrange/slide_line.hpp"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+namespace shearbus::lagrange {
+namespace {
+
+// Adds to the entry of `key`, or makes one.
+template <class Entry, class Value>
+void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
+  const auto found = std::ranges::find(entries, of, key);
+  if (found != entries.end()) {
+    (*found).*value += amount;
+    return;
+  }
+  Entry entry{};
+  entry.*key = of;
+  entry.*value = amount;
+  entries.push_back(entry);
+}
+
+}  // namespace
+
+InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lines)
+    : symmetry_(symmetry), lines_(std::move(lines)) {
+  std::ranges::stable_partition(lines_, [](const SlideLine& line) { return line.rubs; });
+  for (std::size_t l = 0; l < lines_.size(); ++l) {
+    first_.push_back(static_cast<int>(node_.size()));
+    std::vector<int> nodes = lines_[l].soft.nodes;
+    if (nodes.front() == nodes.back()) nodes.pop_back();  // a closed surface
+    node_.insert(node_.end(), nodes.begin(), nodes.end());
+    line_.insert(line_.end(), nodes.size(), static_cast<int>(l));
+    if (lines_[l].rubs) rubbing_ = static_cast<int>(node_.size());
+    const std::vector<int>& zones = lines_[l].soft.zones;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const bool closed = nodes.size() == zones.size();
+      const std::size_t before = i > 0 ? i - 1 : closed ? zones.size() - 1 : 0;
+      zones_at_.push_back({zones[before], zones[std::min(i, zones.size() - 1)]});
+    }
+  }
+  area_.resize(node_.size());
+  whole_area_.resize(node_.size());
+  gap_.resize(node_.size());
+  normal_sum_.resize(node_.size());
+  tangent_.resize(node_.size());
+  push_.resize(node_.size());
+  overlap_.resize(node_.size());
+  rub_.resize(node_.size());
+  soft_zones_.resize(node_.size());
+  hard_zones_.resize(node_.size());
+}
+
+void InterfaceWeights::find(const std::vector<Vec2>& position) {
+  std::ranges::fill(area_, 0.0);
+  std::ranges::fill(whole_area_, 0.0);
+  std::ranges::fill(gap_, 0.0);
+  std::ranges::fill(normal_sum_, Vec2{});
+  for (std::size_t i = 0; i < node_.size(); ++i) {
+    push_[i].clear();
+    overlap_[i].clear();
+    rub_[i].clear();
+    soft_zones_[i].clear();
+    hard_zones_[i].clear();
+  }
+  for (std::size_t line = 0; line < lines_.size(); ++line) {
+    const int soft_segments = static_cast<int>(lines_[line].soft.zones.size());
+    const int hard_segments = static_cast<int>(lines_[line].hard.zones.size());
+    for (int s = 0; s < soft_segments; ++s) {
+      const Vec2 a = position[lines_[line].soft.nodes[s]];
+      const Vec2 b = position[lines_[line].soft.nodes[s + 1]];
+      const bool axisymmetric = symmetry_ == Symmetry::kAxisymmetric;
+      whole_area_[first_[line] + s] += norm(b - a) * (axisymmetric ? (2.0 * a.x + b.x) / 6.0 : 0.5);
+      whole_area_[row_after(line, s)] += norm(b - a) * (axisymmetric ? (a.x + 2.0 * b.x) / 6.0 : 0.5);
+      for (int h = 0; h < hard_segments; ++h) pair_segments(position, line, s, h);
+    }
+  }
+  for (std::size_t i = 0; i < node_.size(); ++i) {
+    if (!(area_[i] > 0.0)) continue;
+    gap_[i] /= area_[i];
+    tangent_[i] = (1.0 / norm(normal_sum_[i])) * left_of(normal_sum_[i]);
+    for (ZoneShare& zone : soft_zones_[i]) zone.share /= area_[i];
+    for (ZoneShare& zone : hard_zones_[i]) zone.share /= area_[i];
+  }
+}
+
+// Interface node at the end of a soft segment; of a closed surface the last is the first.
+int InterfaceWeights::row_after(std::size_t line, int segment) const {
+  const std::vector<int>& nodes = lines_[line].soft.nodes;
+  const int rows = static_cast<int>(nodes.size()) - (nodes.front() == nodes.back() ? 1 : 0);
+  return first_[line] + (segment + 1) % rows;
+}
+
+// What a hard segment p -> q covers of a soft segment a -> b, seen along the soft segment's normal, by two Gauss
+// points: exact for the product of two shape functions and the radius.
+void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::size_t line, int s, int h) {
+  const Surface& soft = lines_[line].soft;
+  const Surface& hard = lines_[line].hard;
+  const std::array<int, 2> soft_nodes = {soft.nodes[s], soft.nodes[s + 1]};
+  const std::array<int, 2> hard_nodes = {hard.nodes[h], hard.nodes[h + 1]};
+  const Vec2 a = position[soft_nodes[0]];
+  const Vec2 ab = position[soft_nodes[1]] - a;
+  const Vec2 p = position[hard_nodes[0]] - a;
+  const Vec2 pq = position[hard_nodes[1]] - position[hard_nodes[0]];
+  const double square = dot(ab, ab);
+  const double reach = square + dot(pq, pq);
+  const Vec2 apart = p + 0.5 * pq - 0.5 * ab;
+  if (dot(apart, apart) > 2.0 * reach || !(dot(ab, pq) < 0.0)) return;
+
+  const double at_p = dot(p, ab) / square;  // along the soft segment, 0 to 1
+  const double at_q = dot(p + pq, ab) / square;
+  const double from = std::max(0.0, at_q);
+  const double to = std::min(1.0, at_p);
+  constexpr double kSliver = 1e-12;
+  if (!(to - from > kSliver)) return;
+
+  const double length = std::sqrt(square);
+  const Vec2 normal = (1.0 / length) * right_of(ab);
+  const double nearest = 0.25 * std::sqrt(reach);
+  constexpr double kGauss = 0.28867513459481287;
+  const std::array<int, 2> row = {first_[line] + s, row_after(line, s)};
+  for (const double side : {-kGauss, kGauss}) {
+    const double xi = from + (0.5 + side) * (to - from);
+    const double eta = (at_p - xi) / (at_p - at_q);
+    const Vec2 on_hard = p + eta * pq;
+    const double gap = dot(normal, on_hard);
+    if (gap < -nearest) continue;  // the far side of a thin body
+    const double radius = symmetry_ == Symmetry::kAxisymmetric ? a.x + xi * ab.x : 1.0;
+    const double weight = 0.5 * (to - from) * length * radius;
+    const std::array<double, 2> shape = {1.0 - xi, xi};
+    const std::array<double, 2> hard_shape = {1.0 - eta, eta};
+    for (int k = 0; k < 2; ++k) {
+      const int i = row[k];
+      const double part = shape[k] * weight;
+      area_[i] += part;
+      gap_[i] += part * gap;
+      normal_sum_[i] += part * normal;
+      add(soft_zones_[i], &ZoneShare::zone, &ZoneShare::share, soft.zones[s], part);
+      add(hard_zones_[i], &ZoneShare::zone, &ZoneShare::share, hard.zones[h], part);
+      for (int m = 0; m < 2; ++m) {
+        add(push_[i], &PushWeight::node, &PushWeight::weight, soft_nodes[m], (-part * shape[m]) * normal);
+        add(push_[i], &PushWeight::node, &PushWeight::weight, hard_nodes[m], (part * hard_shape[m]) * normal);
+        add(overlap_[i], &RowWeight::row, &RowWeight::weight, row[m], part * shape[m]);
+        add(rub_[i], &RubWeight::node, &RubWeight::weight, hard_nodes[m], part * hard_shape[m]);
+      }
+    }
+  }
+}
+
+}  // namespace shearbus::lagrange

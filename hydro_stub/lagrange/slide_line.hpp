@@ -1,0 +1,104 @@
+// Where two bodies face each other, and with which weights they can push and rub.
+//
+// A slide line has a soft and a hard surface whose nodes need not match. The soft nodes are the interface nodes: each
+// carries a pressure and a shear stress. Pressure is linear between them, p = sum N_i p_i along the soft surface, and
+// acts on both bodies through integrals over the part of it that the hard surface covers (segment to segment, as in
+// mortar methods: Puso & Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601), n out of the soft body:
+//
+//     on soft node j:  -p_i integral N_i N_j n r dl        on hard node j:  +p_i integral N_i N_j^hard n r dl
+//
+// Both shape functions sum to 1 at every point, so the two sides' forces cancel exactly, for any mesh, and a uniform
+// pressure meets exactly the nodal forces of uniformly stressed bodies (patch test). The same weights measure how fast
+// the gap of node i opens. The shear stress of node i acts along its tangent t_i over its area A_i = integral N_i r dl
+// on the node itself, and with the weights integral N_i N_j^hard r dl on the hard nodes.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "hydro_stub/lagrange/mesh.hpp"
+
+namespace shearbus::lagrange {
+
+// A side of a body, walked with the body on the left; zones[s] lies inside segment s.
+struct Surface {
+  std::vector<int> nodes;
+  std::vector<int> zones;
+};
+inline Surface surface(const Block& block, Side side) {
+  return {block.side(side), block.side_zones(side)};
+}
+
+struct SlideLine {
+  Surface soft;
+  Surface hard;
+  bool rubs = true;  // false: free slip, whatever the interface law
+};
+
+struct PushWeight {
+  int node;
+  Vec2 weight;  // of the pressure's force on the node  [m2]
+};
+struct RowWeight {
+  int row;        // another interface node of the line
+  double weight;  // integral N_i N_row r dl  [m2]
+};
+struct RubWeight {
+  int node;
+  double weight;  // of the shear stress's force on a hard node  [m2]
+};
+struct ZoneShare {
+  int zone;
+  double share;  // of what is dissipated at the node; sums to 1 on each side
+};
+
+// The weights of every interface node of all slide lines, found anew for each place of the nodes.
+class InterfaceWeights {
+ public:
+  InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lines);
+
+  void find(const std::vector<Vec2>& position);
+
+  // Interface nodes: those of the lines that rub, in the order of the lines, then the others.
+  int size() const { return static_cast<int>(node_.size()); }
+  int rubbing() const { return rubbing_; }
+  int node(int i) const { return node_[i]; }  // the soft node
+  int line(int i) const { return line_[i]; }
+  // The soft zones at the node, one or two; at an end of the surface twice the same.
+  std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
+  bool faces(int i) const { return area_[i] > 0.0; }                 // there is a hard surface near
+  double area(int i) const { return area_[i]; }                      // A_i  [m2]
+  double covered(int i) const { return area_[i] / whole_area_[i]; }  // the hard surface's share of the node's own area
+  double gap(int i) const { return gap_[i]; }        // mean over A_i, negative where the bodies overlap  [m]
+  Vec2 tangent(int i) const { return tangent_[i]; }  // along the soft surface as it is walked
+  std::span<const PushWeight> push(int i) const { return push_[i]; }
+  std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }
+  std::span<const RubWeight> rub(int i) const { return rub_[i]; }
+  std::span<const ZoneShare> soft_zones(int i) const { return soft_zones_[i]; }
+  std::span<const ZoneShare> hard_zones(int i) const { return hard_zones_[i]; }
+
+ private:
+  int row_after(std::size_t line, int segment) const;
+  void pair_segments(const std::vector<Vec2>& position, std::size_t line, int soft_segment, int hard_segment);
+
+  Symmetry symmetry_;
+  std::vector<SlideLine> lines_;
+  int rubbing_ = 0;
+  std::vector<int> first_;  // interface node of each line's first soft node
+  std::vector<int> node_;
+  std::vector<int> line_;
+  std::vector<std::array<int, 2>> zones_at_;
+  std::vector<double> area_;
+  std::vector<double> whole_area_;  // integral N_i r dl over all of the soft surface
+  std::vector<double> gap_;
+  std::vector<Vec2> normal_sum_;
+  std::vector<Vec2> tangent_;
+  std::vector<std::vector<PushWeight>> push_;
+  std::vector<std::vector<RowWeight>> overlap_;
+  std::vector<std::vector<RubWeight>> rub_;
+  std::vector<std::vector<ZoneShare>> soft_zones_;
+  std::vector<std::vector<ZoneShare>> hard_zones_;
+};
+
+}  // namespace shearbus::lagrange

@@ -1,0 +1,47 @@
+// What the bodies are at one time: arrays over nodes and zones.
+#pragma once
+
+#include <vector>
+
+#include "hydro_stub/lagrange/vec2.hpp"
+
+namespace shearbus::lagrange {
+
+// Masses, volumes and energies are per metre of depth (plane) or per radian (axisymmetric).
+struct State {
+  State(int nodes, int zones)
+      : position(nodes),
+        velocity(nodes),
+        node_mass(nodes),
+        mass(zones),
+        volume(zones),
+        density(zones),
+        energy(zones),
+        pressure(zones),
+        sound_speed(zones),
+        temperature(zones),
+        deviator_xx(zones),
+        deviator_yy(zones),
+        deviator_xy(zones),
+        plastic_strain(zones) {}
+
+  double time = 0.0;  // [s]
+  // nodes
+  std::vector<Vec2> position;     // [m]
+  std::vector<Vec2> velocity;     // [m/s]
+  std::vector<double> node_mass;  // [kg]
+  // zones
+  std::vector<double> mass;         // [kg]
+  std::vector<double> volume;       // [m3]
+  std::vector<double> density;      // [kg/m3]
+  std::vector<double> energy;       // internal, specific; elastic shear energy included  [J/kg]
+  std::vector<double> pressure;     // compression positive  [Pa]
+  std::vector<double> sound_speed;  // of longitudinal waves  [m/s]
+  std::vector<double> temperature;  // [K]
+  std::vector<double> deviator_xx;  // [Pa]
+  std::vector<double> deviator_yy;
+  std::vector<double> deviator_xy;
+  std::vector<double> plastic_strain;  // equivalent
+};
+
+}  // namespace shearbus::lagrange

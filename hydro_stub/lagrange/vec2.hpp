@@ -1,0 +1,50 @@
+// A vector of the plane. In plane symmetry (x, y); in axisymmetry x is the radius r and y the axis z.
+#pragma once
+
+#include <cmath>
+
+namespace shearbus::lagrange {
+
+struct Vec2 {
+  double x = 0.0;
+  double y = 0.0;
+
+  Vec2& operator+=(Vec2 o) {
+    x += o.x;
+    y += o.y;
+    return *this;
+  }
+  Vec2& operator-=(Vec2 o) {
+    x -= o.x;
+    y -= o.y;
+    return *this;
+  }
+};
+
+inline Vec2 operator+(Vec2 a, Vec2 b) {
+  return {a.x + b.x, a.y + b.y};
+}
+inline Vec2 operator-(Vec2 a, Vec2 b) {
+  return {a.x - b.x, a.y - b.y};
+}
+inline Vec2 operator*(double s, Vec2 a) {
+  return {s * a.x, s * a.y};
+}
+inline double dot(Vec2 a, Vec2 b) {
+  return a.x * b.x + a.y * b.y;
+}
+inline double cross(Vec2 a, Vec2 b) {
+  return a.x * b.y - a.y * b.x;
+}
+inline double norm(Vec2 a) {
+  return std::sqrt(dot(a, a));
+}
+// Turned by a quarter: counter-clockwise, clockwise.
+inline Vec2 left_of(Vec2 a) {
+  return {-a.y, a.x};
+}
+inline Vec2 right_of(Vec2 a) {
+  return {a.y, -a.x};
+}
+
+}  // namespace shearbus::lagrange

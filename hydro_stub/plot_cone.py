@@ -1,0 +1,125 @@
+#!/usr/bin/env python3
+"""Pictures of one or more runs of cone_target, side by side: shape and temperature at the end, space-time maps along the interface
+(friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22), and the cone's free-surface velocity.
+
+    plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
+"""
+import argparse
+import pathlib
+import sys
+
+import h5py
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+from matplotlib.collections import PolyCollection  # noqa: E402
+from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
+
+LAWS = {"subgrid": "subgrid service", "coulomb_tresca": "law (5)", "free_slip": "free slip", "stick": "stick"}
+REGIMES = ["open", "stick", "Coulomb", "Tresca", "melting"]
+REGIME_COLOURS = ["#f2f2f2", "#3b6fb6", "#8cc084", "#e0a030", "#b5302a"]
+
+
+class Run:
+    def __init__(self, directory):
+        self.directory = pathlib.Path(directory)
+        with h5py.File(self.directory / "interface.h5") as f:
+            law = f["meta"].attrs["interface_law"]
+            self.law = law.decode() if isinstance(law, bytes) else str(law)
+            self.time = f["time"][:] * 1e6
+            self.height = f["height"][:] * 1e3
+            self.maps = {name: f[name][:] for name in ("regime", "interface_temperature", "sliding_velocity", "shear_stress", "pressure")}
+        with h5py.File(self.directory / "free_surface.h5") as f:
+            self.surface_time = f["time"][:] * 1e6
+            self.surface_velocity = f["axial_velocity"][:]
+        with h5py.File(self.directory / "fields.h5") as f:
+            last = f["frame"][sorted(f["frame"])[-1]]
+            self.quads = f["quads"][:]
+            self.end = f["time"][-1] * 1e6
+            self.place = last["place"][:, :2] * 1e3
+            self.temperature = last["temperature"][:]
+
+    @property
+    def label(self):
+        return LAWS.get(self.law, self.law)
+
+
+def shapes(runs, out):
+    figure, axes = plt.subplots(1, len(runs), figsize=(4.6 * len(runs), 6.2), squeeze=False, sharey=True, layout="constrained")
+    top = max(np.percentile(run.temperature, 99.7) for run in runs)
+    for axis, run in zip(axes[0], runs):
+        zones = PolyCollection(run.place[run.quads], array=run.temperature, cmap="inferno", edgecolor="face", linewidth=0.1)
+        zones.set_clim(300.0, top)
+        axis.add_collection(zones)
+        axis.autoscale()
+        axis.set_aspect("equal")
+        axis.set_title(f"{run.label}, {run.end:.1f} µs")
+        axis.set_xlabel("r (mm)")
+    axes[0][0].set_ylabel("z (mm)")
+    figure.colorbar(zones, ax=axes[0].tolist(), label="temperature of the zones (K)", shrink=0.8, extend="max")
+    figure.savefig(out / "cone_temperature.png", dpi=130)
+
+
+def space_time(runs, out, name, label, scale=1.0, limits=None, cmap="viridis"):
+    figure, axes = plt.subplots(1, len(runs), figsize=(5.2 * len(runs), 4.6), squeeze=False, sharey=True, layout="constrained")
+    for axis, run in zip(axes[0], runs):
+        nodes = run.height[0]  # moving with the metal: each node keeps its line
+        values = run.maps[name] * scale
+        if name == "regime":
+            image = axis.pcolormesh(run.time, nodes, values.T, cmap=ListedColormap(REGIME_COLOURS),
+                                    norm=BoundaryNorm(np.arange(-0.5, 5), 5), shading="nearest", rasterized=True)
+        else:
+            values = np.ma.masked_where(run.maps["regime"] == 0, values)
+            image = axis.pcolormesh(run.time, nodes, values.T, cmap=cmap, vmin=limits[0], vmax=limits[1], shading="nearest", rasterized=True)
+            axis.set_facecolor("#f2f2f2")  # open
+        axis.set_title(run.label)
+        axis.set_xlabel("time (µs)")
+    axes[0][0].set_ylabel("z of the interface node at the start (mm)")
+    bar = figure.colorbar(image, ax=axes[0].tolist(), label=label)
+    if name == "regime":
+        bar.set_ticks(range(5), labels=REGIMES)
+    figure.savefig(out / f"cone_{name}.png", dpi=130)
+
+
+def span(runs, name, scale, percentile=99.5):
+    closed = np.concatenate([(run.maps[name] * scale)[run.maps["regime"] > 0] for run in runs])
+    return (0.0, 1.0) if closed.size == 0 else (min(0.0, np.percentile(closed, 0.5)), np.percentile(closed, percentile))
+
+
+def free_surface(runs, out):
+    figure, axis = plt.subplots(figsize=(7.5, 4.6), layout="constrained")
+    for run in runs:
+        line, = axis.plot(run.surface_time, run.surface_velocity[:, 0], label=f"{run.label}, on the axis")
+        middle = run.surface_velocity.shape[1] // 2
+        axis.plot(run.surface_time, run.surface_velocity[:, middle], "--", color=line.get_color(), linewidth=0.9, label=f"{run.label}, half radius")
+    axis.set_xlabel("time (µs)")
+    axis.set_ylabel("velocity of the cone's free surface (m/s)")
+    axis.legend(fontsize=8)
+    axis.grid(alpha=0.3)
+    figure.savefig(out / "cone_free_surface.png", dpi=130)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="+", type=pathlib.Path)
+    parser.add_argument("--out", type=pathlib.Path, required=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    runs = [Run(directory) for directory in options.runs]
+    shapes(runs, options.out)
+    space_time(runs, options.out, "regime", "friction regime")
+    space_time(runs, options.out, "interface_temperature", "interface temperature (K)",
+               limits=(300.0, max(350.0, span(runs, "interface_temperature", 1.0)[1])), cmap="inferno")
+    space_time(runs, options.out, "sliding_velocity", "sliding velocity (m/s)", limits=span(runs, "sliding_velocity", 1.0))
+    space_time(runs, options.out, "shear_stress", "shear stress (MPa)", 1e-6, limits=span(runs, "shear_stress", 1e-6))
+    space_time(runs, options.out, "pressure", "pressure (GPa)", 1e-9, limits=span(runs, "pressure", 1e-9))
+    free_surface(runs, options.out)
+    for picture in sorted(options.out.glob("cone_*.png")):
+        print(f"  picture                 {picture}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,43 @@
+#include "hydro_stub/simple_laws.hpp"
+
+namespace shearbus::hydro {
+namespace {
+
+// Without friction nothing heats the interface: its temperature is the zone's, or unknown to this law and left at 300
+// K.
+constexpr double kRoomTemperature = 300.0;
+
+void answer_without_heat(const InterfaceInputs& inputs, std::size_t i, double stress, InterfaceAnswer& answer) {
+  const FreeJump free = free_jump(inputs, i);
+  answer.shear_stress[i] = stress;
+  answer.velocity_jump_new[i] = free.jump - stress * free.compliance;
+  answer.sliding_velocity[i] = 0.5 * (inputs.velocity_jump[i] + answer.velocity_jump_new[i]);
+  answer.interface_temperature[i] = inputs.zone_temperature.empty() ? kRoomTemperature : inputs.zone_temperature[i];
+  answer.friction_heat[i] = 0.0;
+}
+
+void set_regime(const InterfaceInputs& inputs, std::size_t i, wire::Regime closed, InterfaceAnswer& answer) {
+  answer.regime[i] = static_cast<std::uint8_t>(inputs.pressure[i] > 0.0 ? closed : wire::Regime::kOpen);
+}
+
+}  // namespace
+
+// Slip at a Coulomb limit of 0.
+void FreeSlipLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
+  for (std::size_t i = 0; i < inputs.velocity_jump.size(); ++i) {
+    answer_without_heat(inputs, i, 0.0, answer);
+    set_regime(inputs, i, wire::Regime::kCoulomb, answer);
+  }
+}
+
+void StickLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
+  for (std::size_t i = 0; i < inputs.velocity_jump.size(); ++i) {
+    const bool closed = inputs.pressure[i] > 0.0;
+    const FreeJump free = free_jump(inputs, i);
+    answer_without_heat(inputs, i, closed ? free.jump / free.compliance : 0.0, answer);
+    if (closed) answer.velocity_jump_new[i] = 0.0;
+    set_regime(inputs, i, wire::Regime::kStick, answer);
+  }
+}
+
+}  // namespace shearbus::hydro

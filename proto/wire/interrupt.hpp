@@ -1,0 +1,26 @@
+// SIGINT and SIGTERM of a program that writes files: it ends after the step it is in and takes its partial files away.
+#pragma once
+
+#include <csignal>
+
+namespace shearbus::wire {
+
+namespace detail {
+inline volatile std::sig_atomic_t interrupted = 0;
+}
+
+inline bool interrupted() {
+  return detail::interrupted != 0;
+}
+
+// From here on the first signal sets interrupted(), a second one ends the program at once.
+inline void stop_at_next_step() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { detail::interrupted = 1; };
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace shearbus::wire

@@ -1,0 +1,228 @@
+// How sessions outlive the server: what is kept of a request before it is run, states to checkpoints and back, replay,
+// and the answer to a client that asks where its session stands.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+#include <variant>
+
+#include "proto/wire/codec.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "server/service/member.hpp"
+#include "server/service/scene_model.hpp"
+#include "server/service/service.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+
+namespace {
+
+std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
+// A reply and the bytes its columns point into.
+struct HeldReply {
+  std::vector<std::byte> payload;
+  wire::Reply reply;
+};
+
+std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
+  auto held = std::make_shared<HeldReply>();
+  held->payload = image.reply_payload;
+  const std::array<std::span<const std::byte>, 2> frames = {image.reply_header, held->payload};
+  wire::decode(std::span(frames).first(held->payload.empty() ? 1 : 2), held->reply);
+  return {held, &held->reply};
+}
+
+// Differs wherever the numbers of the reply do; its times do not count.
+std::uint64_t sum_of(const session::Session& conversation) {
+  const wire::Reply& reply = *conversation.kept_reply();
+  const auto* step = std::get_if<wire::Upscale>(&reply.body);
+  const std::array<std::uint64_t, 3> numbers = {conversation.last_sequence(), step != nullptr ? step->state_version : 0,
+                                                step != nullptr ? step->flagged_nodes : 0};
+  const std::array<std::span<const std::byte>, 2> parts = {std::as_bytes(std::span(numbers)), reply.batch.bytes()};
+  return wire::hash_of(parts);
+}
+
+// Tells nothing about the token by the time it takes.
+bool same_token(const wire::ResumeToken& a, const wire::ResumeToken& b) {
+  unsigned difference = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) difference |= static_cast<unsigned>(a[i] ^ b[i]);
+  return difference == 0;
+}
+
+}  // namespace
+
+void make_repeat(wire::Reply& reply) {
+  reply.replayed = true;
+  if (auto* step = std::get_if<wire::Upscale>(&reply.body)) step->solver_ns = step->service_ns = 0;
+  if (auto* totals = std::get_if<wire::SessionClosed>(&reply.body)) totals->solver_ns = 0;
+}
+
+// From here on nothing may fail: the request will be replayed, so it must be run.
+void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member) {
+  if (store_ == nullptr || replaying_) return;
+  try {
+    store_->append({.session = session,
+                    .sequence = arrival.request.sequence,
+                    .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
+                    .header_frame = arrival.frames[0],
+                    .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>()});
+  } catch (const store::StorageError& fault) {
+    if (store_->failed()) throw;
+    throw Error(
+        {.code = Code::kNoSpace,
+         .text = fmt::format("the request could not be kept: {}", fault.what()),
+         .remedy = "Nothing was changed. Make room in the server's state directory; the same request again goes on."});
+  }
+  kept_ = store_->journaling();
+}
+
+void Service::recover() {
+  if (store_ == nullptr) return;
+  replaying_ = true;
+  store_->recover(*this);
+  replaying_ = false;
+  epoch_ = options_.epoch;
+  metrics_.node_steps = metrics_.solver_ns = 0;  // what was replayed had been counted by the server that ran it
+}
+
+void Service::clear() {
+  members_.clear();
+  closed_.clear();
+  metrics_ = {};
+}
+
+void Service::restore(const store::Snapshot& snapshot) {
+  for (const store::SessionImage& image : snapshot.sessions) {
+    auto member = std::make_unique<Member>();
+    member->id = image.id;
+    member->resume_token = image.resume_token;
+    member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
+    member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
+    if (!image.open) {
+      closed_.push_back(image.id);
+    } else {
+      SceneModel made = scene_model(wire::parse_scene(image.scene, "the checkpoint's scene").scene);
+      physics::Model model(made.options);
+      const std::vector<double> temperatures(image.node_ids.size(), made.options.initial_temperature);
+      member->scene = std::move(made.effective);
+      member->shard = std::make_unique<shard::Shard>(std::move(model), image.node_ids, temperatures, pool_,
+                                                     shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+      member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
+      member->marks = image.marks;
+      ++metrics_.sessions;
+      metrics_.nodes += image.node_ids.size();
+      metrics_.state_bytes += member->shard->state_bytes() + member->marks.size() * (member->shard->state_bytes() / 2);
+    }
+    members_[image.id] = std::move(member);
+  }
+}
+
+void Service::replay(const store::Record& record, std::uint64_t epoch) {
+  const auto refuse = [&](const std::string& why) {
+    throw store::DamagedFile(fmt::format("journal record {} (request {} of session {:02x}{:02x}{:02x}{:02x}): {}",
+                                         record.index, record.sequence, record.session[0], record.session[1],
+                                         record.session[2], record.session[3], why));
+  };
+  const auto known = members_.find(record.session);
+  if (known != members_.end() && known->second->shard && sum_of(known->second->conversation) != record.previous_reply)
+    refuse(
+        "replaying the one before gave other numbers than the server answered with. Recover with the build that wrote "
+        "it, "
+        "on the same kind of machine");
+  epoch_ = epoch;
+  const std::array<std::span<const std::byte>, 2> frames = {record.header_frame, record.payload_frame};
+  auto fresh = std::make_shared<wire::Reply>();
+  fresh->epoch = epoch;
+  try {
+    if (answer(std::span(frames).first(record.payload_frame.empty() ? 1 : 2), fresh) != fresh)
+      refuse("it stands in the journal twice");
+  } catch (const Error& fault) {
+    refuse(std::string("it is refused now: ") + fault.what());
+  }
+}
+
+store::Snapshot Service::snapshot() const {
+  store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}};
+  const auto add = [&](const Member& member) {
+    wire::Reply& kept = *member.conversation.kept_reply();
+    make_repeat(kept);
+    const std::string header = wire::encode_header(kept);
+    store::SessionImage image{.id = member.id,
+                              .open = member.shard != nullptr,
+                              .resume_token = member.resume_token,
+                              .last_sequence = member.conversation.last_sequence(),
+                              .last_hash = member.conversation.last_hash(),
+                              .reply_header = copy_of(std::as_bytes(std::span(header))),
+                              .reply_payload = copy_of(kept.batch.bytes()),
+                              .requests = member.totals.requests,
+                              .node_steps = member.totals.node_steps,
+                              .solver_ns = member.totals.solver_ns};
+    if (member.shard) {
+      image.scene = wire::scene_to_toml(member.scene);
+      image.node_ids = member.shard->nodes().ids();
+      image.state_version = member.shard->state_version();
+      image.committed = member.shard->committed_states();
+      image.marks = member.marks;
+      if (member.shard->has_trial()) image.trial = member.shard->trial_states();
+    }
+    snapshot.sessions.push_back(std::move(image));
+  };
+  for (const wire::SessionId& id : closed_) add(*members_.at(id));
+  for (const auto& [id, member] : members_)
+    if (member->shard) add(*member);
+  return snapshot;
+}
+
+bool Service::checkpoint() {
+  if (store_ == nullptr || failed()) return false;
+  return store_->checkpoint(snapshot());
+}
+
+Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request,
+                                  const ReplyPtr& reply) {
+  const auto found = members_.find(request.session_id);
+  if (found == members_.end() || !found->second->shard)
+    throw Error({.code = Code::kUnknownSession,
+                 .text = "no open session has this id",
+                 .remedy = "Open a new session and start again from the host's last restart point."});
+  Member& member = *found->second;
+  if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
+    throw Error({.code = Code::kResumeRefused,
+                 .text = "the resume token is not the one the session was opened with",
+                 .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
+  if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
+    if (request.epoch != epoch_)  // claims are counted from the start of the server
+      throw Error({.code = Code::kEpoch,
+                   .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
+                   .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});
+    if (resume.claim != member.claim + 1)
+      throw Error(
+          {.code = Code::kSuperseded,
+           .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
+           .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
+    member.claim = resume.claim;
+    member.claimant = resume.claimant;
+    member.epoch = epoch_ + ++claims_;
+  }
+  const shard::Shard& shard = *member.shard;
+  reply->body = wire::SessionResumed{.session = {.effective_scene = member.scene,
+                                                 .bytes_per_node = shard::Shard::bytes_per_node(shard.model()),
+                                                 .warnings = shard.model().warnings()},
+                                     .last_sequence = member.conversation.last_sequence(),
+                                     .state_version = shard.state_version(),
+                                     .trial_stands = shard.has_trial(),
+                                     .claim = member.claim};
+  const std::array field = {wire::Field::kNodeId};
+  reply->batch = wire::Batch::of(field, shard.nodes().size());
+  std::copy(shard.nodes().ids().begin(), shard.nodes().ids().end(), reply->batch.u64(wire::Field::kNodeId).begin());
+  if (resume.claim != 0) reply->epoch = member.epoch;
+  return reply;
+}
+
+}  // namespace shearbus::service

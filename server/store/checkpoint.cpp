@@ -1,0 +1,200 @@
+#include "server/store/checkpoint.hpp"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "server/store/hdf5_image.hpp"
+
+namespace shearbus::store {
+namespace {
+
+constexpr const char* kFormat = "shearbus checkpoint";
+
+std::array<std::uint64_t, 2> sum_of_image(Bytes image) {
+  const XXH128_hash_t sum = XXH3_128bits(image.data(), image.size());
+  return {sum.low64, sum.high64};
+}
+
+std::uint64_t sum_of_footer(const CheckpointFooter& footer) {
+  return XXH3_64bits(&footer, offsetof(CheckpointFooter, sum));
+}
+
+std::string hexadecimal(const SessionKey& key) {
+  constexpr const char* kDigits = "0123456789abcdef";
+  std::string text;
+  for (const std::uint8_t byte : key) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+SessionKey key_from(const std::string& text) {
+  const auto digit = [&](char c) -> unsigned {
+    if (c >= '0' && c <= '9') return static_cast<unsigned>(c - '0');
+    if (c >= 'a' && c <= 'f') return static_cast<unsigned>(c - 'a' + 10);
+    throw Hdf5Error("take \"" + text + "\" for an id");
+  };
+  SessionKey key{};
+  if (text.size() != 2 * key.size()) throw Hdf5Error("take \"" + text + "\" for an id");
+  for (std::size_t i = 0; i < key.size(); ++i)
+    key[i] = static_cast<std::uint8_t>(digit(text[2 * i]) << 4 | digit(text[2 * i + 1]));
+  return key;
+}
+
+void put_states(const Handle& parent, const std::string& name, const shard::States& states) {
+  const Handle group = make_group(parent, name);
+  put_numbers(group, "slot", states.slots, states.slots.size());
+  // A list of the columns: a group alone would give them back in the order of their names.
+  std::string names;
+  for (const shard::StateColumn& column : states.columns) {
+    names += (names.empty() ? "" : " ") + column.name;
+    const Handle dataset = put_numbers(group, column.name, column.values, states.slots.size(), column.width);
+    put_text(dataset, "units", column.units);
+  }
+  put_text(group, "columns", names);
+}
+
+shard::States states_of(const Handle& parent, const std::string& name) {
+  const Handle group = open_group(parent, name);
+  shard::States states{.slots = numbers_of<std::uint32_t>(group, "slot"), .columns = {}};
+  const std::string names = text_of(group, "columns");
+  for (std::size_t begin = 0; begin < names.size();) {
+    const std::size_t end = std::min(names.find(' ', begin), names.size());
+    shard::StateColumn column{.name = names.substr(begin, end - begin), .units = {}, .width = 0, .values = {}};
+    column.values = numbers_of<double>(group, column.name, &column.width);
+    column.units = text_of(open_dataset(group, column.name, hdf5_type<double>()), "units");
+    states.columns.push_back(std::move(column));
+    begin = end + 1;
+  }
+  return states;
+}
+
+std::string mark_name(std::uint64_t number) {
+  return "mark_" + std::to_string(number);
+}
+
+void put_session(const Handle& parent, const SessionImage& session, std::uint64_t order) {
+  const Handle group = make_group(parent, hexadecimal(session.id));
+  put_number(group, "order", order);
+  put_number(group, "open", session.open ? 1 : 0);
+  put_number(group, "last_sequence", session.last_sequence);
+  put_number(group, "last_request_xxh3", session.last_hash);
+  put_number(group, "requests", session.requests);
+  put_number(group, "node_steps", session.node_steps);
+  put_number(group, "solver_ns", session.solver_ns);
+  put_text(group, "resume_token", hexadecimal(session.resume_token));
+  put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
+  put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
+  if (!session.open) return;
+  put_number(group, "state_version", session.state_version);
+  put_text_dataset(group, "scene_toml", session.scene);  // an attribute could hold 64 kB only
+  put_numbers(group, "node_id", session.node_ids, session.node_ids.size());
+  put_states(group, "committed", session.committed);
+  if (session.trial) put_states(group, "trial", *session.trial);
+  put_number(group, "marks", session.marks.size());
+  for (std::size_t i = 0; i < session.marks.size(); ++i) {
+    const Handle mark = make_group(group, mark_name(i));
+    put_text(mark, "name", session.marks[i].name);
+    put_number(mark, "state_version", session.marks[i].state_version);
+    put_states(mark, "states", session.marks[i].states);
+  }
+}
+
+SessionImage session_of(const Handle& parent, const std::string& name, std::uint64_t& order) {
+  const Handle group = open_group(parent, name);
+  SessionImage session;
+  session.id = key_from(name);
+  order = number_of(group, "order");
+  session.open = number_of(group, "open") != 0;
+  session.last_sequence = number_of(group, "last_sequence");
+  session.last_hash = number_of(group, "last_request_xxh3");
+  session.requests = number_of(group, "requests");
+  session.node_steps = number_of(group, "node_steps");
+  session.solver_ns = number_of(group, "solver_ns");
+  session.resume_token = key_from(text_of(group, "resume_token"));
+  session.reply_header = numbers_of<std::byte>(group, "reply_header");
+  session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
+  if (!session.open) return session;
+  session.state_version = number_of(group, "state_version");
+  session.scene = text_in_dataset(group, "scene_toml");
+  session.node_ids = numbers_of<std::uint64_t>(group, "node_id");
+  session.committed = states_of(group, "committed");
+  if (has_child(group, "trial")) session.trial = states_of(group, "trial");
+  for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
+    const Handle mark = open_group(group, mark_name(i));
+    session.marks.push_back({.name = text_of(mark, "name"),
+                             .state_version = number_of(mark, "state_version"),
+                             .states = states_of(mark, "states")});
+  }
+  return session;
+}
+
+}  // namespace
+
+std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t generation) {
+  const Handle file = new_image();
+  put_text(file, "format", kFormat);
+  put_number(file, "format_version", kCheckpointVersion);
+  put_text(file, "server_version", snapshot.server_version);
+  put_text(file, "units_system", "SI");
+  put_number(file, "generation", generation);
+  put_number(file, "next_index", snapshot.next_index);
+  {
+    const Handle sessions = make_group(file, "sessions");
+    for (std::size_t i = 0; i < snapshot.sessions.size(); ++i) put_session(sessions, snapshot.sessions[i], i);
+  }
+  std::vector<std::byte> bytes = bytes_of_image(file);
+  CheckpointFooter footer{.image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes)};
+  footer.sum = sum_of_footer(footer);
+  const Bytes end = std::as_bytes(std::span(&footer, 1));
+  bytes.insert(bytes.end(), end.begin(), end.end());
+  return bytes;
+}
+
+Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generation) {
+  const auto damaged = [&](const std::string& what) -> DamagedFile { return DamagedFile(name + ": " + what); };
+  CheckpointFooter footer;
+  if (file.size() < sizeof footer) throw damaged("too short to be a checkpoint");
+  std::memcpy(&footer, file.data() + file.size() - sizeof footer, sizeof footer);
+  if (footer.magic != kCheckpointMagic)
+    throw damaged("it does not end with a checkpoint's mark: it was cut, or is something else");
+  if (footer.version != kCheckpointVersion)
+    throw damaged("checkpoint version " + std::to_string(footer.version) + "; this server reads version " +
+                  std::to_string(kCheckpointVersion));
+  if (footer.sum != sum_of_footer(footer)) throw damaged("its footer does not match its sum");
+  if (footer.image_bytes != file.size() - sizeof footer) throw damaged("its length is not what its footer says");
+  if (footer.generation != generation)
+    throw damaged("it is generation " + std::to_string(footer.generation) + " under the name of another");
+  const Bytes image = file.first(footer.image_bytes);
+  if (footer.image_sum != sum_of_image(image)) throw damaged("its bytes do not match their hash");
+  return image;
+}
+
+Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t generation) {
+  const Bytes image = verified_image(file, name, generation);
+  try {
+    const Handle opened = open_image(image);
+    Snapshot snapshot;
+    if (text_of(opened, "format") != kFormat || number_of(opened, "format_version") != kCheckpointVersion)
+      throw Hdf5Error("find the format it was written for");
+    snapshot.server_version = text_of(opened, "server_version");
+    snapshot.next_index = number_of(opened, "next_index");
+    const Handle sessions = open_group(opened, "sessions");
+    const auto names = children_of(sessions);
+    snapshot.sessions.resize(names.size());
+    for (const std::string& child : names) {
+      std::uint64_t order = 0;
+      SessionImage session = session_of(sessions, child, order);
+      if (order >= names.size()) throw Hdf5Error("order the sessions");
+      snapshot.sessions[order] = std::move(session);
+    }
+    return snapshot;
+  } catch (const Hdf5Error& fault) {
+    throw DamagedFile(name + ": its hash is right, but " + fault.what());
+  }
+}
+
+}  // namespace shearbus::store

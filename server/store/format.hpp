@@ -1,0 +1,84 @@
+// The bytes of the store's files: FORMAT.md in code. Little-endian; every length and sum is checked before it is
+// believed.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+namespace shearbus::store {
+
+static_assert(std::endian::native == std::endian::little, "files are written as they stand in memory");
+
+// A file that is not what a server wrote: which, where, what was expected and found.
+class DamagedFile : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+inline constexpr std::uint32_t kJournalVersion = 1;
+inline constexpr std::uint32_t kCheckpointVersion = 1;
+inline constexpr std::array<char, 8> kJournalMagic = {'S', 'H', 'B', 'J', 'R', 'N', 'L', '\n'};
+inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K', 'P', 'T', '\n'};
+
+using SessionKey = std::array<std::uint8_t, 16>;
+
+// First in every journal segment.
+struct SegmentHeader {
+  std::array<char, 8> magic = kJournalMagic;
+  std::uint32_t version = kJournalVersion;
+  std::uint32_t header_bytes = 48;
+  std::uint64_t number = 0;       // of the segment, as in its name
+  std::uint64_t epoch = 0;        // of the server that wrote it: stands in the replies to these requests
+  std::uint64_t first_index = 0;  // of its first record
+  std::uint64_t sum = 0;          // XXH3-64 of the fields above
+};
+static_assert(sizeof(SegmentHeader) == 48);
+
+// Before the bytes of every record; XXH3-64 of header and bytes follows them.
+struct RecordHeader {
+  std::uint64_t index = 0;  // records are numbered through all segments, without gaps
+  SessionKey session{};
+  std::uint64_t sequence = 0;        // of the request in its session
+  std::uint64_t previous_reply = 0;  // XXH3-64 of the reply the session kept until then: what replay must arrive at
+  std::uint32_t header_frame_bytes = 0;
+  std::uint32_t payload_frame_bytes = 0;
+  std::uint64_t sum = 0;  // XXH3-64 of the fields above, so that the lengths can be believed
+};
+static_assert(sizeof(RecordHeader) == 56);
+inline constexpr std::size_t kRecordSumBytes = 8;
+inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // no frame of any protocol version is larger
+
+// Last in every checkpoint, after the HDF5 image.
+struct CheckpointFooter {
+  std::uint64_t image_bytes = 0;
+  std::uint64_t generation = 0;              // as in the file's name
+  std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
+  std::uint32_t version = kCheckpointVersion;
+  std::uint32_t reserved = 0;
+  std::array<char, 8> magic = kCheckpointMagic;
+  std::uint64_t sum = 0;  // XXH3-64 of the fields above
+};
+static_assert(sizeof(CheckpointFooter) == 56);
+
+inline std::string segment_name(std::uint64_t number);
+inline std::string checkpoint_name(std::uint64_t generation);
+
+namespace detail {
+inline std::string numbered(const char* prefix, std::uint64_t number, const char* suffix) {
+  std::string digits = std::to_string(number);
+  return prefix + std::string(digits.size() < 12 ? 12 - digits.size() : 0, '0') + digits + suffix;
+}
+}  // namespace detail
+
+inline std::string segment_name(std::uint64_t number) {
+  return detail::numbered("journal-", number, ".log");
+}
+inline std::string checkpoint_name(std::uint64_t generation) {
+  return detail::numbered("checkpoint-", generation, ".h5");
+}
+
+}  // namespace shearbus::store

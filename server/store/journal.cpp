@@ -1,0 +1,165 @@
+#include "server/store/journal.hpp"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+
+namespace shearbus::store {
+namespace {
+
+// 0 is what a disk shows where nothing was written, so no sum is 0.
+std::uint64_t never_zero(std::uint64_t sum) {
+  return sum != 0 ? sum : 1;
+}
+
+template <typename Header>
+std::uint64_t sum_of_header(const Header& header) {
+  static_assert(offsetof(Header, sum) + sizeof header.sum == sizeof header);
+  return never_zero(XXH3_64bits(&header, offsetof(Header, sum)));
+}
+
+// Each part's sum is the seed of the next.
+std::uint64_t sum_of_record(const RecordHeader& header, Bytes header_frame, Bytes payload_frame) {
+  std::uint64_t sum = XXH3_64bits(&header, sizeof header);
+  sum = XXH3_64bits_withSeed(header_frame.data(), header_frame.size(), sum);
+  return never_zero(XXH3_64bits_withSeed(payload_frame.data(), payload_frame.size(), sum));
+}
+
+template <typename Value>
+Bytes bytes_of(const Value& value) {
+  return std::as_bytes(std::span(&value, 1));
+}
+
+template <typename Value>
+Value value_at(Bytes bytes, std::uint64_t offset) {
+  Value value;
+  std::memcpy(&value, bytes.data() + offset, sizeof value);
+  return value;
+}
+
+bool all_zero(Bytes bytes) {
+  return std::all_of(bytes.begin(), bytes.end(), [](std::byte byte) { return byte == std::byte{0}; });
+}
+
+[[noreturn]] void damaged(const std::string& name, std::uint64_t offset, const std::string& what) {
+  throw DamagedFile(name + ", byte " + std::to_string(offset) + ": " + what);
+}
+
+// False where the file ends before the header does.
+bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment) {
+  if (bytes.size() < sizeof(SegmentHeader) || all_zero(bytes)) return false;
+  const auto header = value_at<SegmentHeader>(bytes, 0);
+  if (header.magic != kJournalMagic) damaged(name, 0, "not a journal: it does not begin with the journal's mark");
+  if (header.version != kJournalVersion)
+    damaged(name, 0,
+            "journal version " + std::to_string(header.version) + "; this server reads version " +
+                std::to_string(kJournalVersion) + ". Finish the run with the server that wrote it");
+  if (header.sum != sum_of_header(header) || header.header_bytes != sizeof header)
+    damaged(name, 0, "the segment's header does not match its sum");
+  segment.number = header.number;
+  segment.epoch = header.epoch;
+  segment.first_index = header.first_index;
+  return true;
+}
+
+// Takes the record at segment.sound_bytes; false at the end and where the record is not whole.
+bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
+  const std::uint64_t offset = segment.sound_bytes;
+  const Bytes rest = bytes.subspan(offset);
+  segment.torn = !rest.empty();
+  if (rest.size() < sizeof(RecordHeader) || all_zero(rest)) return false;
+  const auto header = value_at<RecordHeader>(rest, 0);
+  if (header.sum != sum_of_header(header)) damaged(name, offset, "the header of a record does not match its sum");
+  if (header.index != segment.next_index())
+    damaged(name, offset,
+            "record " + std::to_string(header.index) + " where " + std::to_string(segment.next_index()) + " should be");
+  if (header.header_frame_bytes > kMaxFrameBytes || header.payload_frame_bytes > kMaxFrameBytes)
+    damaged(name, offset, "a record longer than any request");
+  const std::uint64_t length = sizeof header + header.header_frame_bytes + header.payload_frame_bytes;
+  if (rest.size() < length + kRecordSumBytes) return false;
+  const auto sum = value_at<std::uint64_t>(rest, length);
+  // A file that was made longer before its data reached the disk ends in zeros, and a sum is never zero.
+  if (sum == 0 && rest.size() == length + kRecordSumBytes) return false;
+  const Bytes header_frame = rest.subspan(sizeof header, header.header_frame_bytes);
+  const Bytes payload_frame = rest.subspan(sizeof header + header.header_frame_bytes, header.payload_frame_bytes);
+  if (sum != sum_of_record(header, header_frame, payload_frame))
+    damaged(name, offset, "record " + std::to_string(header.index) + " does not match its sum");
+  segment.records.push_back({.session = header.session,
+                             .sequence = header.sequence,
+                             .previous_reply = header.previous_reply,
+                             .header_frame = header_frame,
+                             .payload_frame = payload_frame,
+                             .index = header.index});
+  segment.sound_bytes = offset + length + kRecordSumBytes;
+  segment.torn = false;
+  return true;
+}
+
+}  // namespace
+
+JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
+                             bool durable)
+    : file_(storage.create(segment_name(number))),
+      number_(number),
+      first_index_(first_index),
+      next_index_(first_index) {
+  SegmentHeader header{.number = number, .epoch = epoch, .first_index = first_index};
+  header.sum = sum_of_header(header);
+  const std::array parts = {bytes_of(header)};
+  file_->append(parts);
+  bytes_ = sizeof header;
+  if (durable) {
+    file_->sync();
+    storage.sync_directory();
+  }
+}
+
+void JournalWriter::append(const Record& record) {
+  if (broken_) throw StorageError("the journal is broken", EIO);
+  RecordHeader header{.index = next_index_,
+                      .session = record.session,
+                      .sequence = record.sequence,
+                      .previous_reply = record.previous_reply,
+                      .header_frame_bytes = static_cast<std::uint32_t>(record.header_frame.size()),
+                      .payload_frame_bytes = static_cast<std::uint32_t>(record.payload_frame.size())};
+  header.sum = sum_of_header(header);
+  const std::uint64_t sum = sum_of_record(header, record.header_frame, record.payload_frame);
+  const std::array parts = {bytes_of(header), record.header_frame, record.payload_frame, bytes_of(sum)};
+  try {
+    file_->append(parts);
+  } catch (const StorageError& fault) {
+    broken_ = true;
+    if (!fault.no_space()) throw;
+    file_->truncate(bytes_);  // a part of the record may have found room
+    broken_ = false;
+    throw;
+  }
+  for (const Bytes part : parts) bytes_ += part.size();
+  ++next_index_;
+  unsynced_ = true;
+}
+
+void JournalWriter::sync() {
+  if (broken_) throw StorageError("the journal is broken", EIO);
+  if (!unsynced_) return;
+  broken_ = true;
+  file_->sync();
+  broken_ = false;
+  unsynced_ = false;
+}
+
+Segment read_segment(Bytes bytes, const std::string& name) {
+  Segment segment;
+  if (!read_segment_header(bytes, name, segment)) {
+    segment.torn = true;
+    return segment;
+  }
+  segment.sound_bytes = sizeof(SegmentHeader);
+  while (read_record(bytes, name, segment)) {
+  }
+  return segment;
+}
+
+}  // namespace shearbus::store

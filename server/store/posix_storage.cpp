@@ -1,0 +1,167 @@
+#include "server/store/posix_storage.hpp"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+#include <utility>
+
+namespace shearbus::store {
+namespace {
+
+constexpr const char* kLockName = "lock";
+
+template <typename Call>
+auto retried(Call call) {
+  for (;;) {
+    const auto result = call();
+    if (result >= 0 || errno != EINTR) return result;
+  }
+}
+
+class PosixFile final : public File {
+ public:
+  PosixFile(int file, std::string name) : file_(file), name_(std::move(name)) {}
+  PosixFile(const PosixFile&) = delete;
+  PosixFile& operator=(const PosixFile&) = delete;
+  ~PosixFile() override { ::close(file_); }
+
+  void append(std::span<const Bytes> parts) override {
+    std::vector<iovec> left;
+    left.reserve(parts.size());
+    for (const Bytes part : parts)
+      if (!part.empty()) left.push_back({const_cast<std::byte*>(part.data()), part.size()});  // writev only reads
+    for (std::size_t first = 0; first < left.size();) {
+      const auto count = static_cast<int>(std::min<std::size_t>(left.size() - first, IOV_MAX));
+      auto written = retried([&] { return ::writev(file_, left.data() + first, count); });
+      if (written < 0) throw StorageError("cannot write " + name_, errno);
+      while (first < left.size() && static_cast<std::size_t>(written) >= left[first].iov_len)
+        written -= static_cast<ssize_t>(left[first++].iov_len);
+      if (first < left.size()) {
+        left[first].iov_base = static_cast<std::byte*>(left[first].iov_base) + written;
+        left[first].iov_len -= static_cast<std::size_t>(written);
+      }
+    }
+  }
+  void truncate(std::uint64_t size) override {
+    if (retried([&] { return ::ftruncate(file_, static_cast<off_t>(size)); }) < 0)
+      throw StorageError("cannot shorten " + name_, errno);
+  }
+  void sync() override {
+    // Not retried on anything: after a failure the kernel may call the lost pages clean.
+    if (::fdatasync(file_) < 0) throw StorageError("cannot bring " + name_ + " to the disk", errno);
+  }
+
+ private:
+  int file_;
+  std::string name_;
+};
+
+}  // namespace
+
+StorageError::StorageError(const std::string& doing, int code)
+    : std::runtime_error(doing + ": " + std::generic_category().message(code)), code_(code) {}
+
+PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(directory) {
+  if (::mkdir(path_.c_str(), 0700) < 0 && errno != EEXIST)
+    throw StorageError("cannot make the state directory " + path_.string(), errno);
+  directory_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (directory_ < 0) throw StorageError("cannot open the state directory " + path_.string(), errno);
+  struct stat found {};
+  if (::fstat(directory_, &found) < 0 || found.st_uid != ::geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+    ::close(directory_);
+    throw std::runtime_error(
+        "the state directory " + path_.string() +
+        " must belong to the user of the server and be writable by nobody else: chmod go-w, or choose another");
+  }
+  lock_ = ::openat(directory_, kLockName, O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (lock_ < 0 || ::flock(lock_, LOCK_EX | LOCK_NB) < 0) {
+    const int fault = errno;
+    if (lock_ >= 0) ::close(lock_);
+    ::close(directory_);
+    if (fault == EWOULDBLOCK)
+      throw std::runtime_error("another server holds the state directory " + path_.string() +
+                               "; stop it first, or choose another directory");
+    throw StorageError("cannot lock the state directory " + path_.string(), fault);
+  }
+}
+
+PosixStorage::~PosixStorage() {
+  ::close(lock_);
+  ::close(directory_);
+}
+
+std::vector<std::string> PosixStorage::list() {
+  const int file = ::openat(directory_, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  DIR* stream = file < 0 ? nullptr : ::fdopendir(file);
+  if (stream == nullptr) throw StorageError("cannot read the state directory " + path_.string(), errno);
+  std::vector<std::string> names;
+  errno = 0;
+  while (const dirent* entry = ::readdir(stream)) {
+    if (std::strcmp(entry->d_name, ".") != 0 && std::strcmp(entry->d_name, "..") != 0 &&
+        std::strcmp(entry->d_name, kLockName) != 0)
+      names.emplace_back(entry->d_name);
+    errno = 0;
+  }
+  const int fault = errno;
+  ::closedir(stream);
+  if (fault != 0) throw StorageError("cannot read the state directory " + path_.string(), fault);
+  return names;
+}
+
+std::vector<std::byte> PosixStorage::read(const std::string& name) {
+  const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) throw StorageError("cannot open " + name, errno);
+  struct stat found {};
+  std::vector<std::byte> bytes;
+  std::size_t size = 0;
+  ssize_t taken = ::fstat(file, &found);
+  if (taken == 0) {
+    bytes.resize(static_cast<std::size_t>(found.st_size));
+    while (size < bytes.size() &&
+           (taken = retried([&] { return ::read(file, bytes.data() + size, bytes.size() - size); })) > 0)
+      size += static_cast<std::size_t>(taken);
+  }
+  const int fault = errno;
+  ::close(file);
+  if (taken < 0) throw StorageError("cannot read " + name, fault);
+  bytes.resize(size);
+  return bytes;
+}
+
+std::unique_ptr<File> PosixStorage::create(const std::string& name) {
+  const int file =
+      ::openat(directory_, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) throw StorageError("cannot make " + name, errno);
+  return std::make_unique<PosixFile>(file, name);
+}
+
+std::unique_ptr<File> PosixStorage::open(const std::string& name) {
+  const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) throw StorageError("cannot open " + name, errno);
+  return std::make_unique<PosixFile>(file, name);
+}
+
+void PosixStorage::rename(const std::string& from, const std::string& to) {
+  if (::renameat(directory_, from.c_str(), directory_, to.c_str()) < 0)
+    throw StorageError("cannot rename " + from + " to " + to, errno);
+}
+
+void PosixStorage::remove(const std::string& name) {
+  if (::unlinkat(directory_, name.c_str(), 0) < 0) throw StorageError("cannot remove " + name, errno);
+}
+
+void PosixStorage::sync_directory() {
+  if (::fsync(directory_) < 0)
+    throw StorageError("cannot bring the state directory " + path_.string() + " to the disk", errno);
+}
+
+}  // namespace shearbus::store

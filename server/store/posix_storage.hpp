@@ -1,0 +1,34 @@
+// A directory of the file system as Storage, held by one process at a time.
+#pragma once
+
+#include <filesystem>
+
+#include "server/store/storage.hpp"
+
+namespace shearbus::store {
+
+class PosixStorage final : public Storage {
+ public:
+  // Makes the directory (mode 0700) where it does not exist, and locks it. Throws std::runtime_error where another
+  // process holds it, or where it belongs to somebody else or can be written by others: whoever writes here chooses the
+  // states.
+  explicit PosixStorage(const std::filesystem::path& directory);
+  PosixStorage(const PosixStorage&) = delete;
+  PosixStorage& operator=(const PosixStorage&) = delete;
+  ~PosixStorage() override;
+
+  std::vector<std::string> list() override;
+  std::vector<std::byte> read(const std::string& name) override;
+  std::unique_ptr<File> create(const std::string& name) override;
+  std::unique_ptr<File> open(const std::string& name) override;
+  void rename(const std::string& from, const std::string& to) override;
+  void remove(const std::string& name) override;
+  void sync_directory() override;
+
+ private:
+  std::filesystem::path path_;
+  int directory_ = -1;
+  int lock_ = -1;
+};
+
+}  // namespace shearbus::store

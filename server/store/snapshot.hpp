@@ -1,0 +1,48 @@
+// Everything a server holds, as values: what a checkpoint keeps.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/shard/states.hpp"
+#include "server/store/format.hpp"
+
+namespace shearbus::store {
+
+// States kept under a name.
+struct MarkImage {
+  std::string name;
+  std::uint64_t state_version = 0;
+  shard::States states;
+};
+
+struct SessionImage {
+  SessionKey id{};
+  bool open = true;           // a closed session keeps its conversation only
+  SessionKey resume_token{};  // all zero: none
+  std::uint64_t last_sequence = 0;
+  std::uint64_t last_hash = 0;           // of the last request's bytes
+  std::vector<std::byte> reply_header;   // the kept reply's frames
+  std::vector<std::byte> reply_payload;  // empty: none
+  std::uint64_t requests = 0;
+  std::uint64_t node_steps = 0;
+  std::uint64_t solver_ns = 0;
+
+  // Of an open session.
+  std::string scene;  // effective, as TOML
+  std::vector<std::uint64_t> node_ids;
+  std::uint64_t state_version = 0;
+  shard::States committed;
+  std::optional<shard::States> trial;
+  std::vector<MarkImage> marks;  // oldest first
+};
+
+struct Snapshot {
+  std::uint64_t next_index = 0;        // of the journal: the first record these states have not seen
+  std::string server_version;          // that wrote it
+  std::vector<SessionImage> sessions;  // closed ones in the order of their closing
+};
+
+}  // namespace shearbus::store

@@ -1,0 +1,112 @@
+// shearbus-bench-roundtrip: what the bus costs. For each number of nodes, over ipc and in turns:
+//
+//   bare     bare ZeroMQ: two frames of the request's sizes there, two of the reply's sizes back, nothing looked at
+//   shearbus a step through client and server, less the time in the layers: codec, checksums, validation, gather and
+//   scatter
+//
+// Medians, and their ratio. Run it on an idle machine; the ratio is what to compare between machines.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <string>
+#include <thread>
+#include <vector>
+#include <zmq.hpp>
+
+#include "proto/wire/codec.hpp"
+#include "tests/support/running_server.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace {
+
+using namespace shearbus;
+using Clock = std::chrono::steady_clock;
+using Microseconds = std::chrono::duration<double, std::micro>;
+
+constexpr double kDt = 1e-9;
+constexpr int kRounds = 400;
+
+struct Sizes {
+  std::size_t header;
+  std::size_t payload;
+};
+
+// Answers `rounds` messages with two frames of given sizes.
+class BareServer {
+ public:
+  BareServer(const std::string& endpoint, Sizes reply, int rounds) {
+    socket_ = zmq::socket_t(context_, zmq::socket_type::router);
+    socket_.bind(endpoint);
+    thread_ = std::thread([this, reply, rounds] {
+      for (int i = 0; i < rounds; ++i) {
+        zmq::message_t peer, header, payload;
+        static_cast<void>(socket_.recv(peer));
+        static_cast<void>(socket_.recv(header));
+        static_cast<void>(socket_.recv(payload));
+        socket_.send(peer, zmq::send_flags::sndmore);
+        socket_.send(zmq::message_t(reply.header), zmq::send_flags::sndmore);
+        socket_.send(zmq::message_t(reply.payload), zmq::send_flags::none);
+      }
+    });
+  }
+  ~BareServer() { thread_.join(); }
+
+ private:
+  zmq::context_t context_;
+  zmq::socket_t socket_;
+  std::thread thread_;
+};
+
+double median(std::vector<double>& values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+void measure(std::size_t nodes) {
+  const auto ids = support::node_ids(nodes);
+  const auto request = support::step_columns(wire::Strategy::kForceDriven, ids, 0);
+
+  server::ServerOptions options;
+  options.threads = 1;
+  support::RunningServer server(options);
+  Client client = server.client();
+  Session session = client.open(support::force_scene(1), ids);
+  const auto& first = session.advance(request, {.dt_s = kDt});
+  const Sizes asked = {120, request.bytes().size()};  // headers of a step are about this long
+  const Sizes answered = {160, first.outcome().size() * 2 + first.shear_stress_pa().size() * 5 * sizeof(double)};
+
+  const support::ScratchDirectory scratch;
+  BareServer bare_server(scratch.ipc(), answered, kRounds);
+  zmq::context_t context;
+  zmq::socket_t bare(context, zmq::socket_type::dealer);
+  bare.connect(scratch.ipc());
+
+  std::vector<double> bare_us, shearbus_us;
+  for (int round = 0; round < kRounds; ++round) {
+    const auto started = Clock::now();
+    zmq::message_t header(asked.header);
+    zmq::message_t payload(request.bytes().data(), request.bytes().size());
+    bare.send(header, zmq::send_flags::sndmore);
+    bare.send(payload, zmq::send_flags::none);
+    static_cast<void>(bare.recv(header));
+    static_cast<void>(bare.recv(payload));
+    bare_us.push_back(Microseconds(Clock::now() - started).count());
+
+    const auto asked_at = Clock::now();
+    const auto& result = session.advance(request, {.dt_s = kDt});
+    const Microseconds whole = Clock::now() - asked_at;
+    shearbus_us.push_back(whole.count() - 1e-3 * static_cast<double>(result.upscale().solver_ns));
+  }
+  const double bare_median = median(bare_us);
+  const double shearbus_median = median(shearbus_us);
+  std::printf("%8zu %12zu %12zu %12.1f %12.1f %8.2f\n", nodes, asked.payload, answered.payload, bare_median,
+              shearbus_median, shearbus_median / bare_median);
+}
+
+}  // namespace
+
+int main() {
+  std::printf("%8s %12s %12s %12s %12s %8s\n", "nodes", "request, B", "reply, B", "bare, us", "shearbus, us", "ratio");
+  for (const std::size_t nodes : {100u, 1'000u, 10'000u, 100'000u}) measure(nodes);
+  return 0;
+}

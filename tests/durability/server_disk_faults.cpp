@@ -1,0 +1,146 @@
+// The program on a disk that fails: strace puts the faults into its system calls. Skipped where strace may not trace.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/support/scenes.hpp"
+#include "tests/support/server_process.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using support::Process;
+using support::ScratchDirectory;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(12);
+
+bool can_trace() {
+  const ScratchDirectory scratch;
+  if (!std::filesystem::exists("/usr/bin/strace")) return false;
+  Process probe({"/usr/bin/strace", "-o", "/dev/null", "/bin/true"}, (scratch.path() / "log").string());
+  return probe.exit_code(10s) == 0;
+}
+
+// A server on a state directory, with a fault in its system calls or without.
+class Server {
+ public:
+  Server(const ScratchDirectory& scratch, const std::string& durability, const std::string& fault = {})
+      : endpoint_(scratch.ipc()), log_(scratch.path() / ("log" + std::to_string(++started_))) {
+    std::vector<std::string> command;
+    if (!fault.empty())
+      command = {"/usr/bin/strace", "-f", "-o", "/dev/null", "-e", "trace=writev,fdatasync,fsync,renameat", "-e",
+                 "inject=" + fault};
+    for (const std::string& word : {std::string(SHEARBUS_BINARY_DIR "/bin/shearbus-server"), std::string("--bind"),
+                                    endpoint_, std::string("--threads"), std::string("1"), std::string("--durability"),
+                                    durability, std::string("--state-dir"), (scratch.path() / "state").string()})
+      command.push_back(word);
+    process_.emplace(command, log_.string());
+  }
+  // False where it ended before it listened.
+  bool ready() {
+    for (const auto end = std::chrono::steady_clock::now() + 20s; std::chrono::steady_clock::now() < end;) {
+      if (log().find("listening on") != std::string::npos) return true;
+      if (process_->exit_code(0ms)) return false;
+      std::this_thread::sleep_for(2ms);
+    }
+    return false;
+  }
+  std::string log() const { return support::text_of(log_); }
+  Process& process() { return *process_; }
+  ClientOptions client(std::chrono::milliseconds deadline) const {
+    return {.endpoint = endpoint_, .connect_deadline = 5s, .reply_deadline = deadline, .retry_after = 100ms};
+  }
+
+ private:
+  static inline int started_ = 0;
+  std::string endpoint_;
+  std::filesystem::path log_;
+  std::optional<Process> process_;
+};
+
+struct Host {
+  std::optional<Client> client;
+  std::optional<Session> session;
+  int answered = 0;
+};
+
+// Steps until an answer does not come, or `steps` have; then the server is told to stop.
+void run(Server& server, Host& host, int steps) {
+  try {
+    if (!host.session) {
+      host.client.emplace(server.client(700ms));
+      host.session.emplace(host.client->open(support::velocity_scene(), kNodes));
+    }
+    while (host.answered < steps) {
+      host.session->advance(support::step_columns(Strategy::kVelocityDriven, kNodes, host.answered), {.dt_s = 1e-9});
+      ++host.answered;
+    }
+  } catch (const Error&) {
+    // Which answers came is in `host`.
+  }
+  server.process().signal(SIGTERM);
+  if (!server.process().exit_code(10s)) server.process().signal(SIGKILL);
+}
+
+// What was answered is there, and nothing else but at most the request whose answer did not come.
+void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std::string& when) {
+  Server next(scratch, "power");
+  ASSERT_TRUE(next.ready()) << when << ": " << next.log();
+  if (!host.session) return;
+  Client client(next.client(5s));
+  const Session::Ticket ticket = host.session->ticket();
+  host.session->leave();
+  Session session = client.resume(ticket);
+  const auto answered = static_cast<std::uint64_t>(host.answered);
+  EXPECT_GE(session.last_sequence(), answered) << when;
+  EXPECT_LE(session.last_sequence(), answered + 1) << when;
+  session.close();
+}
+
+TEST(DiskFaults, EveryFailingOrFatalSystemCallLosesNothingThatWasAnswered) {
+  if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
+  int faults = 0;
+  // A checkpoint is written at SIGTERM: its calls are among those that fail.
+  for (const std::string call : {"writev", "fdatasync", "fsync", "renameat"})
+    for (const std::string kind : {"signal=SIGKILL", "error=EIO", "error=ENOSPC"})
+      for (int n = 1; n <= (call == "writev" ? 5 : call == "fdatasync" ? 4 : 1); ++n) {
+        const ScratchDirectory scratch;
+        const std::string when = call + " " + std::to_string(n) + " " + kind;
+        Host host;
+        Server server(scratch, "power", call + ":" + kind + ":when=" + std::to_string(n));
+        if (server.ready()) run(server, host, 3);
+        expect_nothing_lost(scratch, host, when);
+        ++faults;
+        if (HasFatalFailure()) return;
+      }
+  std::cout << "system calls that failed or killed: " << faults << ", answers lost: " << (HasFailure() ? "SOME" : "0")
+            << "\n";
+}
+
+TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
+  if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
+  const ScratchDirectory scratch;
+  Host host;
+  Server server(scratch, "power", "fdatasync:error=EIO:when=4");  // 1: segment, 2: opening, 3: first step
+  ASSERT_TRUE(server.ready()) << server.log();
+  host.client.emplace(server.client(500ms));
+  host.session.emplace(host.client->open(support::velocity_scene(), kNodes));
+  const auto step = [&](int number) {
+    host.session->advance(support::step_columns(Strategy::kVelocityDriven, kNodes, number), {.dt_s = 1e-9});
+  };
+  step(0);
+  EXPECT_THROW(step(1), Error);
+  EXPECT_EQ(server.process().exit_code(10s), 1) << server.log();
+  EXPECT_NE(server.log().find("FAILED"), std::string::npos) << server.log();
+  host.session->leave();
+}
+
+}  // namespace
+}  // namespace shearbus

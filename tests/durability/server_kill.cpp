@@ -1,0 +1,261 @@
+// The program killed with -9 under load, again and again. Every answer its clients get is compared, bit for bit, with
+// that of a server that is never killed: one request lost, or run twice, and all later answers differ.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <iostream>
+#include <random>
+#include <thread>
+
+#include "server/embedded.hpp"
+#include "tests/support/scenes.hpp"
+#include "tests/support/server_process.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using support::ScratchDirectory;
+using wire::Strategy;
+
+int rounds_wanted() {
+  const char* text = std::getenv("SHEARBUS_KILL_ROUNDS");
+  return text != nullptr ? std::atoi(text) : 50;
+}
+
+// One program after the other on the same socket and state directory.
+class Incarnations {
+ public:
+  explicit Incarnations(std::vector<std::string> options = {}) : options_(std::move(options)) {}
+
+  void start() {
+    const std::string log = (scratch_.path() / ("log" + std::to_string(started_++))).string();
+    std::vector<std::string> command = {
+        SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", endpoint(), "--threads", "2", "--state-dir",
+        (scratch_.path() / "state").string()};
+    command.insert(command.end(), options_.begin(), options_.end());
+    process_.emplace(command, log);
+    log_ = log;
+    const auto end = std::chrono::steady_clock::now() + 30s;
+    while (log_text().find("listening on") == std::string::npos) {
+      if (std::chrono::steady_clock::now() > end || process_->exit_code(0ms))
+        throw std::runtime_error("no server: " + log_text());
+      std::this_thread::sleep_for(2ms);
+    }
+  }
+  void kill() {
+    process_->signal(SIGKILL);
+    process_->exit_code(10s);
+  }
+  std::optional<int> terminate() {
+    process_->signal(SIGTERM);
+    return process_->exit_code(30s);
+  }
+  std::string endpoint() const { return scratch_.ipc(); }
+  std::string log_text() const { return support::text_of(log_); }
+  std::filesystem::path state() const { return scratch_.path() / "state"; }
+
+ private:
+  ScratchDirectory scratch_;
+  std::vector<std::string> options_;
+  std::filesystem::path log_;
+  std::optional<support::Process> process_;
+  int started_ = 0;
+};
+
+// A host that steps a session and its twin on a server that is never killed, and compares.
+class Host {
+ public:
+  Host(const std::string& endpoint, Strategy strategy, std::size_t nodes, unsigned seed)
+      : strategy_(strategy),
+        nodes_(support::node_ids(nodes)),
+        random_(seed),
+        client_({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 100ms}),
+        twin_client_({.endpoint = embedded_.endpoint(), .context = embedded_.context()}),
+        session_(client_.open(support::scene_of(strategy), nodes_)),
+        twin_(twin_client_.open(support::scene_of(strategy), nodes_)) {}
+
+  void step() {
+    const int number = static_cast<int>(steps_++);
+    const Batch columns = support::step_columns(strategy_, nodes_, number);
+    StepOptions options{.dt_s = 1e-9, .step = steps_};
+    const auto choice = random_() % 8;
+    if (choice == 0) {
+      same(session_.trial(columns, options), twin_.trial(columns, options), number);
+      ASSERT_EQ(session_.rollback(), twin_.rollback()) << "step " << number;
+    } else if (choice == 1) {
+      same(session_.trial(columns, options), twin_.trial(columns, options), number);
+      ASSERT_EQ(session_.commit(), twin_.commit()) << "step " << number;
+    } else if (choice < 4) {
+      same(session_.trial(columns, options), twin_.trial(columns, options), number);
+      options.commit_previous = true;
+      same(session_.trial(columns, options), twin_.trial(columns, options), number);
+    } else {
+      same(session_.advance(columns, options), twin_.advance(columns, options), number);
+    }
+  }
+  void close() {
+    const auto totals = session_.close();
+    const auto expected = twin_.close();
+    EXPECT_EQ(totals.requests, expected.requests);
+    EXPECT_EQ(totals.node_steps, expected.node_steps);
+  }
+  std::uint64_t requests() const { return session_.last_sequence(); }
+  std::uint64_t compared() const { return compared_; }
+
+ private:
+  void same(const StepResult& answer, const StepResult& expected, int number) {
+    ASSERT_EQ(answer.upscale().state_version, expected.upscale().state_version) << "step " << number;
+    ASSERT_EQ(answer.upscale().flagged_nodes, expected.upscale().flagged_nodes) << "step " << number;
+    const auto bits = [](std::span<const double> column) { return std::as_bytes(column); };
+    for (const auto& [a, b] : {std::pair{bits(answer.shear_stress_pa()), bits(expected.shear_stress_pa())},
+                               {bits(answer.sliding_velocity_m_per_s()), bits(expected.sliding_velocity_m_per_s())},
+                               {bits(answer.interface_temperature_k()), bits(expected.interface_temperature_k())},
+                               {bits(answer.velocity_jump_new_m_per_s()), bits(expected.velocity_jump_new_m_per_s())},
+                               {bits(answer.friction_heat_j_per_m2()), bits(expected.friction_heat_j_per_m2())}})
+      ASSERT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end())) << "step " << number;
+    ++compared_;
+  }
+
+  Strategy strategy_;
+  std::vector<std::uint64_t> nodes_;
+  std::mt19937 random_;
+  server::Embedded embedded_;
+  Client client_;
+  Client twin_client_;
+  Session session_;
+  Session twin_;
+  std::uint64_t steps_ = 0;
+  std::uint64_t compared_ = 0;
+};
+
+TEST(Kill, MinusNineUnderLoadLosesNothing) {
+  const int rounds = rounds_wanted();
+  Incarnations server({"--checkpoint-after", "1"});
+  server.start();
+  std::atomic<bool> stop{false};
+  std::atomic<std::uint64_t> requests{0};
+  std::atomic<std::uint64_t> compared{0};
+  std::atomic<int> opened{0};
+  std::vector<std::thread> hosts;
+  for (unsigned i = 0; i < 3; ++i)
+    hosts.emplace_back([&, i] {
+      try {
+        Host host(server.endpoint(), i % 2 == 0 ? Strategy::kVelocityDriven : Strategy::kForceDriven, 20 + 60 * i, i);
+        ++opened;
+        while (!stop && !testing::Test::HasFatalFailure()) host.step();
+        requests += host.requests();
+        compared += host.compared();
+        host.close();
+      } catch (const std::exception& fault) {
+        ADD_FAILURE() << "host " << i << ": " << fault.what();
+        ++opened;
+      }
+    });
+  while (opened < 3) std::this_thread::sleep_for(5ms);
+
+  std::mt19937 random(2026);
+  std::uniform_int_distribution<int> wait_ms(0, 120);
+  int kills = 0;
+  for (; kills < rounds && !testing::Test::HasFailure(); ++kills) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(wait_ms(random)));
+    server.kill();
+    server.start();
+  }
+  std::this_thread::sleep_for(200ms);
+  stop = true;
+  for (std::thread& host : hosts) host.join();
+  EXPECT_EQ(server.terminate(), 0) << server.log_text();
+  std::cout << "kill -9: " << kills << " rounds, " << requests << " requests, " << compared
+            << " answers compared bit for bit, lost or run twice: " << (testing::Test::HasFailure() ? "SOME" : "0")
+            << "\n";
+  RecordProperty("kills", kills);
+  RecordProperty("requests", static_cast<int>(requests.load()));
+}
+
+TEST(Kill, ASuccessorWithTheTicketGoesOnWhereTheDeadClientWas) {
+  Incarnations server;
+  server.start();
+  const auto nodes = support::node_ids(16);
+  const auto columns = [&](int step) { return support::step_columns(Strategy::kForceDriven, nodes, step); };
+  Session::Ticket ticket;
+  double last = 0.0;
+  {
+    Client client({.endpoint = server.endpoint()});
+    EXPECT_EQ(client.welcome().durability, "process");
+    Session session = client.open(support::force_scene(), nodes);
+    ticket = session.ticket();
+    for (int step = 0; step < 3; ++step)
+      last = session.advance(columns(step), {.dt_s = 1e-9}).interface_temperature_k()[2];
+    session.leave();
+  }
+  server.kill();
+  server.start();
+  Client client({.endpoint = server.endpoint()});
+  Session session = client.resume(ticket);
+  EXPECT_EQ(session.node_ids(), nodes);
+  EXPECT_EQ(session.last_sequence(), 3u);
+  EXPECT_GE(session.advance(columns(3), {.dt_s = 1e-9}).interface_temperature_k()[2], 0.0);
+  EXPECT_GT(last, 0.0);
+  ticket.resume_token[0] ^= 1;
+  try {
+    client.resume(ticket);
+    FAIL() << "resumed with a wrong token";
+  } catch (const Error& fault) {
+    EXPECT_EQ(fault.status().code, Code::kResumeRefused);
+  }
+}
+
+TEST(Kill, SigtermWritesACheckpointAndTheClientGoesOnWithTheNextServer) {
+  Incarnations server;
+  server.start();
+  Host host(server.endpoint(), Strategy::kVelocityDriven, 30, 1);
+  for (int i = 0; i < 5; ++i) host.step();
+  EXPECT_EQ(server.terminate(), 0);
+  EXPECT_TRUE(std::filesystem::exists(server.state() / "checkpoint-000000000001.h5"));
+  server.start();
+  EXPECT_EQ(server.log_text().find("replayed"), std::string::npos) << "the checkpoint holds everything";
+  for (int i = 0; i < 5; ++i) host.step();
+  host.close();
+}
+
+TEST(Kill, ASecondServerOnTheSameStatesDoesNotStart) {
+  Incarnations server;
+  server.start();
+  const ScratchDirectory elsewhere;
+  support::Process second(
+      {SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", elsewhere.ipc(), "--state-dir", server.state().string()},
+      (elsewhere.path() / "log").string());
+  EXPECT_EQ(second.exit_code(10s), 1);
+  EXPECT_NE(support::text_of(elsewhere.path() / "log").find("another server holds the state directory"),
+            std::string::npos);
+  Client client({.endpoint = server.endpoint()});
+  EXPECT_EQ(client.server_status().sessions, 0u);
+}
+
+TEST(Kill, H5pyReadsACheckpoint) {
+  Incarnations server;
+  server.start();
+  Host host(server.endpoint(), Strategy::kVelocityDriven, 5, 1);
+  for (int i = 0; i < 3; ++i) host.step();
+  ASSERT_EQ(server.terminate(), 0);
+  const std::string script =
+      "import h5py,sys; f=h5py.File(sys.argv[1],'r'); s=list(f['sessions'].values())[0]; c=s['committed'];"
+      "assert f.attrs['format']==b'shearbus checkpoint', f.attrs['format'];"
+      "assert c['temperature_k'].shape==(5,25) and c['temperature_k'].attrs['units']==b'K';"
+      "assert 299<c['temperature_k'][0,0]<1221; assert list(s['node_id'])==[100,101,102,103,104];"
+      "assert b'[layer]' in s['scene_toml'][()]";
+  const ScratchDirectory scratch;
+  support::Process python({"/usr/bin/python3", "-c", script, (server.state() / "checkpoint-000000000001.h5").string()},
+                          (scratch.path() / "log").string());
+  EXPECT_EQ(python.exit_code(30s), 0) << support::text_of(scratch.path() / "log");
+  server.start();
+  host.close();
+}
+
+}  // namespace
+}  // namespace shearbus

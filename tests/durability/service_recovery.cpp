@@ -1,0 +1,346 @@
+// The service with a store, without sockets: what a client was answered is what the next server answers, to the last
+// bit.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "server/store/store.hpp"
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+#include "tests/support/scenes.hpp"
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::DurableServer;
+using support::MemoryStorage;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Mode;
+using wire::Strategy;
+using Call = MemoryStorage::Call;
+
+constexpr std::size_t kNodes = 11;
+
+wire::Request opening(Strategy strategy) {
+  wire::Request request = ServiceHarness::opening(support::scene_of(strategy), support::node_ids(kNodes));
+  std::get<wire::OpenSession>(request.body).resume_token.fill(9);
+  return request;
+}
+
+// A conversation that uses every way of stepping: trials kept, replaced, rolled back, committed along the way, a part
+// of the nodes.
+wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
+  const auto ids = support::node_ids(kNodes);
+  const int step = static_cast<int>(sequence);
+  const auto columns = [&](bool some) {
+    return some ? support::step_columns(strategy, std::span(ids).subspan(2, 5), step, true)
+                : support::step_columns(strategy, ids, step);
+  };
+  switch (sequence % 7) {
+    case 1:
+      return ServiceHarness::step(sequence, columns(false));
+    case 2:
+      return ServiceHarness::step(sequence, columns(false), Mode::kTrial);
+    case 3:
+      return ServiceHarness::in_session(wire::Rollback{}, sequence);
+    case 4:
+      return ServiceHarness::step(sequence, columns(true), Mode::kTrial);
+    case 5: {
+      wire::Request next = ServiceHarness::step(sequence, columns(false), Mode::kTrial);
+      std::get<wire::Downscale>(next.body).commit_previous = true;
+      return next;
+    }
+    case 6:
+      return ServiceHarness::in_session(wire::Commit{}, sequence);
+    default:
+      return ServiceHarness::step(sequence, columns(true));
+  }
+}
+
+struct Bits {
+  Code code;
+  std::uint64_t state_version;
+  std::vector<std::byte> payload;
+  bool operator==(const Bits&) const = default;
+};
+
+Bits bits_of(const support::Answer& answer) {
+  std::uint64_t version = 0;
+  if (const auto* step = std::get_if<wire::Upscale>(&answer.reply.body)) version = step->state_version;
+  if (const auto* committed = std::get_if<wire::Committed>(&answer.reply.body)) version = committed->state_version;
+  if (const auto* rolled = std::get_if<wire::RolledBack>(&answer.reply.body)) version = rolled->state_version;
+  return {answer.code(), version, answer.payload()};
+}
+
+// The answers of a server that is never restarted.
+std::vector<Bits> undisturbed(Strategy strategy, std::uint64_t requests) {
+  MemoryStorage disk;
+  DurableServer server(disk);
+  EXPECT_EQ(server.ask(opening(strategy)).code(), Code::kOk);
+  std::vector<Bits> answers;
+  for (std::uint64_t i = 1; i <= requests; ++i) answers.push_back(bits_of(server.ask(request_at(strategy, i))));
+  return answers;
+}
+
+class Recovery : public testing::TestWithParam<Strategy> {};
+INSTANTIATE_TEST_SUITE_P(Strategies, Recovery, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST_P(Recovery, ServersThatDieAfterEveryRequestAnswerAsOneThatNeverDoes) {
+  constexpr std::uint64_t kRequests = 30;
+  const auto expected = undisturbed(GetParam(), kRequests);
+  MemoryStorage disk;
+  EXPECT_EQ(DurableServer(disk).ask(opening(GetParam())).code(), Code::kOk);
+  for (std::uint64_t i = 1; i <= kRequests; ++i) {
+    DurableServer server(disk, store::Durability::kProcess, 77, 1 + static_cast<unsigned>(i % 3));
+    ASSERT_EQ(bits_of(server.ask(request_at(GetParam(), i))), expected[i - 1]) << "request " << i;
+    if (i % 5 == 0) {
+      ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
+    }
+  }
+}
+
+TEST_P(Recovery, ARepeatHasTheSameBytesBeforeAndAfterARestart) {
+  for (const bool checkpoint : {false, true}) {
+    MemoryStorage disk;
+    {
+      DurableServer server(disk);
+      server.ask(opening(GetParam()));
+    }
+    for (std::uint64_t i = 0; i <= 8; ++i) {
+      const wire::Request request = i == 0 ? opening(GetParam()) : request_at(GetParam(), i);
+      std::string header;
+      std::vector<std::byte> payload;
+      {
+        DurableServer server(disk);
+        if (i != 0) server.ask(request);
+        const auto again = server.ask(request);
+        EXPECT_TRUE(again.reply.replayed);
+        header = again.frames.header;
+        payload = again.payload();
+        if (checkpoint) {
+          ASSERT_TRUE(server.service.checkpoint());
+        }
+      }
+      DurableServer next(disk);
+      const auto again = next.ask(request);
+      ASSERT_EQ(again.frames.header, header) << "request " << i;
+      ASSERT_EQ(again.payload(), payload) << "request " << i;
+    }
+  }
+}
+
+TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
+  MemoryStorage disk;
+  std::uint64_t old_epoch = 0;
+  {
+    DurableServer server(disk, store::Durability::kProcess, 77);
+    old_epoch = server.ask(opening(Strategy::kVelocityDriven)).reply.epoch;
+    server.ask(request_at(Strategy::kVelocityDriven, 1));
+  }
+  DurableServer server(disk, store::Durability::kProcess, 78);
+  wire::Request next = request_at(Strategy::kVelocityDriven, 2);
+  next.epoch = old_epoch;
+  EXPECT_EQ(server.ask(next).code(), Code::kEpoch);
+
+  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0);
+  EXPECT_EQ(server.ask(resume).code(), Code::kResumeRefused);
+  auto& body = std::get<wire::ResumeSession>(resume.body);
+  body.resume_token.fill(9);
+  EXPECT_EQ(std::get<wire::SessionResumed>(server.ask(resume).reply.body).claim, 0u);
+  body.claim = 1;
+  resume.epoch = old_epoch;
+  EXPECT_EQ(server.ask(resume).code(), Code::kEpoch) << "claims are counted from the start of the server";
+  resume.epoch = 78;
+  body.claimant = 5;
+  const auto where = server.ask(resume);
+  ASSERT_EQ(where.code(), Code::kOk);
+  const auto& resumed = std::get<wire::SessionResumed>(where.reply.body);
+  EXPECT_EQ(resumed.last_sequence, 1u);
+  EXPECT_EQ(resumed.state_version, 1u);
+  EXPECT_FALSE(resumed.trial_stands);
+  const auto ids = where.reply.batch.u64(wire::Field::kNodeId);
+  EXPECT_EQ(std::vector<std::uint64_t>(ids.begin(), ids.end()), support::node_ids(kNodes));
+  const std::uint64_t first_epoch = where.reply.epoch;
+  next.epoch = first_epoch;
+  EXPECT_EQ(server.ask(next).code(), Code::kOk);
+
+  // The same claim, come late, changes nothing; another client's does not take what was granted.
+  EXPECT_EQ(server.ask(resume).reply.epoch, first_epoch);
+  body.claimant = 6;
+  EXPECT_EQ(server.ask(resume).code(), Code::kSuperseded);
+
+  // Claimed once more: what the one before sent, and is still on its way, does not disturb the successor.
+  body.claim = 2;
+  const std::uint64_t second_epoch = server.ask(resume).reply.epoch;
+  EXPECT_NE(second_epoch, first_epoch);
+  wire::Request late = request_at(Strategy::kVelocityDriven, 3);
+  late.epoch = first_epoch;
+  EXPECT_EQ(server.ask(late).code(), Code::kSuperseded);
+  late.epoch = 78;
+  EXPECT_EQ(server.ask(late).code(), Code::kSuperseded);
+  late.epoch = second_epoch;
+  EXPECT_EQ(server.ask(late).code(), Code::kOk);
+}
+
+// Back to a mark, the same steps give the same bits again: nothing of what came between is left. Every server dies once
+// more.
+TEST_P(Recovery, AMarkBringsBackItsStatesToTheLastBit) {
+  MemoryStorage disk;
+  std::uint64_t sequence = 0;
+  const auto ask = [&](auto body, wire::Batch batch = {}) {
+    DurableServer server(disk);
+    wire::Request request = ServiceHarness::in_session(std::move(body), ++sequence);
+    request.batch = std::move(batch);
+    auto answer = server.ask(request);
+    EXPECT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+    if (sequence % 4 == 0) server.service.checkpoint();
+    return answer;
+  };
+  const auto ids = support::node_ids(kNodes);
+  const auto steps = [&](int first) {
+    std::vector<Bits> all;
+    for (int i = first; i < first + 4; ++i)
+      all.push_back(bits_of(ask(wire::Downscale{.dt_s = 1e-9}, support::step_columns(GetParam(), ids, i))));
+    return all;
+  };
+  const auto names = [](const support::Answer& answer) { return std::get<wire::Marked>(answer.reply.body).names; };
+  using Names = std::vector<std::string>;
+
+  EXPECT_EQ(DurableServer(disk).ask(opening(GetParam())).code(), Code::kOk);
+  steps(0);
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 4"})), (Names{"dump 4"}));
+  const auto after = steps(4);
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 8"})), (Names{"dump 4", "dump 8"}));
+  steps(8);
+  ask(wire::Downscale{.dt_s = 1e-9, .mode = Mode::kTrial}, support::step_columns(GetParam(), ids, 0));
+  const auto back = ask(wire::Rollback{.to_mark = "dump 4"});
+  EXPECT_EQ(std::get<wire::RolledBack>(back.reply.body).state_version, 4u);
+  EXPECT_EQ(steps(4), after);
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 4"})), (Names{"dump 8", "dump 4"})) << "the same name replaces";
+  EXPECT_EQ(names(ask(wire::Mark{.name = "dump 9"})), (Names{"dump 4", "dump 9"})) << "the oldest makes room";
+  DurableServer server(disk);
+  EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Rollback{.to_mark = "dump 8"}, sequence + 1)).code(),
+            Code::kUnknownMark);
+  EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, sequence + 1)).code(), Code::kNothingToCommit);
+  const std::uint64_t with_marks = server.service.status().state_bytes;
+  server.ask(ServiceHarness::in_session(wire::CloseSession{}, sequence + 1));
+  EXPECT_GT(with_marks, 0u);
+  EXPECT_EQ(server.service.status().state_bytes, 0u);
+}
+
+TEST(Recovery, AClosedSessionStaysClosed) {
+  for (const bool checkpoint : {false, true}) {
+    MemoryStorage disk;
+    const wire::Request goodbye = ServiceHarness::in_session(wire::CloseSession{}, 1);
+    {
+      DurableServer server(disk);
+      server.ask(opening(Strategy::kVelocityDriven));
+      EXPECT_EQ(server.ask(goodbye).code(), Code::kOk);
+      if (checkpoint) {
+        EXPECT_TRUE(server.service.checkpoint());
+      }
+    }
+    DurableServer server(disk);
+    EXPECT_TRUE(server.ask(goodbye).reply.replayed);
+    EXPECT_EQ(server.ask(opening(Strategy::kVelocityDriven)).code(), Code::kStaleSequence);
+    EXPECT_EQ(server.service.status().sessions, 0u);
+    EXPECT_EQ(server.service.status().state_bytes, 0u);
+  }
+}
+
+TEST(Recovery, ARefusedRequestIsNotInTheJournal) {
+  MemoryStorage disk;
+  DurableServer server(disk);
+  server.ask(opening(Strategy::kVelocityDriven));
+  const auto records = server.store.counters().records;
+  wire::Request bad = request_at(Strategy::kVelocityDriven, 1);
+  bad.batch.f64(wire::Field::kPressure)[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(server.ask(bad).code(), Code::kInvalidValue);
+  EXPECT_EQ(server.ask(request_at(Strategy::kVelocityDriven, 3)).code(), Code::kSequenceGap);
+  EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, 1)).code(), Code::kNothingToCommit);
+  EXPECT_EQ(server.store.counters().records, records);
+}
+
+TEST(Recovery, ADiskThatIsFullChangesNothingAndGoesOnWhenThereIsRoom) {
+  const auto expected = undisturbed(Strategy::kForceDriven, 12);
+  MemoryStorage disk;
+  DurableServer server(disk);
+  server.ask(opening(Strategy::kForceDriven));
+  for (std::uint64_t i = 1; i <= 12; ++i) {
+    disk.plan({.at_call = 1, .code = ENOSPC, .for_ever = true, .of = Call::kAppend});
+    const auto refused = server.ask(request_at(Strategy::kForceDriven, i));
+    EXPECT_EQ(refused.code(), Code::kNoSpace);
+    EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::ServerStatusQuery{}, 0)).code(), Code::kOk);
+    disk.heal();
+    ASSERT_EQ(bits_of(server.ask(request_at(Strategy::kForceDriven, i))), expected[i - 1]);
+  }
+  MemoryStorage full;
+  full.plan({.at_call = 2, .code = ENOSPC, .for_ever = true, .of = Call::kAppend});
+  DurableServer other(full);
+  EXPECT_EQ(other.ask(opening(Strategy::kForceDriven)).code(), Code::kNoSpace);
+  EXPECT_EQ(other.service.status().sessions, 0u);
+}
+
+TEST(Recovery, NothingIsAnsweredOnceTheJournalFails) {
+  for (const auto call : {Call::kAppend, Call::kSync}) {
+    MemoryStorage disk;
+    DurableServer server(disk, store::Durability::kPower);
+    server.ask(opening(Strategy::kVelocityDriven));
+    disk.plan({.at_call = 1, .code = EIO, .of = call});
+    EXPECT_THROW(server.ask(request_at(Strategy::kVelocityDriven, 1)), std::runtime_error);
+    disk.heal();
+    EXPECT_TRUE(server.service.failed());
+    EXPECT_THROW(server.ask(ServiceHarness::in_session(wire::ServerStatusQuery{}, 0)), std::runtime_error);
+  }
+}
+
+TEST(Recovery, AJournalOfAnotherPhysicsIsRefused) {
+  MemoryStorage disk;
+  {
+    DurableServer server(disk);
+    server.ask(opening(Strategy::kVelocityDriven));
+    for (std::uint64_t i = 1; i <= 3; ++i) server.ask(request_at(Strategy::kVelocityDriven, i));
+  }
+  // The same records, but the first step claims to follow a reply that this server would not have given.
+  const auto bytes = disk.bytes(store::segment_name(1));
+  const auto segment = store::read_segment(bytes, "file");
+  disk.remove(store::segment_name(1));
+  {
+    store::JournalWriter writer(disk, 1, 77, 0, false);
+    for (store::Record record : segment.records) {
+      if (record.sequence == 2) record.previous_reply ^= 1;
+      writer.append(record);
+    }
+  }
+  try {
+    DurableServer server(disk);
+    FAIL() << "it started";
+  } catch (const store::DamagedFile& fault) {
+    EXPECT_NE(std::string(fault.what()).find("other numbers"), std::string::npos) << fault.what();
+  }
+}
+
+TEST(Recovery, WithoutAJournalTheSessionComesBackWhereTheCheckpointLeftIt) {
+  MemoryStorage disk;
+  {
+    DurableServer server(disk, store::Durability::kNone, 77);
+    EXPECT_EQ(std::get<wire::Welcome>(server.ask(ServiceHarness::in_session(wire::Hello{}, 0)).reply.body).durability,
+              "none");
+    server.ask(opening(Strategy::kVelocityDriven));
+    server.ask(request_at(Strategy::kVelocityDriven, 1));
+    ASSERT_TRUE(server.service.checkpoint());
+    server.ask(request_at(Strategy::kVelocityDriven, 2));
+  }
+  DurableServer server(disk, store::Durability::kNone, 78);
+  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0);
+  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
+  EXPECT_EQ(std::get<wire::SessionResumed>(server.ask(resume).reply.body).last_sequence, 1u);
+}
+
+}  // namespace
+}  // namespace shearbus::service

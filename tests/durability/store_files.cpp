@@ -1,0 +1,272 @@
+// Checkpoints and journals as bytes: what was written comes back, and nothing else is ever taken for it.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstring>
+#include <numeric>
+
+#include "server/store/checkpoint.hpp"
+#include "server/store/journal.hpp"
+#include "tests/support/memory_storage.hpp"
+
+namespace shearbus::store {
+namespace {
+
+std::vector<std::byte> some_bytes(std::size_t size, int seed) {
+  std::vector<std::byte> bytes(size);
+  for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::byte>(seed + 31 * static_cast<int>(i));
+  return bytes;
+}
+
+shard::States small_states(std::vector<std::uint32_t> slots, double first) {
+  shard::States states{.slots = std::move(slots), .columns = {}};
+  const std::size_t rows = states.slots.size();
+  for (const auto& [name, units, width] : {std::tuple{"temperature_k", "K", 3}, {"shear_stress_pa", "Pa", 1}}) {
+    std::vector<double> values(rows * static_cast<std::size_t>(width));
+    std::iota(values.begin(), values.end(), first);
+    states.columns.push_back({name, units, static_cast<std::size_t>(width), std::move(values)});
+  }
+  return states;
+}
+
+Snapshot small_snapshot() {
+  Snapshot snapshot{.next_index = 42, .server_version = "0.1.0", .sessions = {}};
+  SessionImage closed{.open = false, .last_sequence = 9, .last_hash = 77, .reply_header = some_bytes(20, 1)};
+  closed.id.fill(0xfe);
+  SessionImage open{.last_sequence = 5,
+                    .last_hash = ~0ULL,
+                    .reply_header = some_bytes(31, 2),
+                    .reply_payload = some_bytes(48, 3),
+                    .requests = 6,
+                    .node_steps = 12,
+                    .solver_ns = 1234,
+                    .scene = "name = \"small\"\n",
+                    .node_ids = {7, 1ULL << 63},
+                    .state_version = 4,
+                    .committed = small_states({0, 1}, 300.0),
+                    .trial = small_states({1}, 400.0),
+                    .marks = {{.name = "dump", .state_version = 2, .states = small_states({0, 1}, 350.0)}}};
+  open.id.fill(0x01);
+  snapshot.sessions = {closed, open};
+  return snapshot;
+}
+
+bool same(const shard::States& a, const shard::States& b) {
+  return a.slots == b.slots && std::equal(a.columns.begin(), a.columns.end(), b.columns.begin(), b.columns.end(),
+                                          [](const shard::StateColumn& x, const shard::StateColumn& y) {
+                                            return x.name == y.name && x.units == y.units && x.width == y.width &&
+                                                   x.values == y.values;
+                                          });
+}
+
+TEST(Checkpoint, ComesBackAsItWent) {
+  const Snapshot snapshot = small_snapshot();
+  const auto bytes = checkpoint_bytes(snapshot, 3);
+  const Snapshot back = read_checkpoint(bytes, "file", 3);
+  EXPECT_EQ(back.next_index, 42u);
+  EXPECT_EQ(back.server_version, "0.1.0");
+  ASSERT_EQ(back.sessions.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const SessionImage &a = snapshot.sessions[i], &b = back.sessions[i];
+    EXPECT_EQ(a.id, b.id);
+    EXPECT_EQ(a.open, b.open);
+    EXPECT_EQ(a.last_sequence, b.last_sequence);
+    EXPECT_EQ(a.last_hash, b.last_hash);
+    EXPECT_EQ(a.reply_header, b.reply_header);
+    EXPECT_EQ(a.reply_payload, b.reply_payload);
+    EXPECT_EQ(a.requests, b.requests);
+    EXPECT_EQ(a.node_steps, b.node_steps);
+    EXPECT_EQ(a.solver_ns, b.solver_ns);
+    EXPECT_EQ(a.scene, b.scene);
+    EXPECT_EQ(a.node_ids, b.node_ids);
+    EXPECT_EQ(a.state_version, b.state_version);
+    EXPECT_TRUE(same(a.committed, b.committed));
+    ASSERT_EQ(a.marks.size(), b.marks.size());
+    for (std::size_t m = 0; m < a.marks.size(); ++m) {
+      EXPECT_EQ(a.marks[m].name, b.marks[m].name);
+      EXPECT_EQ(a.marks[m].state_version, b.marks[m].state_version);
+      EXPECT_TRUE(same(a.marks[m].states, b.marks[m].states));
+    }
+    ASSERT_EQ(a.trial.has_value(), b.trial.has_value());
+    if (a.trial) {
+      EXPECT_TRUE(same(*a.trial, *b.trial));
+    }
+  }
+}
+
+TEST(Checkpoint, SameSnapshotIsTheSameBytes) {
+  EXPECT_EQ(checkpoint_bytes(small_snapshot(), 3), checkpoint_bytes(small_snapshot(), 3));
+}
+
+TEST(Checkpoint, EveryBitFlipIsRefused) {
+  auto bytes = checkpoint_bytes(small_snapshot(), 3);
+  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    const auto mask = static_cast<std::byte>(1 << (bit % 8));
+    bytes[bit / 8] ^= mask;
+    ASSERT_THROW(verified_image(bytes, "file", 3), DamagedFile) << "bit " << bit;
+    bytes[bit / 8] ^= mask;
+  }
+  EXPECT_NO_THROW(read_checkpoint(bytes, "file", 3));
+  RecordProperty("flips", static_cast<int>(8 * bytes.size()));
+}
+
+TEST(Checkpoint, EveryTruncationIsRefused) {
+  const auto bytes = checkpoint_bytes(small_snapshot(), 3);
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    ASSERT_THROW(verified_image(Bytes(bytes).first(size), "file", 3), DamagedFile) << size << " bytes";
+}
+
+TEST(Checkpoint, AnotherGenerationUnderItsNameIsRefused) {
+  EXPECT_THROW(read_checkpoint(checkpoint_bytes(small_snapshot(), 3), "file", 4), DamagedFile);
+}
+
+TEST(Checkpoint, UnknownVersionIsRefusedByName) {
+  auto bytes = checkpoint_bytes(small_snapshot(), 3);
+  bytes[bytes.size() - sizeof(CheckpointFooter) + offsetof(CheckpointFooter, version)] = std::byte{9};
+  try {
+    read_checkpoint(bytes, "file", 3);
+    FAIL();
+  } catch (const DamagedFile& fault) {
+    EXPECT_NE(std::string(fault.what()).find("version 9"), std::string::npos) << fault.what();
+  }
+}
+
+struct Journal {
+  Journal() {
+    JournalWriter writer(disk, 7, 99, 100, true);
+    for (int i = 0; i < 4; ++i) {
+      headers.push_back(some_bytes(20 + static_cast<std::size_t>(i), i));
+      payloads.push_back(i == 2 ? std::vector<std::byte>() : std::vector<std::byte>(64, std::byte{0}));
+      Record record{.sequence = static_cast<std::uint64_t>(i),
+                    .previous_reply = 5,
+                    .header_frame = headers.back(),
+                    .payload_frame = payloads.back()};
+      record.session.fill(static_cast<std::uint8_t>(i));
+      ends.push_back(writer.bytes());
+      writer.append(record);
+    }
+    ends.push_back(writer.bytes());
+    bytes = disk.bytes(segment_name(7));
+  }
+  support::MemoryStorage disk;
+  std::vector<std::vector<std::byte>> headers, payloads;
+  std::vector<std::uint64_t> ends;  // where the header and each record ends
+  std::vector<std::byte> bytes;
+};
+
+TEST(Journal, ComesBackAsItWent) {
+  const Journal journal;
+  const Segment segment = read_segment(journal.bytes, "file");
+  EXPECT_EQ(segment.number, 7u);
+  EXPECT_EQ(segment.epoch, 99u);
+  EXPECT_EQ(segment.first_index, 100u);
+  EXPECT_EQ(segment.next_index(), 104u);
+  EXPECT_FALSE(segment.torn);
+  EXPECT_EQ(segment.sound_bytes, journal.bytes.size());
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Record& record = segment.records[i];
+    EXPECT_EQ(record.index, 100 + i);
+    EXPECT_EQ(record.sequence, i);
+    EXPECT_EQ(record.session[3], i);
+    EXPECT_TRUE(std::equal(record.header_frame.begin(), record.header_frame.end(), journal.headers[i].begin(),
+                           journal.headers[i].end()));
+    EXPECT_TRUE(std::equal(record.payload_frame.begin(), record.payload_frame.end(), journal.payloads[i].begin(),
+                           journal.payloads[i].end()));
+  }
+}
+
+TEST(Journal, EveryBitFlipIsAnErrorAndNeverATornTail) {
+  const Journal journal;
+  auto bytes = journal.bytes;
+  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    const auto mask = static_cast<std::byte>(1 << (bit % 8));
+    bytes[bit / 8] ^= mask;
+    ASSERT_THROW(read_segment(bytes, "file"), DamagedFile) << "bit " << bit;
+    bytes[bit / 8] ^= mask;
+  }
+}
+
+TEST(Journal, TruncationAnywhereCutsTheTornRecordOnly) {
+  const Journal journal;
+  for (std::size_t size = 0; size <= journal.bytes.size(); ++size) {
+    const Segment segment = read_segment(Bytes(journal.bytes).first(size), "file");
+    if (size < sizeof(SegmentHeader)) {
+      EXPECT_EQ(segment.sound_bytes, 0u);
+      continue;
+    }
+    std::size_t whole = 0;
+    while (whole < 4 && journal.ends[whole + 1] <= size) ++whole;
+    ASSERT_EQ(segment.records.size(), whole) << size << " bytes";
+    ASSERT_EQ(segment.sound_bytes, journal.ends[whole]);
+    ASSERT_EQ(segment.torn, size != journal.ends[whole]);
+  }
+}
+
+TEST(Journal, AFileMadeLongerBeforeItsDataCameIsTorn) {
+  const Journal journal;
+  for (const std::size_t zeros : {1u, 8u, 500u, 5000u}) {
+    auto bytes = journal.bytes;
+    bytes.resize(bytes.size() + zeros);
+    const Segment segment = read_segment(bytes, "file");
+    EXPECT_EQ(segment.records.size(), 4u);
+    EXPECT_TRUE(segment.torn);
+  }
+  auto bytes = journal.bytes;
+  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});  // the last record's end never reached the disk
+  EXPECT_EQ(read_segment(bytes, "file").records.size(), 3u);
+}
+
+TEST(Journal, DamageBeforeTheLastRecordIsAnErrorEvenInZeros) {
+  const Journal journal;
+  auto bytes = journal.bytes;
+  std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(journal.ends[1]),
+            bytes.begin() + static_cast<std::ptrdiff_t>(journal.ends[2]), std::byte{0});
+  EXPECT_THROW(read_segment(bytes, "file"), DamagedFile);
+}
+
+TEST(Journal, UnknownVersionIsRefusedByName) {
+  Journal journal;
+  journal.bytes[offsetof(SegmentHeader, version)] = std::byte{2};
+  try {
+    read_segment(journal.bytes, "file");
+    FAIL();
+  } catch (const DamagedFile& fault) {
+    EXPECT_NE(std::string(fault.what()).find("version 2"), std::string::npos) << fault.what();
+  }
+}
+
+TEST(Journal, DiskFullLeavesTheFileAsItWasAndTheNextAppendGoesOn) {
+  support::MemoryStorage disk;
+  JournalWriter writer(disk, 1, 1, 0, false);
+  const auto header = some_bytes(40, 1);
+  writer.append({.sequence = 0, .header_frame = header});
+  disk.plan({.at_call = 1, .code = ENOSPC, .of = support::MemoryStorage::Call::kAppend});
+  EXPECT_THROW(writer.append({.sequence = 1, .header_frame = header}), StorageError);
+  EXPECT_FALSE(writer.broken());
+  EXPECT_EQ(disk.bytes(segment_name(1)).size(), writer.bytes());
+  disk.heal();
+  writer.append({.sequence = 1, .header_frame = header});
+  EXPECT_EQ(read_segment(disk.bytes(segment_name(1)), "file").records.size(), 2u);
+}
+
+TEST(Journal, AnyOtherFailureIsFinal) {
+  for (const auto call : {support::MemoryStorage::Call::kAppend, support::MemoryStorage::Call::kSync}) {
+    support::MemoryStorage disk;
+    JournalWriter writer(disk, 1, 1, 0, true);
+    const auto header = some_bytes(40, 1);
+    disk.plan({.at_call = 1, .code = EIO, .of = call});
+    EXPECT_THROW(
+        {
+          writer.append({.sequence = 0, .header_frame = header});
+          writer.sync();
+        },
+        StorageError);
+    disk.heal();
+    EXPECT_TRUE(writer.broken());
+    EXPECT_THROW(writer.append({.sequence = 1, .header_frame = header}), StorageError);
+    EXPECT_THROW(writer.sync(), StorageError);
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::store

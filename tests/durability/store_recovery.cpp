@@ -1,0 +1,309 @@
+// The store as a whole against a counter for a server: whatever the disk does, recovery gives back every record that
+// was settled, once and in order, or says that it cannot.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <optional>
+#include <random>
+
+#include "server/store/checkpoint.hpp"
+#include "server/store/store.hpp"
+#include "tests/support/memory_storage.hpp"
+
+namespace shearbus::store {
+namespace {
+
+using support::MemoryStorage;
+using Call = MemoryStorage::Call;
+
+std::vector<std::byte> bytes_of(std::uint64_t value) {
+  std::vector<std::byte> bytes(64);
+  std::memcpy(bytes.data(), &value, sizeof value);
+  return bytes;
+}
+std::uint64_t value_of(Bytes bytes) {
+  std::uint64_t value = 0;
+  std::memcpy(&value, bytes.data(), sizeof value);
+  return value;
+}
+
+// A server whose state is the list of requests it was given.
+struct Counter final : Recovery {
+  void restore(const Snapshot& snapshot) override {
+    seen.clear();
+    for (const std::uint64_t value : snapshot.sessions.at(0).node_ids) seen.push_back(value);
+  }
+  void replay(const Record& record, std::uint64_t epoch) override {
+    EXPECT_NE(epoch, 0u);
+    seen.push_back(value_of(record.header_frame));
+  }
+  void clear() override { seen.clear(); }
+  Snapshot snapshot() const {
+    SessionImage session{.scene = "-", .node_ids = seen};
+    return {.server_version = "test", .sessions = {session}};
+  }
+  std::vector<std::uint64_t> seen;
+};
+
+struct Server {
+  explicit Server(MemoryStorage& disk, Durability durability = Durability::kPower, bool accept_empty = false)
+      : store(disk, {.durability = durability,
+                     .epoch = 5,
+                     .accept_empty = accept_empty,
+                     .log = [this](const std::string& line) { log += line + "\n"; }}) {
+    store.recover(counter);
+  }
+  // True when the request may be answered.
+  void run(std::uint64_t value) {
+    const auto frame = bytes_of(value);
+    store.append({.sequence = value, .header_frame = frame});
+    counter.seen.push_back(value);
+    store.settle();
+  }
+  bool checkpoint() { return store.checkpoint(counter.snapshot()); }
+
+  std::string log;
+  Counter counter;
+  Store store;
+};
+
+std::vector<std::uint64_t> up_to(std::uint64_t last) {
+  std::vector<std::uint64_t> values;
+  for (std::uint64_t i = 1; i <= last; ++i) values.push_back(i);
+  return values;
+}
+
+TEST(Store, RecordsComeBackWithoutACheckpoint) {
+  MemoryStorage disk;
+  {
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 5; ++i) server.run(i);
+  }
+  Server again(disk);
+  EXPECT_EQ(again.counter.seen, up_to(5));
+  again.run(6);
+  EXPECT_EQ(Server(disk).counter.seen, up_to(6));
+}
+
+TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
+  MemoryStorage disk;
+  {
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 20; ++i) {
+      server.run(i);
+      if (i % 6 == 0) server.checkpoint();
+    }
+  }
+  Server again(disk);
+  EXPECT_EQ(again.counter.seen, up_to(20));
+  EXPECT_EQ(again.store.counters().replayed, 2u);  // 19 and 20
+}
+
+TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
+  MemoryStorage disk;
+  Server server(disk);
+  for (std::uint64_t i = 1; i <= 30; ++i) {
+    server.run(i);
+    if (i % 5 == 0) server.checkpoint();
+  }
+  EXPECT_EQ(disk.names(),
+            (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), segment_name(7)}));
+}
+
+TEST(Store, ADamagedCheckpointGivesWayToTheOneBeforeAndTheJournal) {
+  MemoryStorage disk;
+  {
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 20; ++i) {
+      server.run(i);
+      if (i % 6 == 0) server.checkpoint();
+    }
+  }
+  disk.bytes(checkpoint_name(3))[1000] ^= std::byte{4};
+  Server again(disk);
+  EXPECT_EQ(again.counter.seen, up_to(20));
+  EXPECT_EQ(again.store.counters().replayed, 8u);
+  EXPECT_NE(again.log.find("DAMAGED"), std::string::npos);
+}
+
+TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
+  MemoryStorage disk;
+  {
+    Server server(disk);
+    server.run(1);
+    server.checkpoint();
+  }
+  disk.bytes(checkpoint_name(1))[1000] ^= std::byte{4};
+  try {
+    Server refused(disk);
+    FAIL() << "it started";
+  } catch (const DamagedFile& fault) {
+    EXPECT_NE(std::string(fault.what()).find("--accept-empty"), std::string::npos);
+  }
+  Server forced(disk, Durability::kPower, true);
+  EXPECT_TRUE(forced.counter.seen.empty());
+  EXPECT_TRUE(disk.exists(checkpoint_name(1) + ".unused"));
+  forced.run(1);
+  EXPECT_EQ(Server(disk).counter.seen, up_to(1));
+}
+
+TEST(Store, AJournalWithAHoleIsRefused) {
+  MemoryStorage disk;
+  for (std::uint64_t i = 1; i <= 3; ++i) Server(disk).run(i);  // a segment each
+  disk.remove(segment_name(2));
+  EXPECT_THROW(Server{disk}, DamagedFile);
+}
+
+TEST(Store, AJournalDamagedBeforeItsEndIsRefused) {
+  MemoryStorage disk;
+  {
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 3; ++i) server.run(i);
+  }
+  disk.bytes(segment_name(1))[130] ^= std::byte{1};
+  EXPECT_THROW(Server{disk}, DamagedFile);
+}
+
+TEST(Store, WithoutJournalTheLastCheckpointIsWhatRemains) {
+  MemoryStorage disk;
+  {
+    Server server(disk, Durability::kNone);
+    server.run(1);
+    EXPECT_TRUE(server.checkpoint());
+    server.run(2);
+  }
+  EXPECT_EQ(Server(disk, Durability::kNone).counter.seen, up_to(1));
+}
+
+// What a workload with checkpoints does to a disk that fails somewhere, and what the next server finds there.
+struct Outcome {
+  std::vector<std::uint64_t> answered;
+  bool fired = false;
+};
+
+Outcome workload(MemoryStorage& disk, Durability durability) {
+  Outcome outcome;
+  try {
+    Server server(disk, durability);
+    for (std::uint64_t i = server.counter.seen.size() + 1, end = i + 6; i < end; ++i) {
+      try {
+        server.run(i);
+        outcome.answered = server.counter.seen;
+      } catch (const StorageError& fault) {
+        if (server.store.failed()) throw;
+        EXPECT_TRUE(fault.no_space());
+        break;  // refused, and nothing was changed
+      }
+      if (i % 2 == 0) server.checkpoint();
+    }
+  } catch (const StorageError&) {
+    // The server ends itself, or has died: what it answered is in `outcome`.
+  }
+  outcome.fired = disk.fired();
+  return outcome;
+}
+
+// Answered requests are a prefix of what recovery gives; what it gives beyond them is at most the one being run.
+void expect_nothing_lost(MemoryStorage& disk, Durability durability, const std::vector<std::uint64_t>& answered,
+                         const std::string& when) {
+  SCOPED_TRACE(when);
+  std::optional<Server> again;
+  ASSERT_NO_THROW(again.emplace(disk, durability));
+  const auto& seen = again->counter.seen;
+  ASSERT_GE(seen.size(), answered.size()) << when;
+  ASSERT_LE(seen.size(), answered.size() + 1) << when;
+  ASSERT_EQ(seen, up_to(seen.size())) << when;
+}
+
+TEST(Store, FailureOfTheNthCallLosesNothingThatWasAnswered) {
+  int faults = 0;
+  for (const int code : {EIO, ENOSPC})
+    for (const bool for_ever : {false, true})
+      for (std::uint64_t n = 1;; ++n) {
+        MemoryStorage disk;
+        const auto before = workload(disk, Durability::kPower).answered;
+        disk.plan({.at_call = n, .code = code, .for_ever = for_ever});
+        auto outcome = workload(disk, Durability::kPower);
+        if (outcome.answered.empty()) outcome.answered = before;
+        disk.heal();
+        expect_nothing_lost(disk, Durability::kPower, outcome.answered,
+                            "call " + std::to_string(n) + " fails with " + std::to_string(code));
+        if (!outcome.fired) break;
+        ++faults;
+      }
+  EXPECT_GT(faults, 100);
+  RecordProperty("faults", faults);
+}
+
+TEST(Store, DeathAtTheNthCallLosesNothingThatWasAnswered) {
+  int deaths = 0;
+  for (std::uint64_t n = 1;; ++n) {
+    MemoryStorage disk;
+    const auto before = workload(disk, Durability::kProcess).answered;
+    disk.plan({.at_call = n});
+    auto outcome = workload(disk, Durability::kProcess);
+    if (outcome.answered.empty()) outcome.answered = before;
+    disk.die_of_process();
+    expect_nothing_lost(disk, Durability::kProcess, outcome.answered, "death at call " + std::to_string(n));
+    if (!outcome.fired) break;
+    ++deaths;
+  }
+  EXPECT_GT(deaths, 30);
+}
+
+TEST(Store, LossOfPowerAtTheNthCallLosesNothingThatWasAnswered) {
+  int deaths = 0;
+  for (unsigned seed = 0; seed < 20; ++seed)
+    for (std::uint64_t n = 1;; ++n) {
+      std::mt19937 random(seed * 1000 + static_cast<unsigned>(n));
+      MemoryStorage disk;
+      const auto before = workload(disk, Durability::kPower).answered;
+      disk.plan({.at_call = n});
+      auto outcome = workload(disk, Durability::kPower);
+      if (outcome.answered.empty()) outcome.answered = before;
+      disk.die_of_power(random);
+      expect_nothing_lost(disk, Durability::kPower, outcome.answered,
+                          "power lost at call " + std::to_string(n) + ", seed " + std::to_string(seed));
+      if (HasFatalFailure()) return;
+      if (!outcome.fired) break;
+      ++deaths;
+    }
+  EXPECT_GT(deaths, 600);
+  RecordProperty("deaths", deaths);
+}
+
+TEST(Store, NothingIsAnsweredAfterAFailedSync) {
+  MemoryStorage disk;
+  Server server(disk);
+  server.run(1);
+  disk.plan({.at_call = 1, .code = EIO, .of = Call::kSync});
+  EXPECT_THROW(server.run(2), StorageError);
+  disk.heal();
+  EXPECT_TRUE(server.store.failed());
+  EXPECT_THROW(server.run(3), StorageError);
+}
+
+TEST(Store, ACheckpointThatFailsLeavesTheOnesBefore) {
+  for (const Call call :
+       {Call::kCreate, Call::kAppend, Call::kSync, Call::kRename, Call::kSyncDirectory, Call::kRead}) {
+    MemoryStorage disk;
+    Server server(disk);
+    for (std::uint64_t i = 1; i <= 4; ++i) {
+      server.run(i);
+      if (i % 2 == 0) server.checkpoint();
+    }
+    server.run(5);
+    disk.plan({.at_call = 1, .code = ENOSPC, .of = call});
+    EXPECT_FALSE(server.checkpoint());
+    disk.heal();
+    EXPECT_EQ(server.store.counters().checkpoints_failed, 1u);
+    server.run(6);
+    EXPECT_TRUE(server.checkpoint());
+    server.run(7);
+    EXPECT_EQ(Server(disk).counter.seen, up_to(7));
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::store

@@ -1,0 +1,145 @@
+// Two-dimensional hydro, bus and layer together.
+#include <gtest/gtest.h>
+
+#include "hydro_stub/cone_target.hpp"
+#include "hydro_stub/coulomb_tresca_law.hpp"
+#include "hydro_stub/history.hpp"
+#include "hydro_stub/simple_laws.hpp"
+#include "hydro_stub/subgrid_law.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "tests/support/hydro2d_plates.hpp"
+
+namespace shearbus {
+namespace {
+
+using lagrange::Cycle;
+using lagrange::Ledger;
+
+// The two half-spaces of server/physics/MODEL.md, section 10, at the middle of two plates, before a wave comes from an
+// end.
+TEST(Hydro2dSubgrid, TwoHalfSpacesSlideAsTheVolterraEquationSays) {
+  const wire::Scene scene = wire::parse_scene(R"(
+name = "two_half_spaces_2d"
+strategy = "force_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 20e-6
+cells = 500
+far_boundary = "half_space"
+[interface]
+friction_coefficient = 0.3
+yield_strength_pa = 200e6
+)",
+                                              "two_half_spaces_2d.toml")
+                                .scene;
+  test::Plates plates;
+  plates.length = 1.6e-3;
+  plates.width = 20e-6;
+  plates.pressure = 11.2e9;
+  lagrange::Bodies bodies = test::plates(plates);
+  const std::size_t nodes = bodies.slide_lines.front().soft.nodes.size();
+  hydro::SubgridLaw law(scene, hydro::node_ids(nodes), std::vector<double>(nodes, 300.0), "");
+  Cycle cycle(std::move(bodies), &law);
+  cycle.run_to(1e-7);
+  const std::size_t middle = nodes / 2;
+  const hydro::InterfaceAnswer& answer = cycle.contact().answer();
+  std::printf(
+      "two half-spaces in two dimensions, 100 ns: s %.3f MPa (185.992), [V] %.3f m/s (70.925), T0 %.2f K (492.23)\n",
+      answer.shear_stress[middle] * 1e-6, answer.velocity_jump_new[middle], answer.interface_temperature[middle]);
+  EXPECT_NEAR(answer.shear_stress[middle] / 185.992e6, 1.0, 0.002);
+  EXPECT_NEAR(answer.velocity_jump_new[middle] / 70.925, 1.0, 0.003);
+  EXPECT_NEAR(answer.interface_temperature[middle], 492.23, 1.5);
+}
+
+wire::Scene cone() {
+  wire::SceneFile file =
+      wire::load_scene_file(std::string(SHEARBUS_SOURCE_DIR) + "/hydro_stub/problems/cone_al_steel_coarse.toml");
+  file.scene.hydro->cone_target->zone_width_m = 1e-3;
+  file.scene.hydro->end_time_s = 4e-6;
+  return file.scene;
+}
+
+struct Outcome {
+  Ledger start, end;
+  double slip = 0.0;  // of the middle node  [m]
+  double hottest = 0.0;
+};
+
+Outcome run(const wire::Scene& scene, hydro::InterfaceLaw& law) {
+  const hydro::ConeTarget problem = hydro::make_cone_target(scene);
+  Cycle cycle(hydro::make_bodies(problem), &law);
+  Outcome out;
+  out.start = cycle.ledger();
+  const std::size_t middle = cycle.contact().answer().shear_stress.size() / 2;
+  while (cycle.state().time < problem.end_time) {
+    cycle.advance(problem.end_time);
+    const hydro::InterfaceInputs& in = cycle.contact().inputs();
+    if (in.pressure[middle] > 0.0) out.slip += std::abs(cycle.contact().answer().sliding_velocity[middle]) * in.dt;
+    for (const double t : cycle.contact().answer().interface_temperature) out.hottest = std::max(out.hottest, t);
+  }
+  out.end = cycle.ledger();
+  return out;
+}
+
+TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
+  const wire::Scene scene = cone();
+  const hydro::ConeTarget problem = hydro::make_cone_target(scene);
+  const std::size_t nodes = hydro::interface_nodes(hydro::make_bodies(problem));
+  const std::vector<double> temperature(nodes, 300.0);
+  hydro::FreeSlipLaw free;
+  hydro::StickLaw stick;
+  hydro::CoulombTrescaLaw macroscopic(scene.hydro->coulomb_tresca, problem.soft, problem.hard, temperature);
+  hydro::SubgridLaw subgrid(scene, hydro::node_ids(nodes), temperature, "");
+  const Outcome outcomes[] = {run(scene, free), run(scene, stick), run(scene, macroscopic), run(scene, subgrid)};
+  for (const Outcome& o : outcomes) {
+    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // the axis does no work
+    EXPECT_NEAR(o.end.momentum.y / o.start.momentum.y, 1.0, 1e-12);
+  }
+  const auto& [slipping, sticking, law5, service] = outcomes;
+  EXPECT_GT(slipping.slip, law5.slip);
+  EXPECT_GT(law5.slip, 10.0 * sticking.slip);
+  EXPECT_GT(slipping.slip, service.slip);
+  EXPECT_GT(law5.end.friction_heat, 0.0);
+  EXPECT_GT(service.hottest, 2.0 * law5.hottest);  // the layer's temperature, which no zone knows
+  EXPECT_LT(service.hottest, problem.soft.melting_temperature);
+}
+
+// A step the host takes back never happened: the next one gives every bit as if it had not been tried.
+TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
+  const wire::Scene scene = cone();
+  constexpr std::size_t kNodes = 9;
+  hydro::InterfaceInputs in(kNodes);
+  for (std::size_t i = 0; i < kNodes; ++i) {
+    in.velocity_jump[i] = 20.0 + 40.0 * static_cast<double>(i);
+    in.pressure[i] = 8e9;
+    in.mass_minus[i] = 0.7;
+    in.mass_plus[i] = 2.0;
+  }
+  in.dt = 2e-9;
+  const std::vector<double> temperature(kNodes, 300.0);
+  hydro::SubgridLaw tried(scene, hydro::node_ids(kNodes), temperature, ""),
+      straight(scene, hydro::node_ids(kNodes), temperature, "");
+  hydro::InterfaceAnswer a(kNodes), b(kNodes);
+  for (std::uint64_t step = 1; step <= 20; ++step) {
+    in.step = step;
+    in.time += in.dt;
+    if (step % 3 == 0) {
+      hydro::InterfaceInputs longer = in;
+      longer.dt *= 4.0;
+      tried.advance(longer, a);
+      tried.take_back();
+    }
+    tried.advance(in, a);
+    straight.advance(in, b);
+    ASSERT_EQ(a.shear_stress, b.shear_stress) << "step " << step;
+    ASSERT_EQ(a.interface_temperature, b.interface_temperature);
+  }
+  tried.close();
+  straight.close();
+}
+
+}  // namespace
+}  // namespace shearbus

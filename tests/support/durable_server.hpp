@@ -1,0 +1,48 @@
+// A service on a store, without sockets: made anew on the same disk, it recovers.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "proto/wire/codec.hpp"
+#include "server/service/service.hpp"
+#include "server/store/store.hpp"
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::support {
+
+struct DurableServer {
+  explicit DurableServer(store::Storage& disk, store::Durability durability = store::Durability::kProcess,
+                         std::uint64_t epoch = 77, unsigned threads = 1)
+      : store(disk, {.durability = durability, .epoch = epoch}),
+        pool(threads),
+        service({.epoch = epoch, .server_version = "test", .nodes_per_task = 4, .now_ns = [this] { return ++clock; }},
+                pool, &store) {
+    service.recover();
+  }
+
+  // Nothing where the service does not answer.
+  std::optional<Answer> try_ask(service::Frames frames) {
+    auto answered = service.handle(frames);
+    if (!answered) return std::nullopt;
+    Answer answer{.frames = std::move(*answered), .reply = {}};
+    const std::span<const std::byte> sent[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
+    wire::decode(std::span(sent, answer.frames.has_payload ? 2 : 1), answer.reply);
+    return answer;
+  }
+  Answer ask(const wire::Request& request) {
+    const std::string header = wire::encode_header(request);
+    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
+    auto answer = try_ask(std::span(views, request.batch.columns().empty() ? 1 : 2));
+    if (!answer) throw std::runtime_error("the service did not answer");
+    return std::move(*answer);
+  }
+
+  std::uint64_t clock = 0;
+  store::Store store;
+  shard::TaskPool pool;
+  service::Service service;
+};
+
+}  // namespace shearbus::support
