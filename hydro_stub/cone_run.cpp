@@ -1,12 +1,14 @@
 #include "hydro_stub/cone_run.hpp"
 
 #include <fmt/format.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <numbers>
 #include <string>
@@ -230,6 +232,8 @@ void finish(const std::filesystem::path& out, const wire::Scene& scene, const Cy
 
 void run_cone_target(const wire::Scene& scene, const ConeTarget& problem, lagrange::Bodies bodies, InterfaceLaw& law,
                      const std::filesystem::path& out, bool progress) {
+  // OpenMP's threads wait by spinning, which on a shared machine costs more than they bring: only those asked for.
+  if (std::getenv("OMP_NUM_THREADS") == nullptr) omp_set_num_threads(1);
   std::filesystem::create_directories(out);
   wire::Scene effective = scene;
   effective.soft.given = physics::constants_of(problem.soft);

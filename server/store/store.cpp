@@ -260,13 +260,16 @@ void Store::write_checkpoint(const Snapshot& snapshot) {
   ++next_generation_;
 }
 
-// The newest checkpoints stay, and every segment with a record the older of them has not seen.
+// The newest checkpoints stay, and every segment with a record the older of them has not seen. What else stands on disk
+// from before - damaged, or written by an attempt that failed after its rename - goes first, and for good: once the
+// segments are gone, an older checkpoint is one that cannot be used.
 void Store::prune() {
-  while (checkpoints_.size() > kGenerationsKept) {
-    storage_.remove(checkpoint_name(checkpoints_.front().number));
-    checkpoints_.erase(checkpoints_.begin());
-  }
+  if (checkpoints_.size() > kGenerationsKept)
+    checkpoints_.erase(checkpoints_.begin(), checkpoints_.end() - kGenerationsKept);
   if (checkpoints_.size() < kGenerationsKept) return;
+  for (const std::uint64_t generation : find().checkpoints)
+    if (generation < checkpoints_.front().number) storage_.remove(checkpoint_name(generation));
+  storage_.sync_directory();
   while (segments_.size() > 1 && segments_[1].index <= checkpoints_.front().index) {
     storage_.remove(segment_name(segments_.front().number));
     segments_.erase(segments_.begin());

@@ -297,6 +297,8 @@ class Outsider(unittest.TestCase):
         again = session.send(frames)
         self.assertEqual((first.header.replayed, again.header.replayed), (False, True))
         self.assertEqual(first.frames[1], again.frames[1])
+        first.header.upscale.ClearField("solver_ns")  # a repeat takes no time
+        first.header.upscale.ClearField("service_ns")
         self.assertEqual(first.header.upscale, again.header.upscale)
         plain.step(drive([100.0]))
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
@@ -359,7 +361,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(self.bus.exchange([b"GET / HTTP/1.1\r\n\r\n"]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b""]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([bytes(64 * 1024 + 1)]), pb.CODE_LIMIT)
-        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xba\x01\x00"  # body 23
+        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x01\x00"  # body 31
         self.assert_refused(self.bus.exchange([later]), pb.CODE_UNSUPPORTED)
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
 

@@ -35,7 +35,7 @@ class Server {
       : endpoint_(scratch.ipc()), log_(scratch.path() / ("log" + std::to_string(++started_))) {
     std::vector<std::string> command;
     if (!fault.empty())
-      command = {"/usr/bin/strace", "-f", "-o", "/dev/null", "-e", "trace=writev,fdatasync,fsync,renameat", "-e",
+      command = {"/usr/bin/strace", "-D", "-f", "-o", "/dev/null", "-e", "trace=writev,fdatasync,fsync,renameat", "-e",
                  "inject=" + fault};
     for (const std::string& word : {std::string(SHEARBUS_BINARY_DIR "/bin/shearbus-server"), std::string("--bind"),
                                     endpoint_, std::string("--threads"), std::string("1"), std::string("--durability"),
@@ -86,7 +86,9 @@ void run(Server& server, Host& host, int steps) {
     // Which answers came is in `host`.
   }
   server.process().signal(SIGTERM);
-  if (!server.process().exit_code(10s)) server.process().signal(SIGKILL);
+  if (server.process().exit_code(10s)) return;
+  server.process().signal(SIGKILL);
+  server.process().exit_code(10s);
 }
 
 // What was answered is there, and nothing else but at most the request whose answer did not come.

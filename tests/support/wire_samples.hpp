@@ -106,6 +106,7 @@ inline std::vector<std::pair<std::string, Request>> requests() {
     nodes.u64(Field::kNodeId)[i] = 1ULL << (20 * i);
     nodes.f64(Field::kInitialTemperature)[i] = 300.0 + static_cast<double>(i);
   }
+  Batch more_nodes = Batch::of(std::span(opening, 1), 2);
   add("open_session", OpenSession{.scene = scene(), .session_id = session_id()}, std::move(nodes));
   add("downscale",
       Downscale{.dt_s = 1e-9,
@@ -120,6 +121,11 @@ inline std::vector<std::pair<std::string, Request>> requests() {
   add("rollback", Rollback{});
   add("close_session", CloseSession{.reason = "done"});
   add("server_status", ServerStatusQuery{});
+  add("open_session_to_resume", OpenSession{.scene = scene(), .session_id = session_id(), .resume_token = session_id()},
+      std::move(more_nodes));
+  add("resume_session", ResumeSession{.resume_token = session_id(), .claim = 3, .claimant = 77});
+  add("mark", Mark{.name = "dump 17"});
+  add("rollback_to_mark", Rollback{.to_mark = "dump 17"});
   return all;
 }
 
@@ -132,7 +138,7 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
   add("welcome", Welcome{.protocol_major = 1,
                          .protocol_minor = 0,
                          .server_version = "0.1.0",
-                         .limits = {1, 2, 3, 4},
+                         .limits = {1, 2, 3, 4, 5},
                          .capabilities = {"trial", "mask"},
                          .durability = "none"});
   add("session_opened",
@@ -145,6 +151,15 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
   add("rolled_back", RolledBack{.state_version = 10});
   add("session_closed", SessionClosed{.requests = 11, .node_steps = 12, .solver_ns = 13});
   add("server_status", ServerStatus{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, "0.1.0"});
+  Reply& resumed =
+      add("session_resumed", SessionResumed{.session = {.effective_scene = scene(), .bytes_per_node = 16384},
+                                            .last_sequence = 14,
+                                            .state_version = 15,
+                                            .trial_stands = true,
+                                            .claim = 2});
+  const Field node_id[] = {Field::kNodeId};
+  resumed.batch = Batch::of(node_id, 2);
+  add("marked", Marked{.state_version = 16, .names = {"dump 16", "dump 17"}});
   Reply& refusal = add("refusal", std::monostate{});
   refusal.status = {.code = Code::kInvalidValue,
                     .text = "pressure_pa of node 7 is nan, expected a finite number",
