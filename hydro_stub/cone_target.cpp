@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "hydro_stub/problem.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/strength.hpp"
 
@@ -15,19 +16,6 @@ namespace {
 
 using lagrange::Side;
 using lagrange::Vec2;
-
-[[noreturn]] void refuse(std::string field, std::string text, std::string remedy) {
-  throw wire::Error({.code = wire::Code::kInvalidScene,
-                     .text = std::move(text),
-                     .remedy = std::move(remedy),
-                     .field = std::move(field)});
-}
-
-physics::Material resolve(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult result = physics::make_material(body.material, body.given);
-  if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
-  return result.material;
-}
 
 lagrange::BodyMaterial body_material(const physics::Material& metal, const wire::MieGrueneisen& eos,
                                      double temperature) {

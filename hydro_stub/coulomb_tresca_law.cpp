@@ -84,10 +84,11 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
     const double limit = std::min(was_sticking ? branch_.at_rest * pressure : sliding, yield);
     sticks = sticking <= limit;
     stress = sticks ? sticking : std::min(sliding, yield);
-    regime = sticks                                                              ? wire::Regime::kStick
-             : sliding <= yield                                                  ? wire::Regime::kCoulomb
-             : temperature >= physics::kMeltingShare * soft_.melting_temperature ? wire::Regime::kMelting
-                                                                                 : wire::Regime::kTresca;
+    regime = sticks             ? wire::Regime::kStick
+             : sliding <= yield ? wire::Regime::kCoulomb
+             : temperature >= physics::kMeltingShare * physics::at_pressure(soft_, pressure).melting_temperature
+                 ? wire::Regime::kMelting
+                 : wire::Regime::kTresca;
   }
   answer.shear_stress[i] = direction * stress;
   answer.velocity_jump_new[i] = sticks ? 0.0 : free.jump - answer.shear_stress[i] * free.compliance;

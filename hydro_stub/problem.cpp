@@ -10,7 +10,6 @@
 #include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
-namespace {
 
 [[noreturn]] void refuse(std::string field, std::string text, std::string remedy) {
   throw wire::Error({.code = wire::Code::kInvalidScene,
@@ -24,6 +23,8 @@ physics::Material resolve(const wire::Body& body, const std::string& table) {
   if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
   return result.material;
 }
+
+namespace {
 
 // One value per column of every list of the scene.
 struct Columns {

@@ -29,6 +29,12 @@ struct Problem {
   PressureHistory pressure;
 };
 
+// Throws wire::Error{kInvalidScene} for a field of the scene.
+[[noreturn]] void refuse(std::string field, std::string text, std::string remedy);
+
+// The material of [table]; refuses what the catalog does not know or the constants do not make.
+physics::Material resolve(const wire::Body& body, const std::string& table);
+
 // Throws wire::Error{kInvalidScene} that names the field at fault.
 Problem make_problem(const wire::Scene& scene);
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "server/embedded.hpp"
@@ -38,13 +39,15 @@ struct SubgridLaw::Impl {
       : embedded(embed(endpoint.empty())),
         client(client_options(endpoint, embedded)),
         session(client.open(scene, node_ids, {.initial_temperature_k = initial_temperature})),
+        wants_plastic_rate(scene.interface && scene.interface->plastic_layer),
         request(session.request()),
         server(embedded ? "in this process" : endpoint) {}
 
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  Batch request;  // filled anew each step
+  bool wants_plastic_rate;  // of hosts that compute it
+  Batch request;            // filled anew each step
   std::string server;
   LawTime time;
   bool trial_stands = false;
@@ -56,7 +59,13 @@ SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> 
 SubgridLaw::~SubgridLaw() = default;
 
 void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
+  if (impl_->wants_plastic_rate && !in.zone_plastic_rate.empty()) {
+    impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
+    impl_->wants_plastic_rate = false;
+  }
   Batch& request = impl_->request;
+  if (request.has(Field::kSoftPlasticStrainRate))
+    copy(in.zone_plastic_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
   copy(in.stress_minus, request.f64(Field::kStressMinus));

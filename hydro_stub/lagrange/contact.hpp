@@ -52,6 +52,7 @@ class Contact {
   void press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   void ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                const std::vector<Vec2>& velocity);
+  void find_plastic_rates(const State& state);
   void rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   double opening_rate(int i, const std::vector<Vec2>& velocity) const;
   double jump(int i, const std::vector<Vec2>& velocity) const;
@@ -63,6 +64,7 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // p_i dt of the step  [Pa s]
   std::vector<Vec2> impulse_;
+  double plastic_time_ = 0.0;  // of the inputs' plastic strain  [s]
   double friction_heat_ = 0.0;
   double closing_heat_ = 0.0;
 };

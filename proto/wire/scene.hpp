@@ -13,6 +13,8 @@ namespace shearbus::wire {
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
 enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
+enum class MeltingCurve { kUnspecified = 0, kConstant = 1, kLindemann = 2 };
+enum class PressureTerm { kUnspecified = 0, kLinear = 1, kCompressed = 2 };
 enum class InterfaceLaw { kUnspecified = 0, kSubgrid = 1, kCoulombTresca = 2, kFreeSlip = 3, kStick = 4 };
 enum class Lists { kUnspecified = 0, kPaired = 1, kCombined = 2 };
 enum class FarEnd { kUnspecified = 0, kTransmitting = 1, kFree = 2 };
@@ -22,6 +24,8 @@ enum class FarEnd { kUnspecified = 0, kTransmitting = 1, kFree = 2 };
 struct Body {
   std::string material;
   std::vector<std::pair<std::string, double>> given;
+  MeltingCurve melting_curve = MeltingCurve::kConstant;  // the soft body's
+  PressureTerm pressure_term = PressureTerm::kLinear;    // the soft body's
 };
 
 struct Layer {
@@ -32,9 +36,17 @@ struct Layer {
   double initial_temperature_k = 300.0;
 };
 
+struct HardLayer {
+  std::optional<double> thickness_m;
+  std::optional<std::uint32_t> cells;
+  std::optional<double> grading;
+  FarBoundary far_boundary = FarBoundary::kUnspecified;
+};
+
 struct VelocityDriven {
   Drive drive = Drive::kLayerShear;
   std::optional<double> friction_coefficient;
+  std::optional<double> taylor_quinney_factor;
 };
 
 struct Interface {
@@ -100,6 +112,7 @@ struct Scene {
   Body soft;
   Body hard;
   Layer layer;
+  std::optional<HardLayer> hard_layer;  // present: the hard body conducts
   VelocityDriven velocity_driven;
   std::optional<Interface> interface;  // force-driven only
   std::optional<Hydro> hydro;          // the guest's; never sent

@@ -55,10 +55,23 @@ void body_to_message(const Body& body, const std::string& table, v1::Body& messa
     if (reflection.HasField(message, field)) refuse(path, "is given twice");
     reflection.SetDouble(&message, field, value);
   }
+  // Defaults are not sent: a scene without these options has the bytes it had before there were any.
+  if (body.melting_curve != MeltingCurve::kConstant)
+    message.set_melting_curve(static_cast<v1::MeltingCurve>(body.melting_curve));
+  if (body.pressure_term != PressureTerm::kLinear)
+    message.set_pressure_term(static_cast<v1::PressureTerm>(body.pressure_term));
+}
+
+// An enum of the message as a value; `fallback` is what its rule calls the default.
+template <typename Enum, typename Wire>
+Enum enum_or(Wire wire, Enum fallback) {
+  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
 }
 
 Body body_from_message(const v1::Body& message) {
   Body body{.material = message.material(), .given = {}};
+  body.melting_curve = enum_or(message.melting_curve(), body.melting_curve);
+  body.pressure_term = enum_or(message.pressure_term(), body.pressure_term);
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* field = message.GetDescriptor()->field(i);
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && message.GetReflection()->HasField(message, field))
@@ -112,6 +125,21 @@ ConeTarget cone_from_message(const v1::ConeTarget& message) {
           .hard_eos = eos_from_message(message.hard_eos())};
 }
 
+void hard_layer_to_message(const HardLayer& layer, v1::HardLayer& message) {
+  if (layer.thickness_m) message.set_thickness_m(*layer.thickness_m);
+  if (layer.cells) message.set_cells(*layer.cells);
+  if (layer.grading) message.set_grading(*layer.grading);
+  message.set_far_boundary(static_cast<v1::FarBoundary>(layer.far_boundary));
+}
+
+HardLayer hard_layer_from_message(const v1::HardLayer& message) {
+  HardLayer layer{.far_boundary = static_cast<FarBoundary>(message.far_boundary())};
+  if (message.has_thickness_m()) layer.thickness_m = message.thickness_m();
+  if (message.has_cells()) layer.cells = message.cells();
+  if (message.has_grading()) layer.grading = message.grading();
+  return layer;
+}
+
 void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
   message.set_interface_law(static_cast<v1::InterfaceLaw>(hydro.interface_law));
   message.set_end_time_s(hydro.end_time_s);
@@ -136,12 +164,6 @@ void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
   law.set_velocity_decay_s_per_m(hydro.coulomb_tresca.velocity_decay_s_per_m);
   law.set_yield_fraction(hydro.coulomb_tresca.yield_fraction);
   if (hydro.cone_target) cone_to_message(*hydro.cone_target, *message.mutable_cone_target());
-}
-
-// An enum of the message as a value; `fallback` is what its rule calls the default.
-template <typename Enum, typename Wire>
-Enum enum_or(Wire wire, Enum fallback) {
-  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
 }
 
 Hydro hydro_from_message(const v1::Hydro& message) {
@@ -185,10 +207,13 @@ void to_message(const Scene& scene, v1::Scene& message) {
   layer.set_grading(scene.layer.grading);
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
+  if (scene.hard_layer) hard_layer_to_message(*scene.hard_layer, *message.mutable_hard_layer());
   v1::VelocityDriven& driven = *message.mutable_velocity_driven();
   driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
   if (scene.velocity_driven.friction_coefficient)
     driven.set_friction_coefficient(*scene.velocity_driven.friction_coefficient);
+  if (scene.velocity_driven.taylor_quinney_factor)
+    driven.set_taylor_quinney_factor(*scene.velocity_driven.taylor_quinney_factor);
   if (scene.interface) {
     message.mutable_interface()->set_friction_coefficient(scene.interface->friction_coefficient);
     message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
@@ -218,9 +243,12 @@ Scene from_message(const v1::Scene& given) {
                  .grading = message.layer().grading(),
                  .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
                  .initial_temperature_k = message.layer().initial_temperature_k()};
+  if (message.has_hard_layer()) scene.hard_layer = hard_layer_from_message(message.hard_layer());
   scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
   if (message.velocity_driven().has_friction_coefficient())
     scene.velocity_driven.friction_coefficient = message.velocity_driven().friction_coefficient();
+  if (message.velocity_driven().has_taylor_quinney_factor())
+    scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
   if (message.has_interface())
     scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
                                 .yield_strength_pa = message.interface().yield_strength_pa(),

@@ -135,23 +135,45 @@ class Together {
   Together(const v1::Scene& scene, const std::function<bool(std::string_view)>& given, std::vector<Fault>& faults)
       : scene_(scene), given_(given), faults_(faults) {}
 
-  void layer() {
-    const v1::Layer& as_given = scene_.layer();
-    if (!sound("layer", scene_.has_layer()) || !sound("layer.thickness_m", as_given.has_thickness_m()) ||
-        !sound("layer.cells", as_given.has_cells()) || !sound("layer.grading", as_given.has_grading()))
-      return;
+  void layers() {
+    if (!sound_grid("layer", scene_.has_layer(), scene_.layer())) return;
     v1::Scene filled = scene_;
     fill_defaults(filled);
-    const double ratio = filled.layer().grading();
-    const std::uint32_t cells = filled.layer().cells();
-    const double sum = ratio == 1.0 ? cells : std::expm1(cells * std::log(ratio)) / (ratio - 1.0);
-    const double first = filled.layer().thickness_m() / sum;
-    if (!(first >= kThinnestCell))
-      add(as_given.has_grading() ? "layer.grading" : "layer.cells",
-          fmt::format(
-              "layer.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} m: take fewer "
-              "cells or a ratio nearer to 1",
-              number_text(ratio), cells, first, kThinnestCell));
+    const v1::Layer& layer = filled.layer();
+    first_cell("layer", scene_.layer().has_grading(), layer.thickness_m(), layer.cells(), layer.grading());
+    if (!scene_.has_hard_layer() || !sound_grid("hard_layer", true, scene_.hard_layer())) return;
+    // Absent is as [layer]; the thickness a server derives is within a few times of it.
+    const v1::HardLayer& hard = scene_.hard_layer();
+    first_cell("hard_layer", hard.has_grading(), hard.has_thickness_m() ? hard.thickness_m() : layer.thickness_m(),
+               hard.has_cells() ? hard.cells() : layer.cells(), hard.has_grading() ? hard.grading() : layer.grading());
+  }
+
+  // Options of a strength that nobody computes.
+  void hard_strength() {
+    const auto refuse = [&](const std::string& key) {
+      add("hard." + key,
+          "hard." + key + " bears on a body's strength, and only the soft body's is computed: give it to [soft]");
+    };
+    if (scene_.hard().melting_curve() == v1::MELTING_CURVE_LINDEMANN) refuse("melting_curve");
+    if (scene_.hard().pressure_term() == v1::PRESSURE_TERM_COMPRESSED) refuse("pressure_term");
+  }
+
+  // Heat released inside the layer: by the model's own flow, and between bodies that both conduct.
+  void plastic_heating() {
+    const std::string path = "velocity_driven.taylor_quinney_factor";
+    if (!scene_.velocity_driven().has_taylor_quinney_factor() || !sound(path, true)) return;
+    if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
+      add(path,
+          path +
+              " heats where the velocity-driven layer flows; under strategy force_driven plastic work heats nothing");
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " needs drive = \"layer_shear\": with \"interface_slip\" all the work of the jump is friction at "
+                    "z = 0, and heat in the layer would count it twice");
+    if (!scene_.has_hard_layer() && !given_("hard_layer"))
+      add(path, path +
+                    " needs the table [hard_layer]: the fixed share of the hard body is that of heat released at "
+                    "z = 0, not inside the layer");
   }
 
   void strategy() {
@@ -195,6 +217,22 @@ class Together {
  private:
   void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text)}); }
 
+  template <typename Table>
+  bool sound_grid(const std::string& name, bool present, const Table& table) const {
+    return sound(name, present) && sound(name + ".thickness_m", table.has_thickness_m()) &&
+           sound(name + ".cells", table.has_cells()) && sound(name + ".grading", table.has_grading());
+  }
+
+  void first_cell(const std::string& name, bool grading_given, double thickness, std::uint32_t cells, double ratio) {
+    const double sum = ratio == 1.0 ? cells : std::expm1(cells * std::log(ratio)) / (ratio - 1.0);
+    const double first = thickness / sum;
+    if (!(first >= kThinnestCell))
+      add(name + (grading_given ? ".grading" : ".cells"),
+          fmt::format("{}.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} m: take "
+                      "fewer cells or a ratio nearer to 1",
+                      name, number_text(ratio), cells, first, kThinnestCell));
+  }
+
   bool sound(const std::string& path, bool present) const {
     return (present || !given_(path)) &&
            std::none_of(faults_.begin(), faults_.end(), [&](const Fault& fault) { return fault.path == path; });
@@ -227,7 +265,9 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   Checker(given, faults).table(scene, "");
   Together together(scene, given, faults);
   together.strategy();
-  together.layer();
+  together.layers();
+  together.plastic_heating();
+  together.hard_strength();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

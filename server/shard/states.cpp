@@ -11,10 +11,13 @@ namespace shearbus::shard {
 using physics::kLanes;
 
 std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
-  const StatePart known[] = {{"temperature_k", "K", layout.temperature, layout.num_vertices},
+  const StatePart known[] = {{"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
+                             {"temperature_k", "K", layout.temperature, layout.num_vertices},
                              {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
+                             {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
                              {"shear_stress_pa", "Pa", layout.shear_stress, 1},
-                             {"regime", "1", layout.regime, 1}};
+                             {"regime", "1", layout.regime, 1},
+                             {"sticking", "1", layout.sticking, 1}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {

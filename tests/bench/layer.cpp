@@ -58,6 +58,24 @@ void BM_PlasticLayer(benchmark::State& state) {
   run(state, options);
 }
 
+void BM_TwoSided(benchmark::State& state) {
+  run(state, two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)))));
+}
+void BM_PlasticHeating(benchmark::State& state) {
+  ModelOptions options = two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
+  options.taylor_quinney_factor = 1.0;
+  run(state, options);
+}
+void BM_UnderPressure(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.soft.melting_curve = MeltingCurve::kLindemann;
+  options.soft.pressure_term = PressureTerm::kCompressed;
+  run(state, options);
+}
+
+BENCHMARK(BM_TwoSided)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_PlasticHeating)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_LayerShear)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_InterfaceSlip)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_ForceDriven)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);

@@ -1,8 +1,10 @@
 // One model with its tiles, for tests: set inputs, step, look at a lane.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -26,6 +28,14 @@ inline ModelOptions paper_options(Strategy strategy = Strategy::kVelocityDriven)
   return options;
 }
 
+// The hard body conducts too. By default on the layer's grid scaled by sqrt(alpha_h / alpha), so that heat goes as many
+// cells deep on either side.
+inline ModelOptions two_sided(ModelOptions options, std::optional<GridOptions> hard = {}) {
+  options.hard_grid = hard ? *hard : options.grid;
+  if (!hard) options.hard_grid->thickness *= std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
+  return options;
+}
+
 inline ModelOptions graded(ModelOptions options, int cells = 60, double grading = 1.08) {
   options.grid.cells = cells;
   options.grid.grading = grading;
@@ -45,6 +55,13 @@ class Rig {
 
   void start(const double (&temperature)[kLanes]) { model.initialise(committed.data(), temperature); }
 
+  // The hard body, where it conducts, is somewhere else in temperature: the interface need not be the hottest place
+  // then.
+  void start_hard(double temperature) {
+    const TileLayout& layout = model.layout();
+    std::fill_n(committed.data() + layout.first_temperature(), layout.num_hard_vertices * kLanes, temperature);
+  }
+
   // One accepted step of every active lane.
   void step(double dt) {
     if (!operators || operators->dt() != dt) operators = model.operators(dt);
@@ -59,18 +76,37 @@ class Rig {
     }
   }
 
+  // Negative vertices are the hard body's, where it conducts.
   double T(int vertex, int lane = 0) const { return committed[model.layout().temperature + vertex * kLanes + lane]; }
   double ep(int vertex, int lane = 0) const {
     return committed[model.layout().plastic_strain + vertex * kLanes + lane];
   }
+  double heat_shape(int vertex, int lane = 0) const {
+    return committed[model.layout().heat_shape + vertex * kLanes + lane];
+  }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
 
-  // (k/alpha) integral (T - reference), with the weights of the conduction.
+  HeatGrid heat_grid() const {
+    const ModelOptions& o = model.options();
+    if (!o.hard_grid) return HeatGrid(model.grid(), o.grid.far_boundary);
+    return HeatGrid(model.grid(), o.grid.far_boundary, Grid(*o.hard_grid), o.hard_grid->far_boundary);
+  }
+
+  // (k/alpha) integral (T - reference) over all that conducts, with the weights of the conduction.
   double stored_heat(double reference, int lane = 0) const {
-    const HeatGrid grid(model.grid(), model.options().grid.far_boundary);
+    const HeatGrid grid = heat_grid();
+    const double* rows = committed.data() + model.layout().first_temperature();
     double sum = 0.0;
-    for (int i = 0; i < grid.num_vertices(); ++i) sum += grid.weight[i] * (T(i, lane) - reference);
-    return sum * model.options().soft.conductivity / model.options().soft.diffusivity;
+    for (int i = 0; i < grid.num_vertices(); ++i) {
+      sum += grid.capacity(i, model.options().soft, model.options().hard) * (rows[i * kLanes + lane] - reference);
+    }
+    return sum;
+  }
+
+  // Share of the friction power that heats what conducts.
+  double conducted_share() const {
+    const ModelOptions& o = model.options();
+    return o.hard_grid ? 1.0 : heat_partition(o.soft, o.hard);
   }
 
   // sqrt(3) integral(ep) over the layer: the slip it has carried  [m]
@@ -82,6 +118,8 @@ class Rig {
 
   reference::NodeState node_state(int lane) const {
     reference::NodeState state;
+    for (std::size_t i = model.layout().num_hard_vertices; i > 0; --i)
+      state.hard_temperature.push_back(T(-static_cast<int>(i), lane));
     for (std::size_t i = 0; i < model.layout().num_vertices; ++i)
       state.temperature.push_back(T(static_cast<int>(i), lane));
     for (int i = 0; i < model.grid().num_vertices(); ++i) {
@@ -89,6 +127,9 @@ class Rig {
     }
     if (model.layout().sticking != TileLayout::kAbsent) {
       state.sticking = committed[model.layout().sticking + lane] != 0.0;
+    }
+    if (model.layout().heat_shape != TileLayout::kAbsent) {
+      for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }
     state.shear_stress = stress(lane);
     state.regime = static_cast<Regime>(static_cast<int>(committed[model.layout().regime + lane]));

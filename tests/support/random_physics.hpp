@@ -34,6 +34,17 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   options.grid.grading = draw.chance(0.5) ? 1.0 : draw.uniform(1.0, 1.3);
   options.grid.far_boundary = draw.chance(0.5) ? FarBoundary::kInsulated : FarBoundary::kHalfSpace;
   options.drive = draw.chance(0.5) ? Drive::kLayerShear : Drive::kInterfaceSlip;
+  if (draw.chance(0.4)) {
+    options.hard_grid =
+        GridOptions{options.grid.thickness * draw.log_uniform(0.02, 5.0), draw.integer(1, 40), draw.uniform(1.0, 1.3),
+                    draw.chance(0.5) ? FarBoundary::kInsulated : FarBoundary::kHalfSpace};
+  }
+  if (options.hard_grid && strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear &&
+      draw.chance(0.6)) {
+    options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.5, 1.0);
+  }
+  if (draw.chance(0.3)) soft.melting_curve = MeltingCurve::kLindemann;
+  if (draw.chance(0.3)) soft.pressure_term = PressureTerm::kCompressed;
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
   return options;

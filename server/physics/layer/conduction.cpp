@@ -1,5 +1,6 @@
 #include "server/physics/layer/conduction.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -21,9 +22,45 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
   weight.push_back(0.5 * width.back());
 }
 
-HeatOperator::HeatOperator(const HeatGrid& grid, const Material& material, double step) : dt(step) {
+HeatGrid::HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary)
+    : HeatGrid(soft, far_boundary) {
+  const HeatGrid other(hard, hard_far_boundary);
+  interface = other.num_vertices() - 1;
+  hard_weight = other.weight[0];
+  width.insert(width.begin(), other.width.rbegin(), other.width.rend());
+  weight.insert(weight.begin(), other.weight.rbegin(), other.weight.rend() - 1);
+}
+
+double HeatGrid::capacity(int vertex, const Material& soft, const Material& hard) const {
+  const double length = weight[static_cast<std::size_t>(vertex)];
+  const double in_soft = soft.conductivity / soft.diffusivity;
+  const double in_hard = hard.conductivity / hard.diffusivity;
+  if (vertex != interface) return (vertex < interface ? in_hard : in_soft) * length;
+  return in_soft * length + in_hard * hard_weight;
+}
+
+namespace {
+
+struct Coupling {
+  double before, after;  // a, c: what a step takes over from the neighbours
+};
+
+Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
+  const std::size_t interface = static_cast<std::size_t>(grid.interface);
+  if (i == interface && i > 0) {
+    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;  // [W/(m2 K)]
+    return {hard.conductivity / (inertia * grid.width[i - 1]), soft.conductivity / (inertia * grid.width[i])};
+  }
+  const double diffused = (i < interface ? hard : soft).diffusivity * dt;  // [m2]
+  return {i == 0 ? 0.0 : diffused / (grid.weight[i] * grid.width[i - 1]),
+          i + 1 == grid.weight.size() ? 0.0 : diffused / (grid.weight[i] * grid.width[i])};
+}
+
+}  // namespace
+
+HeatOperator::HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step)
+    : dt(step), interface(grid.interface) {
   const std::size_t n = grid.weight.size();
-  const double diffused = material.diffusivity * dt;  // [m2]
   forward.resize(n);
   inverse_pivot.resize(n);
   backward.resize(n);
@@ -34,8 +71,7 @@ HeatOperator::HeatOperator(const HeatGrid& grid, const Material& material, doubl
   double excess = 0.0;
   double pivot_before = 1.0;
   for (std::size_t i = 0; i < n; ++i) {
-    const double a = i == 0 ? 0.0 : diffused / (grid.weight[i] * grid.width[i - 1]);
-    const double c = i + 1 == n ? 0.0 : diffused / (grid.weight[i] * grid.width[i]);
+    const auto [a, c] = coupling(grid, soft, hard, dt, i);
     excess = i == 0 ? 0.0 : a * (1.0 + excess) / pivot_before;
     const double pivot = 1.0 + excess + c;
     forward[i] = a / pivot;
@@ -44,14 +80,92 @@ HeatOperator::HeatOperator(const HeatGrid& grid, const Material& material, doubl
     pivot_before = pivot;
   }
 
-  // Unit flux enters the half cell at z = 0: DLP (31), corrected, for any first width.
-  response[0] = diffused / (grid.weight[0] * material.conductivity) * inverse_pivot[0];
-  for (std::size_t i = 1; i < n; ++i) response[i] = forward[i] * response[i - 1];
+  // Unit flux enters the half cells at z = 0: DLP (31), corrected, for any first width.
+  const std::size_t first = static_cast<std::size_t>(interface);
+  const double rise = first == 0 ? soft.diffusivity * dt / (grid.weight[0] * soft.conductivity)
+                                 : dt / grid.capacity(interface, soft, hard);
+  response[first] = rise * inverse_pivot[first];
+  for (std::size_t i = first + 1; i < n; ++i) response[i] = forward[i] * response[i - 1];
   for (std::size_t i = n - 1; i-- > 0;) response[i] += backward[i] * response[i + 1];
 }
 
-// Both sweeps work on the temperature above that of the far vertex, the coldest: a uniform layer stays uniform to the
-// last bit and no vertex falls below the coldest by rounding.
+SpreadHeat::SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int num_layer_vertices, const Material& soft,
+                       const Material& hard)
+    : layer_vertices(num_layer_vertices), gain(static_cast<std::size_t>(num_layer_vertices)) {
+  for (int i = 0; i < layer_vertices; ++i) gain[i] = heat.dt / grid.capacity(heat.interface + i, soft, hard);
+
+  // From the far end inwards, with kept = 1 - t[i+1]/t[i]: (1 + c kept + a) t[i] = a t[i-1].
+  const std::size_t last = static_cast<std::size_t>(heat.interface + layer_vertices) - 1;
+  outward.resize(grid.weight.size() - last - 1);
+  double kept = 0.0;
+  for (std::size_t i = grid.weight.size() - 1; i > last; --i) {
+    const auto [a, c] = coupling(grid, soft, hard, heat.dt, i);
+    const double own = 1.0 + c * kept;
+    outward[i - last - 1] = a / (own + a);
+    kept = own / (own + a);
+  }
+  // HeatOperator's elimination up to the layer's last vertex, whose c t[i+1] is c (1 - kept) t[i].
+  double excess = 0.0;
+  double pivot = 1.0;
+  for (std::size_t i = 0; i <= last; ++i) {
+    const auto [a, c] = coupling(grid, soft, hard, heat.dt, i);
+    excess = i == 0 ? 0.0 : a * (1.0 + excess) / pivot;
+    pivot = 1.0 + excess + (i < last ? c : c * kept);
+    last_forward = a / pivot;
+  }
+  last_inverse_pivot = 1.0 / pivot;
+}
+
+void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response) {
+  const double* forward = heat.forward.data() + heat.interface;
+  const double* inverse_pivot = heat.inverse_pivot.data() + heat.interface;
+  const double* backward = heat.backward.data() + heat.interface;
+  const std::ptrdiff_t last = spread.layer_vertices - 1;
+  double t[kLanes] = {};
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    const double gained = spread.gain[i] * (i < last ? inverse_pivot[i] : spread.last_inverse_pivot);
+    const double carried = i < last ? forward[i] : spread.last_forward;
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] = shape[i * kLanes + l] * gained + carried * t[l];
+      response[i * kLanes + l] = t[l];
+    }
+  }
+  for (std::ptrdiff_t i = last; i-- > 0;) {
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] = response[i * kLanes + l] + backward[i] * t[l];
+      response[i * kLanes + l] = t[l];
+    }
+  }
+}
+
+void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
+                const double* response, double* temperature) {
+  const std::ptrdiff_t interface = heat.interface;
+  const std::ptrdiff_t last = spread.layer_vertices - 1;
+  double* layer = temperature + interface * kLanes;
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    for (int l = 0; l < kLanes; ++l) layer[i * kLanes + l] += flux[l] * response[i * kLanes + l];
+  }
+  double t[kLanes];
+  for (int l = 0; l < kLanes; ++l) t[l] = flux[l] * response[l];
+  for (std::ptrdiff_t i = interface; i-- > 0;) {
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] *= heat.backward[i];
+      temperature[i * kLanes + l] += t[l];
+    }
+  }
+  for (int l = 0; l < kLanes; ++l) t[l] = flux[l] * response[last * kLanes + l];
+  for (std::size_t j = 0; j < spread.outward.size(); ++j) {
+    double* row = layer + (last + 1 + static_cast<std::ptrdiff_t>(j)) * kLanes;
+    for (int l = 0; l < kLanes; ++l) {
+      t[l] *= spread.outward[j];
+      row[l] += t[l];
+    }
+  }
+}
+
+// Both sweeps work on the temperature above that of the colder end, the coldest there is: a uniform layer stays uniform
+// to the last bit and no vertex falls below the coldest by rounding.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
   const double* forward = heat.forward.data();
   const double* inverse_pivot = heat.inverse_pivot.data();
@@ -59,7 +173,7 @@ void conduct(const HeatOperator& heat, int num_vertices, const double* before, d
   const std::ptrdiff_t n = num_vertices;
   double far[kLanes];
   double t[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) far[l] = before[(n - 1) * kLanes + l];
+  for (int l = 0; l < kLanes; ++l) far[l] = std::min(before[l], before[(n - 1) * kLanes + l]);
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     for (int l = 0; l < kLanes; ++l) {
       t[l] = (before[i * kLanes + l] - far[l]) * inverse_pivot[i] + forward[i] * t[l];
@@ -78,7 +192,7 @@ void conduct(const HeatOperator& heat, int num_vertices, const double* before, d
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature) {
   const std::ptrdiff_t n = num_vertices;
   double* T = temperature + lane;
-  const double far = T[(n - 1) * kLanes];
+  const double far = std::min(T[0], T[(n - 1) * kLanes]);
   double t = 0.0;
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     t = (T[i * kLanes] - far) * heat.inverse_pivot[i] + heat.forward[i] * t;

@@ -13,17 +13,24 @@ namespace shearbus::physics {
 // begins with the layer's last cell and widens by kExtensionGrading up to kExtensionDepth thicknesses, where it is
 // insulated. Its vertices hold the geometric mean of their two cells: on geometric cells that makes the response of the
 // discrete half-space that of the real one (arithmetic means leave it (ln grading)^2/16 too stiff, at all times), so
-// few wide cells will do.
+// few wide cells will do. Where the hard body conducts too, its vertices come first, the outermost leading: one line of
+// cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
 
-  HeatGrid(const Grid& grid, FarBoundary far_boundary);
+  HeatGrid(const Grid& soft, FarBoundary far_boundary);
+  HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary);
 
   int num_vertices() const { return static_cast<int>(weight.size()); }
 
+  // Heat that a degree at a vertex holds  [J/(m2 K)].
+  double capacity(int vertex, const Material& soft, const Material& hard) const;
+
+  int interface = 0;           // the vertex at z = 0
   std::vector<double> width;   // of each cell                                   [m]
-  std::vector<double> weight;  // of each vertex: the length whose heat it holds [m]
+  std::vector<double> weight;  // of each vertex: the length whose heat it holds; at z = 0 that in the soft body [m]
+  double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
@@ -31,14 +38,40 @@ struct HeatGrid {
 // Every coefficient is positive and no difference is taken, so neither is anything cancelled: the elimination is
 // accurate to rounding for any dt and grading.
 struct HeatOperator {
-  HeatOperator(const HeatGrid& grid, const Material& material, double step);
+  HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
+  HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
+      : HeatOperator(one_sided, soft, soft, step) {}
 
   double dt;                          // [s]
+  int interface;                      // the vertex at z = 0
   std::vector<double> forward;        // a[i] / pivot[i]
   std::vector<double> inverse_pivot;  // 1 / pivot[i]
   std::vector<double> backward;       // c[i] / pivot[i]
   std::vector<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+
+  const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 };
+
+// What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices, and how the
+// temperature they make dies away behind the last of them. The rows behind are folded into the last vertex's pivot
+// (again without a difference), so that a response is held at the layer's vertices only.
+struct SpreadHeat {
+  SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int layer_vertices, const Material& soft,
+             const Material& hard);
+
+  int layer_vertices;
+  std::vector<double> gain;     // dt / capacity of each vertex of the layer: rise per source          [K m2/W]
+  std::vector<double> outward;  // t[i] / t[i-1] behind the layer
+  double last_forward;          // as HeatOperator's, of the layer's last vertex with the rows behind folded in
+  double last_inverse_pivot;
+};
+
+// Temperature after a step from 0 K with 1 W/m2 shared over the layer as `shape` says, [vertex][lane] of the layer.
+void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response);
+
+// T = T_ad + q B_phi over both bodies, all lanes; `response` as respond() left it.
+void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
+                const double* response, double* temperature);
 
 // All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);

@@ -23,6 +23,10 @@ constexpr std::array kFields = {
     MaterialField{"thermal_conductivity_w_per_m_k", &Material::conductivity, true, false},
     MaterialField{"specific_heat_j_per_kg_k", &Material::specific_heat, true, false},
     MaterialField{"thermal_diffusivity_m2_per_s", &Material::diffusivity, false, false},
+    MaterialField{"sound_speed_m_per_s", &Material::sound_speed, false, false},
+    MaterialField{"hugoniot_slope", &Material::hugoniot_slope, false, false},
+    MaterialField{"grueneisen_coefficient", &Material::grueneisen, false, false},
+    MaterialField{"grueneisen_volume_correction", &Material::volume_correction, false, true},
 };
 
 // Number of single-letter edits between two words (Levenshtein).
@@ -131,6 +135,47 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     material.diffusivity = material.conductivity / (material.density * material.specific_heat);
   }
   return {material, {}, {}};
+}
+
+std::string_view constant_missing_for_options(const Material& material) {
+  const double Material::*compression[] = {&Material::sound_speed, &Material::hugoniot_slope};
+  const double Material::*melting[] = {&Material::grueneisen, &Material::volume_correction};
+  const auto missing = [&](const double Material::*member) {
+    const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.value == member; });
+    return std::isfinite(material.*member) ? std::string_view() : field->name;
+  };
+  if (!material.varies_with_compression()) return {};
+  for (const double Material::*member : compression)
+    if (!missing(member).empty()) return missing(member);
+  if (material.melting_curve == MeltingCurve::kConstant) return {};
+  for (const double Material::*member : melting)
+    if (!missing(member).empty()) return missing(member);
+  return {};
+}
+
+double compression_at(const Material& m, double pressure) {
+  if (!(pressure > 0.0)) return 1.0;
+  // P (1 - s x)^2 = rho0 c0^2 x, the root below 1/s written without a difference; x = 1 - 1/eta.
+  const double stiffness = m.density * m.sound_speed * m.sound_speed;
+  const double slope = m.hugoniot_slope * pressure;
+  const double x = 2.0 * pressure / (stiffness + 2.0 * slope + std::sqrt(stiffness * (stiffness + 4.0 * slope)));
+  return 1.0 / (1.0 - x);
+}
+
+Material at_pressure(const Material& m, double pressure) {
+  Material now = m;
+  if (!m.varies_with_compression()) return now;
+  const double eta = compression_at(m, pressure);
+  if (m.melting_curve == MeltingCurve::kLindemann) {
+    now.melting_temperature *= exponential(2.0 * m.volume_correction * (1.0 - 1.0 / eta)) *
+                               power(eta, 2.0 * (m.grueneisen - m.volume_correction - 1.0 / 3.0));
+    now.melting_curve = MeltingCurve::kConstant;
+  }
+  if (m.pressure_term == PressureTerm::kCompressed) {
+    now.pressure_coefficient *= power(eta, -1.0 / 3.0);
+    now.pressure_term = PressureTerm::kLinear;
+  }
+  return now;
 }
 
 std::vector<std::pair<std::string, double>> constants_of(const Material& material) {

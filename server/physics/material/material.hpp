@@ -11,6 +11,11 @@
 
 namespace shearbus::physics {
 
+enum class MeltingCurve { kConstant, kLindemann };  // T_melt, or T_melt(P)
+enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
+
+inline constexpr double kNotGiven = std::numeric_limits<double>::quiet_NaN();
+
 struct Material {
   double density = 0.0;                                                 // rho   [kg/m3]
   double shear_modulus = 0.0;                                           // G0    [Pa]
@@ -24,6 +29,19 @@ struct Material {
   double conductivity = 0.0;                                            // k     [W/(m K)]
   double specific_heat = 0.0;                                           // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
+
+  // Compression and melting under pressure, as Steinberg tabulates them; needed by the two options only.
+  double sound_speed = kNotGiven;        // c0     [m/s], of the Hugoniot U = c0 + s u
+  double hugoniot_slope = kNotGiven;     // s      [1]
+  double grueneisen = kNotGiven;         // gamma0 [1]
+  double volume_correction = kNotGiven;  // a      [1], first-order volume correction of gamma0
+
+  MeltingCurve melting_curve = MeltingCurve::kConstant;
+  PressureTerm pressure_term = PressureTerm::kLinear;
+
+  bool varies_with_compression() const {
+    return melting_curve != MeltingCurve::kConstant || pressure_term != PressureTerm::kLinear;
+  }
 };
 
 // One constant of a material under the name scenes give it. The one table behind overrides, effective scenes and
@@ -31,7 +49,7 @@ struct Material {
 struct MaterialField {
   std::string_view name;  // "yield_strength_pa"
   double Material::*value;
-  bool required;     // false: yield_strength_max_pa and thermal_diffusivity_m2_per_s
+  bool required;     // false: what has a meaning when absent
   bool may_be_zero;  // the others must be above 0
 };
 std::span<const MaterialField> material_fields();
@@ -52,6 +70,9 @@ struct MaterialResult {
   std::string fault;
 };
 MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given);
+
+// The first constant that the material's options need and it does not have; empty: none.
+std::string_view constant_missing_for_options(const Material& material);
 
 // (name, value) of every constant that is finite: an effective scene's body.
 std::vector<std::pair<std::string, double>> constants_of(const Material& material);

@@ -14,6 +14,15 @@ inline constexpr double kMeltingFactor = 0.001;       // of exp(-0.001 T / (T_me
 
 inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on an interface that yields is called melting
 
+// eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The density of any state at that pressure
+// differs from it in the third order of the compression only.
+double compression_at(const Material& m, double pressure);
+
+// The material as it is at a pressure, both options worked into its constants: T_melt and gP are those there.
+//   T_melt(P) = T_melt exp(2 a (1 - 1/eta)) eta^(2 (gamma0 - a - 1/3))      (Lindemann's law, as Steinberg gives it)
+//   gP(P)     = gP / eta^(1/3)                                              (Steinberg, Cochran, Guinan 1980)
+Material at_pressure(const Material& m, double pressure);
+
 // g(P, T) = (1 + gP P - hT (T - 300)) exp(-0.001 T / (T_melt - T)) and its slope dg/dT. Zero where the bracket is not
 // positive and at T_melt and above.
 struct Softening {
@@ -22,6 +31,7 @@ struct Softening {
 };
 
 inline Softening softening(const Material& m, double pressure, double temperature) {
+  if (m.varies_with_compression()) return softening(at_pressure(m, pressure), pressure, temperature);
   const double bracket =
       1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (temperature - kSofteningReference);
   const double to_melting = m.melting_temperature - temperature;

@@ -10,9 +10,11 @@
 namespace shearbus::physics::reference {
 
 struct NodeState {
-  std::vector<double> temperature;     // of each heat vertex        [K]
-  std::vector<double> plastic_strain;  // of each layer vertex
-  double shear_stress = 0.0;           // [Pa]
+  std::vector<double> temperature;       // of the soft body's heat vertices, z = 0 first             [K]
+  std::vector<double> hard_temperature;  // of the hard body's where it conducts, the outermost first  [K]
+  std::vector<double> plastic_strain;    // of each layer vertex
+  std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
+  double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
   bool sticking = false;  // plastic layer
 };

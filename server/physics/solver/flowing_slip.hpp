@@ -3,6 +3,7 @@
 // a time, so that the lanes of a tile, whose layers are summed together, search together.
 #pragma once
 
+#include "server/physics/solver/heated.hpp"
 #include "server/physics/solver/rigid_slip.hpp"
 #include "server/physics/solver/root_search.hpp"
 
@@ -15,9 +16,8 @@ struct FlowingStart {
   bool hardens;           // without hardening the layer flows at the ceiling only
   double first_weight;    // length of z the first vertex stands for                                 [m]
   double first_strain;    // its plastic strain
-  double T_ad;            // of the interface                                                        [K]
-  double B0;              // its response                                                            [K m2/W]
-  double heat_partition;  // beta_T
+  Heated layer;           // its temperatures
+  double heat_partition;  // beta_T; 1 where the hard body conducts too
   double dt;
   Forcing forcing;
   LaneStep before;  // stress, jump_new and sticks of the last step
@@ -37,6 +37,7 @@ class FlowingSlip {
   struct Answer {
     LaneStep step;
     double surplus;  // of integral(dep), beyond the formula (48): it goes to the hottest vertex   [m]
+    int hottest;
   };
   Answer answer(double slip) const;  // `slip` under the answer's load
 
@@ -52,6 +53,13 @@ class FlowingSlip {
   void end_slip(double q);
   void ask_slip(Phase phase, double q);
   bool rigid_holds(double slip) const;
+  double T0(double q) const { return start_.layer.T(0, q); }
+  double interface_at(double q) const { return start_.limit.at(T0(q)).stress; }
+  double layer_at(double q) const;
+  bool layer_holds(double q) const { return layer_at(q) < interface_at(q); }
+  template <class Predicate>
+  double first_flux(double lo, double T_hi, const Predicate& holds) const;
+  void bound_slip_by_layer();
   double stick_balance(double slip) const { return a_ + compliance_ * slip - trial_.stress_stick; }
   double slip_balance(double slip) const;
   double slip_beside_flow(double a, double slip) const;
@@ -60,9 +68,8 @@ class FlowingSlip {
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
   FrictionHeating stopping_{};  // heat of a lane that sticks at the end of the step
   FrictionHeating slipping_{};
-  StressLimit slip_limit_{};  // of a slipping interface: neither it nor the layer carries more
-  LaneStep rigid_{};          // the answer of a layer that does not flow
-  double compliance_ = 0.0;   // stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
+  LaneStep rigid_{};         // the answer of a layer that does not flow
+  double compliance_ = 0.0;  // stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
   RootSearch search_;
 
   Phase phase_ = Phase::kDone;

@@ -15,8 +15,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   const TileLayout& layout = problem.layout;
   const InterfaceOptions& law = problem.options.interface;
   const int n = problem.heat_grid.num_vertices();
-  const double* T_old = committed + layout.temperature;
-  double* T = trial + layout.temperature;
+  const double* T_old = committed + layout.first_temperature();
+  double* T = trial + layout.first_temperature();
+  const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
   conduct(operators.heat(), n, T_old, T);
@@ -25,8 +26,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   double flux[kLanes] = {};
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
+    const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
     const StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
-                            inputs.pressure[lane], &problem.options.soft};
+                            inputs.pressure[lane], &soft};
     const Forcing forcing = forcing_of(inputs, lane);
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     const LaneStep before{committed[layout.shear_stress + lane],
@@ -40,7 +42,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     const auto step_from = [&](const HeatOperator& heat, const LaneStep& last) {
       if (limit.pressure <= 0.0) return open_step(forcing, heat.dt, last.jump_new);
       return rigid_slip(limit, TrialSlip(forcing, heat.dt, last.jump_new, last.stress), problem.heat_partition,
-                        heat.response[0], T[lane], std::abs(last.stress), last.sticks);
+                        *heat.layer_response(), T0[lane], std::abs(last.stress), last.sticks);
     };
 
     LaneResult result;
@@ -71,7 +73,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   // 4. The friction heat of this step: T = T_ad + q B.
   add_flux(operators.heat(), n, flux, T);
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T[lane];
+    if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T0[lane];
   }
 }
 

@@ -28,9 +28,8 @@ struct FlowLaw {
   explicit FlowLaw(const Material& m)
       : inverse_n(1.0 / m.hardening_exponent),
         inverse_beta(1.0 / m.hardening_coefficient),
-        hT(m.temperature_coefficient),
-        T_melt(m.melting_temperature) {}
-  double inverse_n, inverse_beta, hT, T_melt;
+        hT(m.temperature_coefficient) {}
+  double inverse_n, inverse_beta, hT;
 };
 
 // -log(g)/n at a temperature, kMolten where g = 0, and its derivative with respect to T.
@@ -38,8 +37,8 @@ struct SofteningExcess {
   double value;
   double rate;
 };
-inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0, double T) {
-  const double to_melting = law.T_melt - T;
+inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0, double T_melt, double T) {
+  const double to_melting = T_melt - T;
   const double bracket = bracket_at_0 - law.hT * T;
   const bool solid = to_melting > 0.0 && bracket > 0.0;
   const double x = solid ? to_melting : 1.0;
@@ -47,7 +46,7 @@ inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0,
   const double inverse_xb = 1.0 / (x * b);
   const double inverse_x = b * inverse_xb;
   const double value = law.inverse_n * (kMeltingFactor * T * inverse_x - logarithm(b));
-  const double rate = law.inverse_n * (law.hT * x * inverse_xb + kMeltingFactor * law.T_melt * inverse_x * inverse_x);
+  const double rate = law.inverse_n * (law.hT * x * inverse_xb + kMeltingFactor * T_melt * inverse_x * inverse_x);
   return {solid ? value : kMolten, rate};
 }
 
@@ -57,7 +56,7 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-template <bool kWrite>
+template <bool kWrite, bool kSpread>
 [[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
                                         const double* threshold, double* strain_new, FlowSum& sum) {
   const FlowLaw law(*problem.soft);
@@ -71,11 +70,12 @@ template <bool kWrite>
     alignas(64) double excess[kLanes];
     alignas(64) double growth[kLanes] = {};  // of -log(g)/n with log(a)
     if (i < heated) {
-      const double B = problem.response[i];
+      const double B = kSpread ? 0.0 : problem.response[i];
+      const double* B_lane = kSpread ? problem.spread_response + i * kLanes : nullptr;
       const double* T_ad = problem.T_ad + i * kLanes;
       for (int l = 0; l < kLanes; ++l) {
-        const double rise = load.flux[l] * B;
-        const SofteningExcess softened = softening_excess(law, load.bracket[l], T_ad[l] + rise);
+        const double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
+        const SofteningExcess softened = softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l] + rise);
         growth[l] = rise * softened.rate;
         excess[l] = (load.scaled_log[l] + softened.value) - yield[l];
       }
@@ -127,7 +127,7 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
     double* yield = threshold + i * kLanes;
     for (int l = 0; l < kLanes; ++l) yield[l] = logarithm(1.0 + beta * strain[l]);
     if (i < problem.num_heated) continue;
-    for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], T_ad[l]).value;
+    for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l]).value;
   }
 }
 
@@ -137,6 +137,7 @@ void set_load(const Material& soft, double pressure, double a, double flux, int 
   const bool loads = ratio >= std::numeric_limits<double>::min();
   load.scaled_log[lane] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
   load.flux[lane] = flux;
+  load.T_melt[lane] = soft.melting_temperature;
 }
 
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
@@ -146,8 +147,9 @@ double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, 
   for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
     const std::ptrdiff_t at = i * kLanes + lane;
     const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
-    const double excess = (load.scaled_log[lane] + softening_excess(law, load.bracket[lane], T).value) -
-                          logarithm(1.0 + beta * problem.strain[at]);
+    const double excess =
+        (load.scaled_log[lane] + softening_excess(law, load.bracket[lane], load.T_melt[lane], T).value) -
+        logarithm(1.0 + beta * problem.strain[at]);
     const double old = problem.strain[at];
     const double dep =
         excess > 0.0 ? (law.inverse_beta + old) * exponential_minus_1(std::min(excess, kMaxExcess)) : 0.0;
@@ -159,12 +161,20 @@ double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, 
 
 SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,
                               FlowSum& sum) {
-  flow<false>(problem, load, num_rows, threshold, nullptr, sum);
+  if (problem.spread_response == nullptr) {
+    flow<false, false>(problem, load, num_rows, threshold, nullptr, sum);
+  } else {
+    flow<false, true>(problem, load, num_rows, threshold, nullptr, sum);
+  }
 }
 
 SHEARBUS_WIDE void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
                            FlowSum& sum) {
-  flow<true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+  if (problem.spread_response == nullptr) {
+    flow<true, false>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+  } else {
+    flow<true, true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+  }
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(num_rows) * kLanes;
   const std::ptrdiff_t end = static_cast<std::ptrdiff_t>(problem.grid->num_vertices()) * kLanes;
   std::copy(problem.strain + first, problem.strain + end, threshold_to_strain + first);

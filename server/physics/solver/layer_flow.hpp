@@ -17,8 +17,9 @@ inline constexpr double kNoLoad = -1e305;  // scaled logarithm of a load under w
 // A stress magnitude a per lane and what the flow needs of it.
 struct FlowLoad {
   alignas(64) double scaled_log[kLanes];  // log(sqrt(3) a / Y0) / n, or kNoLoad
-  alignas(64) double flux[kLanes];        // q: T = T_ad + q B          [W/m2]
+  alignas(64) double flux[kLanes];        // q: T = T_ad + q B, or B_phi  [W/m2]
   alignas(64) double bracket[kLanes];     // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g
+  alignas(64) double T_melt[kLanes];      // at the lane's pressure     [K]
 };
 
 struct FlowSum {
@@ -35,6 +36,7 @@ struct FlowProblem {
   const double* T_ad;
   const double* strain;  // old
   int num_heated;
+  const double* spread_response = nullptr;  // B_phi, [vertex][lane]: instead of B where heat is released in the layer
 };
 
 // Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
@@ -47,7 +49,7 @@ void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* t
 // the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
-// Loads lane l with the stress magnitude a and the heat flux q at the pressure P.
+// Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.
 void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
 
 // The integral of one lane, without thresholds made beforehand; writes the new strain where `strain_new`, which may be

@@ -15,20 +15,26 @@ namespace {
 // side 2^1.5 smaller: six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
-TileLayout make_layout(const ModelOptions& options, int heat_vertices, int layer_vertices) {
+TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, int layer_vertices) {
   TileLayout layout;
-  layout.num_vertices = static_cast<std::size_t>(heat_vertices);
-  layout.doubles = layout.num_vertices * kLanes;
-  const bool force_driven = options.strategy == Strategy::kForceDriven;
-  if (!force_driven || options.plastic_layer) {
+  layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
+  layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
+  if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
+  layout.temperature = layout.num_hard_vertices * kLanes;
+  layout.doubles = layout.temperature + layout.num_vertices * kLanes;
+  if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
     layout.plastic_strain = layout.doubles;
     layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
+    layout.doubles += layout.num_strain_vertices * kLanes;
+  }
+  if (options.taylor_quinney_factor) {
+    layout.heat_shape = layout.doubles;
     layout.doubles += layout.num_strain_vertices * kLanes;
   }
   layout.shear_stress = layout.doubles;
   layout.regime = layout.shear_stress + kLanes;
   layout.doubles = layout.regime + kLanes;
-  if (force_driven && options.plastic_layer) {
+  if (options.plastic_layer) {
     layout.sticking = layout.doubles;
     layout.doubles += kLanes;
   }
@@ -38,6 +44,11 @@ TileLayout make_layout(const ModelOptions& options, int heat_vertices, int layer
 // Rows of kLanes doubles: all of a tile is made of them.
 void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
   for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
+}
+
+HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
+  if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
+  return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
 std::string text_of(const char* format, double a, double b) {
@@ -51,9 +62,9 @@ std::string text_of(const char* format, double a, double b) {
 Problem::Problem(const ModelOptions& model_options)
     : options(model_options),
       grid(model_options.grid),
-      heat_grid(grid, model_options.grid.far_boundary),
-      layout(make_layout(model_options, heat_grid.num_vertices(), grid.num_vertices())),
-      heat_partition(physics::heat_partition(model_options.soft, model_options.hard)) {}
+      heat_grid(make_heat_grid(model_options, grid)),
+      layout(make_layout(model_options, heat_grid, grid.num_vertices())),
+      heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
   using Problem::Problem;
@@ -89,6 +100,24 @@ std::vector<std::string> Model::warnings() const {
                 "take a thicker layer than %g m or far_boundary = \"half_space\"",
                 h * h / (9.0 * o.soft.diffusivity), h));
   }
+  if (o.hard_grid && o.hard_grid->far_boundary == FarBoundary::kInsulated) {
+    const double h = o.hard_grid->thickness;
+    warnings.push_back(
+        text_of("the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after %.3g s, for "
+                "longer runs take a thicker hard layer than %g m or hard_layer.far_boundary = \"half_space\"",
+                h * h / (9.0 * o.hard.diffusivity), h));
+  }
+  if (o.hard_grid && o.hard.melting_temperature < o.soft.melting_temperature) {
+    warnings.push_back(
+        text_of("the hard body melts at %g K, below the soft body's %g K: it is heated as if it stayed solid",
+                o.hard.melting_temperature, o.soft.melting_temperature));
+  }
+  if (o.taylor_quinney_factor) {
+    warnings.emplace_back(
+        "plastic work heats the layer: once it softens faster than it hardens the flow gathers in a band, and where "
+        "and "
+        "when that forms depends on cells and dt; compare several before trusting the stress after it");
+  }
   if (o.initial_temperature >= o.soft.melting_temperature) {
     warnings.push_back(
         text_of("the initial temperature (%g K) is not below the soft body's melting temperature (%g K): the "
@@ -107,14 +136,21 @@ std::vector<std::string> Model::warnings() const {
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
   const TileLayout& layout = impl_->layout;
   std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
-  for (std::size_t i = 0; i < layout.num_vertices; ++i) {
-    std::copy_n(temperature, kLanes, tile + layout.temperature + i * kLanes);
+  for (std::size_t i = 0; i < layout.num_hard_vertices + layout.num_vertices; ++i) {
+    std::copy_n(temperature, kLanes, tile + layout.first_temperature() + i * kLanes);
+  }
+  if (layout.heat_shape == TileLayout::kAbsent) return;
+  // Until it has flowed, as a uniform layer would: evenly.
+  for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
+    const double share = impl_->grid.weight[i] / impl_->grid.vertex.back();
+    std::fill_n(tile + layout.heat_shape + i * kLanes, kLanes, *impl_->options.taylor_quinney_factor * share);
   }
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   const int halvings = impl_->options.strategy == Strategy::kForceDriven ? kMaxHalvings : 0;
-  return std::make_shared<const StepOperators>(impl_->grid, impl_->heat_grid, impl_->options.soft, dt, halvings);
+  return std::make_shared<const StepOperators>(impl_->grid, impl_->heat_grid, impl_->options.soft, impl_->options.hard,
+                                               dt, halvings, impl_->options.taylor_quinney_factor.has_value());
 }
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,

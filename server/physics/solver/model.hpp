@@ -26,11 +26,16 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
+  std::optional<GridOptions> hard_grid;        // the hard body conducts too; absent: it takes its share, 1 - beta_T
   double initial_temperature = 300.0;          // [K]
   Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
+
+  // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
+  // the layer flows. Absent: all work heats z = 0.
+  std::optional<double> taylor_quinney_factor;
 };
 
 // Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit

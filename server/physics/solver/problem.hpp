@@ -15,7 +15,7 @@ struct Problem {
   Grid grid;
   HeatGrid heat_grid;
   TileLayout layout;
-  double heat_partition;  // beta_T
+  double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
 
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.

@@ -22,13 +22,19 @@ inline constexpr std::uint8_t kFailed = 128;
 struct TileLayout {
   static constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
   std::size_t num_vertices = 0;  // of temperature: the layer's and, for a half-space, those of the soft body behind it
-  std::size_t num_strain_vertices = 0;   // of plastic strain: the layer's, or none
-  std::size_t temperature = 0;           // [num_vertices][kLanes]  K
-  std::size_t plastic_strain = kAbsent;  // [num_strain_vertices][kLanes]  1
-  std::size_t shear_stress = 0;          // [kLanes]  Pa, signed
-  std::size_t regime = 0;                // [kLanes]  the Regime of the last step, as a double
-  std::size_t sticking = kAbsent;        // [kLanes]  1 where the interface ended the last step without slip, else 0
-  std::size_t doubles = 0;               // of a tile, a multiple of kLanes
+  std::size_t num_hard_vertices = 0;    // of the hard body's temperature, z = 0 apart; none where it does not conduct
+  std::size_t num_strain_vertices = 0;  // of plastic strain: the layer's, or none
+  std::size_t hard_temperature = kAbsent;  // [num_hard_vertices][kLanes]  K, the outermost first; `temperature` follows
+  std::size_t temperature = 0;             // [num_vertices][kLanes]  K
+  std::size_t plastic_strain = kAbsent;    // [num_strain_vertices][kLanes]  1
+  std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
+  std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
+  std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
+  std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
+  std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
+
+  // Where the temperatures of all that conducts begin: the rows of HeatGrid.
+  std::size_t first_temperature() const { return temperature - num_hard_vertices * kLanes; }
 };
 
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.
@@ -49,7 +55,7 @@ struct TileOutputs {
   alignas(64) double sliding_velocity[kLanes];       // [v]                              [m/s]
   alignas(64) double interface_temperature[kLanes];  // T0                               [K]
   alignas(64) double velocity_jump_new[kLanes];      // force-driven: [V] at n+1/2       [m/s]
-  alignas(64) double friction_heat[kLanes];          // entered the layer in this step   [J/m2]
+  alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
 };

@@ -1,10 +1,13 @@
 // The velocity-driven step (MODEL.md section 5): DLP (37), (42-48), (56) with the drive that (56) leaves out. The host
 // imposes the velocity jump, the layer's plastic flow finds the stress.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/heated.hpp"
 #include "server/physics/solver/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -31,6 +34,7 @@ struct Lane {
   double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
   double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
   Bound bound = Bound::kElastic;  // what `hi` is until F(hi) > 0 has been seen
+  int hottest = 0;                // vertex that reaches Y_max first
   bool hi_seen = false;
   bool done = false;
   double a = 0.0;         // iterate, then answer                                       [Pa]
@@ -52,9 +56,8 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
 }
 
 // Trial stress, direction, heating and the bracket of one lane.
-Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double dt, double B0, double s_start,
-             double T_ad0, double ep0) {
-  const Material& soft = problem.options.soft;
+Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
+             const Heated& heated, double s_start, double ep0) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
   const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
@@ -70,13 +73,15 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
   const StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
-  const double g_ad = softening(soft, pressure, T_ad0).g;
+  const int hottest_ad = heated.hottest(0.0);
+  state.hottest = hottest_ad;
+  const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
   if (g_ad <= 0.0) {
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
   } else if (std::isfinite(limit.tresca)) {
-    const FrictionHeating own{T_ad0, B0, state.heating, 0.0};
-    const double ceiling = slip_stress(limit, own, state.hi, std::abs(s_start));
+    const double ceiling =
+        ceiling_stress(limit, heated, {0.0, 1.0, state.heating, 0.0}, state.hi, std::abs(s_start), state.hottest);
     if (ceiling < state.hi) {
       state.hi = ceiling;
       state.bound = Bound::kCeiling;
@@ -86,13 +91,16 @@ Lane prepare(const Problem& problem, const TileInputs& inputs, int lane, double 
     state.hi = *problem.options.friction_coefficient * pressure;
     state.bound = Bound::kCoulomb;
   }
-  // Not answers, only bounds: the interface would be molten; the first vertex alone would carry more than all the slip.
+  // Not answers, only bounds: a vertex would be molten; the first one alone would carry more than all the slip.
   const double most_slip = h * state.a_trial / (kSqrt3 * soft.shear_modulus);
   const double hardened =
       power(1.0 + soft.hardening_coefficient * (ep0 + most_slip / problem.grid.weight[0]), soft.hardening_exponent);
-  const double all_at_vertex_0 = soft.yield_strength * hardened * g_ad / kSqrt3;
+  const double g_0 = hottest_ad == 0 ? g_ad : softening(soft, pressure, heated.T(0, 0.0)).g;
+  const double all_at_vertex_0 = soft.yield_strength * hardened * g_0 / kSqrt3;
   double beyond = all_at_vertex_0 * (1.0 + kConverged);
-  if (state.heating > 0.0) beyond = std::min(beyond, (soft.melting_temperature - T_ad0) / (state.heating * B0));
+  for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
+    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
+  }
   if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
     state.hi = beyond;
     state.bound = Bound::kNotAnAnswer;
@@ -155,12 +163,28 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   }
 }
 
-void set_load(const Material& soft, const Lane& lane, double pressure, int l, FlowLoad& load) {
-  load.bracket[l] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
-  const double ratio = kSqrt3 * lane.a / soft.yield_strength;
-  const bool loads = lane.loaded && ratio >= std::numeric_limits<double>::min();
-  load.scaled_log[l] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
-  load.flux[l] = lane.loaded ? lane.heating * lane.a : 0.0;
+// Share of the work that becomes heat in a step shaped so.
+double heated_share(const Grid& grid, const double* shape) {
+  double sum = 0.0;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
+  return sum;
+}
+
+// Where the work of the next step becomes heat: where this one's slip was. Of the layer's flow the Taylor-Quinney share
+// does, of the interface's slip all. One lane; a step without slip leaves the shape as it was.
+void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
+                  double* shape) {
+  const Grid& grid = problem.grid;
+  double slip = interface_slip;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
+    slip += grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]);
+  }
+  if (!(slip > 0.0)) return;
+  const double factor = *problem.options.taylor_quinney_factor;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
+    shape[i * kLanes] = factor * (grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]) / slip);
+  }
+  shape[0] += interface_slip / slip;
 }
 
 struct Answer {
@@ -169,8 +193,8 @@ struct Answer {
 };
 
 // [v] and the regime from the solved balance.
-Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, double interface_slip, double T0,
-                 double jump, double drive, double dt) {
+Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
+                 double interface_slip, double T_hottest, double jump, double drive, double dt) {
   const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
   double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
   bool slips = flows;
@@ -183,7 +207,7 @@ Answer answer_of(const Problem& problem, const Lane& lane, double layer_slip, do
   }
   if (!slips) return {slip, Regime::kStick};
   if (lane.at_bound && lane.bound == Bound::kCoulomb) return {slip, Regime::kCoulomb};
-  return {slip, T0 >= kMeltingShare * problem.options.soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
+  return {slip, T_hottest >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
 }
 
 }  // namespace
@@ -194,7 +218,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   const Material& soft = problem.options.soft;
   const Grid& grid = problem.grid;
   const HeatOperator& heat = operators.heat();
-  const double* B = heat.response.data();
+  const double* B = heat.layer_response();
   const double dt = operators.dt();
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
@@ -202,21 +226,37 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
+  const int candidates = problem.options.hard_grid ? grid.num_vertices() : 1;
 
   // 1. Conduction without friction: DLP (28-35).
-  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.temperature, T);
+  double* T_all = trial + layout.first_temperature();
+  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
-  // 2. Trial stress and bracket of each lane: DLP (37), (56).
+  // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
+  // for).
+  const bool spreads = layout.heat_shape != TileLayout::kAbsent;
+  const double* shape = spreads ? committed + layout.heat_shape : nullptr;
+  double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
+  if (spreads) respond(heat, operators.spread(), shape, B_spread);
+  const auto heated = [&](int l) {
+    return spreads ? Heated{T + l, B_spread + l, kLanes, candidates} : Heated{T + l, B, 1, candidates};
+  };
+
+  // 3. Trial stress and bracket of each lane: DLP (37), (56).
   Lane lanes[kLanes];
   FlowLoad load;
   double s_start[kLanes] = {};
+  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
+  if (soft.varies_with_compression()) own.emplace();
+  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
+    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
                                    committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, inputs, l, dt, B[0], s_start[l], T[l], strain[l]);
+      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
     if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
@@ -224,12 +264,12 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    set_load(soft, lanes[l], pressure, l, load);
+    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
-  // 3. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
-  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated()};
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), B_spread};
   if (hardens) {
     flow_thresholds(flow, load, strain_new);
     int num_rows = grid.num_vertices();
@@ -243,7 +283,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
         if (lanes[l].done) continue;
         const double tried = lanes[l].a;
         iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        set_load(soft, lanes[l], inputs.pressure[l], l, load);
+        set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
         all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
       }
       // What does not yield under more than every lane's answer does not yield: leave it out from here on.
@@ -254,12 +294,16 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
 
-  // 4. Temperature: T = T_ad + q B.
-  add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T);
+  // 5. Temperature: T = T_ad + q B.
+  if (spreads) {
+    add_spread(heat, operators.spread(), load.flux, B_spread, T_all);
+    std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
+  } else {
+    add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
+  }
 
-  // 5. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex, z = 0; past mu
-  // P it is
-  //    slip of the interface.
+  // 6. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
+  //    is slip of the interface.
   for (int l = 0; l < kLanes; ++l) {
     if (!(inputs.active >> l & 1u)) continue;
     const Lane& lane = lanes[l];
@@ -268,26 +312,29 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
       if (lane.bound == Bound::kCeiling) {
-        strain_new[l] += surplus / grid.weight[0];
+        strain_new[lane.hottest * kLanes + l] += surplus / grid.weight[static_cast<std::size_t>(lane.hottest)];
         layer_slip += surplus;
       } else {
         interface_slip = kSqrt3 * surplus;
       }
     }
 
-    // 6. Upscale.
+    // 7. Upscale.
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
+    const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
     const double s = lane.loaded ? lane.direction * lane.a : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
-                               : answer_of(problem, lane, layer_slip, interface_slip, T[l], jump,
+                               : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
     const bool carried = std::abs(answer.slip - jump) <= kOutsideDomainShare * std::abs(jump);
     outputs.shear_stress[l] = s;
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    outputs.friction_heat[l] = load.flux[l] * dt;
+    outputs.friction_heat[l] = load.flux[l] * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    if (spreads)
+      reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
     outputs.outcome[l] = carried ? 0 : kOutsideDomain;
     trial[layout.shear_stress + l] = s;

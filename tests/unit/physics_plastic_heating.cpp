@@ -1,0 +1,187 @@
+// Plastic work heats the layer where it flows: T = T_ad + s w B_phi.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kDt = 1e-9;  // [s]
+
+ModelOptions heated(ModelOptions options, double factor = 1.0) {
+  options = two_sided(std::move(options));
+  options.taylor_quinney_factor = factor;
+  return options;
+}
+
+int hottest(const Rig& rig) {
+  int at = 0;
+  for (int i = 1; i < rig.model.grid().num_vertices(); ++i) at = rig.T(i) > rig.T(at) ? i : at;
+  return at;
+}
+
+double shape_sum(const Rig& rig) {
+  double sum = 0.0;
+  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) sum += rig.heat_shape(i);
+  return sum;
+}
+
+// Response to heat at z = 0 alone is B; to any shape it holds exactly the heat of a step, over both bodies.
+TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
+  const ModelOptions o = paper_options();
+  for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
+    for (double grading : {1.0, 1.08}) {
+      const Grid layer({20e-6, 60, grading, far});
+      const HeatGrid grid(layer, far, Grid({6e-6, 40, 1.1, far}), far);
+      for (double dt : {1e-12, 1e-9, 1e-5}) {
+        const HeatOperator heat(grid, o.soft, o.hard, dt);
+        const SpreadHeat spread(grid, heat, layer.num_vertices(), o.soft, o.hard);
+        std::vector<double> shape(layer.num_vertices() * kLanes, 0.0), response(shape.size());
+        for (int i = 0; i < layer.num_vertices(); ++i) {
+          shape[i * kLanes + 1] = layer.weight[i] / layer.vertex.back();
+          shape[i * kLanes + 2] = i == 30 ? 1.0 : 0.0;
+          shape[i * kLanes + 3] = i == 60 ? 1.0 : 0.0;
+        }
+        shape[0] = 1.0;
+        respond(heat, spread, shape.data(), response.data());
+        const double flux[kLanes] = {1.0, 1.0, 1.0, 1.0};
+        std::vector<double> T(static_cast<std::size_t>(grid.num_vertices()) * kLanes, 0.0);
+        add_spread(heat, spread, flux, response.data(), T.data());
+        double stored[4] = {};
+        for (int i = 0; i < grid.num_vertices(); ++i) {
+          for (int l = 0; l < 4; ++l) stored[l] += grid.capacity(i, o.soft, o.hard) * T[i * kLanes + l];
+          ASSERT_NEAR(T[i * kLanes], heat.response[i], 1e-12 * heat.response[grid.interface]) << i << ", dt " << dt;
+          ASSERT_EQ(T[i * kLanes + 4], 0.0);
+        }
+        for (int l = 0; l < 4; ++l) EXPECT_NEAR(stored[l] / dt, 1.0, 1e-12) << "lane " << l << ", dt " << dt;
+      }
+    }
+  }
+}
+
+// The paper's case: the hottest place moves off the interface into the soft metal.
+TEST(PhysicsPlasticHeating, PaperCaseIsHotInsideAndColdAtTheInterface) {
+  const ModelOptions options = heated(paper_options());
+  Rig rig(options, 1), surface(two_sided(paper_options()), 1);
+  double work = 0.0, heat = 0.0;
+  const double e = options.soft.conductivity / std::sqrt(options.soft.diffusivity) +
+                   options.hard.conductivity / std::sqrt(options.hard.diffusivity);
+  for (int n = 1; n <= 1000; ++n) {
+    for (Rig* r : {&rig, &surface}) {
+      r->set_all(100.0, 11.2e9);
+      r->step(kDt);
+    }
+    work += rig.stress() * 100.0 * kDt;
+    heat += rig.outputs.friction_heat[0];
+    ASSERT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-10) << n;
+    // No vertex melts, so the layer never holds more than all of it at melting, the hard body what such a face gives.
+    const double most = 20e-6 * options.soft.conductivity / options.soft.diffusivity * (1220 - 300) +
+                        2 * e * (1220 - 300) * std::sqrt(n * kDt / M_PI);
+    ASSERT_LE(work, most) << n;
+  }
+  EXPECT_NEAR(heat / work, 1.0, 1e-12);
+  EXPECT_NEAR(rig.T(0), 440.0, 0.5);
+  EXPECT_NEAR(rig.T(hottest(rig)), 1219.3, 0.5);
+  EXPECT_GT(rig.model.grid().vertex[hottest(rig)], 10e-6);
+  EXPECT_NEAR(rig.stress() / 1e6, 83.8, 0.5);
+  EXPECT_NEAR(surface.stress() / 1e6, 142.6, 0.1);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kMelting);
+}
+
+TEST(PhysicsPlasticHeating, TheFactorIsTheShareOfTheWorkThatHeats) {
+  Rig rig(heated(graded(paper_options()), 0.9), 1);
+  double work = 0.0, heat = 0.0;
+  for (int n = 0; n < 300; ++n) {
+    rig.set_all(100.0, 11.2e9);
+    rig.step(kDt);
+    work += rig.stress() * 100.0 * kDt;
+    heat += rig.outputs.friction_heat[0];
+    ASSERT_NEAR(shape_sum(rig), 0.9, 1e-12) << n;
+  }
+  EXPECT_NEAR(heat / work, 0.9, 1e-12);
+  EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-11);
+}
+
+// The heat of a step lies where the slip of the step before was.
+TEST(PhysicsPlasticHeating, HeatFollowsTheFlow) {
+  Rig rig(heated(graded(paper_options())), 1);
+  for (int n = 0; n < 500; ++n) {
+    rig.set_all(100.0, 11.2e9);
+    const reference::NodeState before = rig.node_state(0);
+    rig.step(kDt);
+    double slip = 0.0;
+    for (int i = 0; i <= 60; ++i) slip += rig.model.grid().weight[i] * (rig.ep(i) - before.plastic_strain[i]);
+    for (int i = 0; i <= 60; ++i) {
+      const double share = slip > 0.0 ? rig.model.grid().weight[i] * (rig.ep(i) - before.plastic_strain[i]) / slip
+                                      : before.heat_shape[i];
+      ASSERT_NEAR(rig.heat_shape(i), share, 1e-12) << n << ", vertex " << i;
+    }
+  }
+}
+
+// Work of slip past the Coulomb limit is the interface's: all of it heats z = 0, as without plastic heating.
+TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
+  ModelOptions options = graded(paper_options());
+  options.friction_coefficient = 0.3;
+  Rig rig(heated(options, 0.9), 1), surface(two_sided(options), 1);
+  for (Rig* r : {&rig, &surface}) r->set_all(100.0, 0.2e9);
+  for (int n = 0; n < 5; ++n) {
+    rig.step(kDt);
+    surface.step(kDt);
+  }
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
+  EXPECT_EQ(rig.heat_shape(0), 1.0);
+  const double before = rig.T(0) - surface.T(0);
+  for (int n = 0; n < 200; ++n) {
+    rig.step(kDt);
+    surface.step(kDt);
+    ASSERT_NEAR(rig.outputs.friction_heat[0] / surface.outputs.friction_heat[0], 1.0, 1e-13);
+  }
+  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // what the first steps spread differently is forgotten
+}
+
+TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
+  Rig rig(heated(graded(paper_options())), 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 300; ++n) rig.step(kDt);
+  const reference::NodeState before = rig.node_state(0);
+  const double heat = rig.stored_heat(300.0);
+  rig.set_all(100.0, -1e9);
+  for (int n = 0; n < 20; ++n) rig.step(kDt);
+  EXPECT_EQ(rig.node_state(0).heat_shape, before.heat_shape);
+  EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-12);
+}
+
+// With Y_max the weakest vertex takes the surplus, wherever it is, and the layer still carries the jump.
+TEST(PhysicsPlasticHeating, TheCeilingHoldsAtEveryVertex) {
+  ModelOptions options = heated(graded(paper_options()));
+  options.soft.yield_strength_max = 0.25e9;
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 1000; ++n) {
+    const double before = rig.plastic_slip();
+    const double s_old = rig.stress();
+    rig.step(kDt);
+    double weakest = 1e300;
+    for (int i = 0; i <= 60; ++i) {
+      weakest = std::min(weakest, 0.25e9 * softening(options.soft, 11.2e9, rig.T(i)).g / kSqrt3);
+    }
+    ASSERT_LE(rig.stress(), weakest * (1 + 1e-9)) << n;
+    const double carried = 100.0 * kDt - 20e-6 * (rig.stress() - s_old) / 27.6e9;
+    ASSERT_NEAR(rig.plastic_slip() - before, carried, 1e-9 * 100.0 * kDt) << n;
+  }
+}
+
+TEST(PhysicsPlasticHeating, CostsNothingWhereItIsNotAskedFor) {
+  const TileLayout without = Model(two_sided(graded(paper_options()))).layout();
+  EXPECT_EQ(without.heat_shape, TileLayout::kAbsent);
+  const TileLayout with = Model(heated(graded(paper_options()))).layout();
+  EXPECT_EQ(with.doubles, without.doubles + with.num_strain_vertices * kLanes);
+}
+
+}  // namespace
+}  // namespace shearbus::testing

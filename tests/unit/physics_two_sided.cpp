@@ -1,0 +1,184 @@
+// Heat in both bodies: one operator through z = 0 instead of the partition coefficient, DLP (18-19).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kDt = 1e-9;  // [s]
+
+ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary far = FarBoundary::kHalfSpace) {
+  ModelOptions options = graded(paper_options(strategy));
+  options.grid.far_boundary = far;
+  return options;
+}
+
+// Drives both from the same jump at the paper's pressure and calls `look` after every step.
+template <typename Look>
+void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Look& look) {
+  double jump_one = jump, jump_two = jump;
+  for (Rig* rig : {&one, &two}) rig->inputs.stress_minus[0] = rig->inputs.stress_plus[0] = 170e6;  // keeps it sliding
+  for (int n = 1; n <= steps; ++n) {
+    one.set_all(jump_one, 11.2e9);
+    two.set_all(jump_two, 11.2e9);
+    one.step(dt);
+    two.step(dt);
+    if (one.model.options().strategy == Strategy::kForceDriven) {
+      jump_one = one.outputs.velocity_jump_new[0];
+      jump_two = two.outputs.velocity_jump_new[0];
+    }
+    look(n);
+  }
+}
+
+TEST(PhysicsTwoSided, ResponseHoldsExactlyTheHeatOfOneStepInBothBodies) {
+  const ModelOptions o = paper_options();
+  for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
+    for (double hard_thickness : {1e-7, 20e-6, 1e-3}) {
+      const HeatGrid grid(Grid({20e-6, 60, 1.08, far}), far, Grid({hard_thickness, 25, 1.2, far}), far);
+      for (double dt : {1e-12, 1e-9, 1e-5}) {
+        const HeatOperator heat(grid, o.soft, o.hard, dt);
+        double stored = 0.0;
+        for (int i = 0; i < grid.num_vertices(); ++i) stored += grid.capacity(i, o.soft, o.hard) * heat.response[i];
+        EXPECT_NEAR(stored / dt, 1.0, 1e-12) << hard_thickness << ", dt " << dt;
+        EXPECT_EQ(std::max_element(heat.response.begin(), heat.response.end()) - heat.response.begin(), grid.interface);
+      }
+    }
+  }
+}
+
+TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
+  Rig rig(two_sided(paper()));
+  rig.start({300.1, 317.3, 1e-3, 1219.999, 5000.0, 77.7, 300.0, 1e4});
+  const std::vector<double> before = rig.committed;
+  rig.set_all(0.0, 1e9);
+  for (double dt : {1e-12, 1e-9, 1e-5}) rig.step(dt);
+  for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
+}
+
+// Vernotte: two half-spaces heated at their contact share the heat as beta_T says, at all times. On grids scaled like
+// the heat depths that is so in the scheme too, and the partition coefficient is exact.
+TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
+  for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    Rig one(paper(strategy), 1), two(two_sided(paper(strategy)), 1);
+    double worst = 0.0;
+    run_beside(one, two, 1000, kDt, 100.0, [&](int n) {
+      if (n > 10) {
+        ASSERT_NE(two.outputs.regime[0], Regime::kStick) << n;
+      }
+      ASSERT_NEAR(two.outputs.interface_temperature[0] / one.outputs.interface_temperature[0], 1.0, 1e-11) << n;
+      ASSERT_NEAR(two.outputs.shear_stress[0] / one.outputs.shear_stress[0], 1.0, 1e-8) << n;
+      worst = std::max(worst, std::abs(two.outputs.shear_stress[0] / one.outputs.shear_stress[0] - 1.0));
+      // Each body its share: as deep in cells, as hot.
+      for (int i = 1; i < 60; ++i) ASSERT_NEAR(two.T(-i) / two.T(i), 1.0, 1e-11) << n << ", vertex " << i;
+    });
+    std::printf("partition against two-sided on scaled grids, worst s apart: %.1e\n", worst);
+    EXPECT_NEAR(two.stored_heat(300.0) * one.conducted_share() / one.stored_heat(300.0), 1.0, 1e-9);
+  }
+}
+
+// The hard body's grid is free: with cells of its own the answer is the partition's to the accuracy of the grids.
+TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
+  for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    for (const GridOptions& hard :
+         {GridOptions{20e-6, 60, 1.08, FarBoundary::kHalfSpace}, GridOptions{5e-6, 200, 1.0, FarBoundary::kHalfSpace},
+          GridOptions{20e-6, 80, 1.08, FarBoundary::kInsulated}}) {
+      Rig one(paper(strategy), 1), two(two_sided(paper(strategy), hard), 1);
+      double worst = 0.0;
+      run_beside(one, two, 1000, kDt, 100.0, [&](int n) {
+        if (n < 10) return;
+        const double rise = one.outputs.interface_temperature[0] - 300.0;
+        worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
+      });
+      EXPECT_LT(worst, 2e-3) << hard.cells;
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // another grid it is
+    }
+  }
+}
+
+// Where the bodies are not half-spaces the share is not beta_T: an insulated soft layer of 20 um fills up within
+// microseconds while the hard half-space goes on taking heat.
+TEST(PhysicsTwoSided, PartsFromThePartitionOnceTheLayerHasFilled) {
+  ModelOptions filling = paper(Strategy::kVelocityDriven, FarBoundary::kInsulated);
+  filling.drive = Drive::kInterfaceSlip;
+  ModelOptions drinking = two_sided(filling);
+  drinking.hard_grid->far_boundary = FarBoundary::kHalfSpace;
+  Rig one(filling, 1), two(drinking, 1);
+  double apart_1us = 0.0, apart_12us = 0.0;
+  run_beside(one, two, 3000, 4e-9, 10.0, [&](int n) {
+    const double rise = one.outputs.interface_temperature[0] - 300.0;
+    const double apart = (two.outputs.interface_temperature[0] - 300.0) / rise - 1.0;
+    if (n == 250) apart_1us = apart;
+    if (n == 3000) apart_12us = apart;
+  });
+  std::printf("two-sided T0 rise against partition's, insulated layer of 20 um: %+.1e at 1 us, %+.3f at 12 us\n",
+              apart_1us, apart_12us);
+  EXPECT_LT(std::abs(apart_1us), 2e-3);
+  EXPECT_LT(apart_12us, -0.05);
+}
+
+// After sliding stops the hard half-space draws the heat back out of the insulated layer: the interface is then the
+// layer's coldest place, and still no vertex leaves the range.
+TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
+  ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
+  options.hard_grid->far_boundary = FarBoundary::kHalfSpace;
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 1000; ++n) rig.step(kDt);
+  const double heat = rig.stored_heat(300.0);
+  const double hottest = rig.T(0);
+  rig.set_all(100.0, -1e9);
+  for (int n = 0; n < 1000; ++n) rig.step(2e-8);
+  EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-11);
+  EXPECT_LT(rig.T(0), rig.T(60));
+  const int first = -static_cast<int>(rig.model.layout().num_hard_vertices);
+  for (int i = first; i <= 60; ++i) {
+    EXPECT_GE(rig.T(i), 300.0 * (1 - 1e-15)) << i;
+    EXPECT_LE(rig.T(i), hottest) << i;
+  }
+}
+
+// Its stress ceiling is then set inside the layer, where it is hottest, and that is where the surplus slip goes.
+TEST(PhysicsTwoSided, TheCeilingActsAtTheHottestVertexWhereverItIs) {
+  ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
+  options.hard_grid->far_boundary = FarBoundary::kHalfSpace;
+  options.soft.hardening_coefficient = 0.0;  // perfect plasticity: the ceiling is the flow stress
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 1000; ++n) rig.step(kDt);
+  rig.set_all(100.0, -1e9);
+  for (int n = 0; n < 1000; ++n) rig.step(2e-8);
+  ASSERT_LT(rig.T(0), rig.T(60));
+  const double at_far_face = rig.ep(60), at_interface = rig.ep(0);
+  rig.set_all(1.0, 11.2e9);
+  for (int n = 0; n < 200; ++n) rig.step(kDt);
+  EXPECT_NEAR(rig.stress() / (200e6 * softening(options.soft, 11.2e9, rig.T(60)).g / kSqrt3), 1.0, 1e-12);
+  EXPECT_GT(rig.ep(60), at_far_face);
+  EXPECT_EQ(rig.ep(0), at_interface);
+}
+
+TEST(PhysicsTwoSided, CostsNothingWhereItIsNotAskedFor) {
+  const TileLayout without = Model(paper()).layout();
+  EXPECT_EQ(without.hard_temperature, TileLayout::kAbsent);
+  EXPECT_EQ(without.num_hard_vertices, 0u);
+  EXPECT_EQ(without.doubles, (without.num_vertices + without.num_strain_vertices + 2) * kLanes);
+  const TileLayout with = Model(two_sided(paper())).layout();
+  EXPECT_EQ(with.doubles, without.doubles + with.num_hard_vertices * kLanes);
+}
+
+TEST(PhysicsTwoSided, WarningsNameTheHardFace) {
+  ModelOptions options = two_sided(paper());
+  EXPECT_TRUE(Model(options).warnings().empty());
+  options.hard_grid->far_boundary = FarBoundary::kInsulated;
+  ASSERT_EQ(Model(options).warnings().size(), 1u);
+  EXPECT_NE(Model(options).warnings()[0].find("hard_layer.far_boundary"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace shearbus::testing
