@@ -232,7 +232,8 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
   int flowing = 0, melting = 0, sticking = 0, coulomb = 0, divided = 0;
   for (int scene = 0; scene < kScenes; ++scene) {
     Rig rig(random_options(draw, strategy, extreme));
-    if (draw.chance(0.3)) rig.start_hard(draw.uniform(0.1, 1.0) * rig.model.options().initial_temperature);
+    if (rig.model.options().plastic_layer && draw.chance(0.3))
+      rig.start_hard(draw.uniform(0.1, 1.0) * rig.model.options().initial_temperature);
     const bool closed_loop = draw.chance(0.5);
     for (int step = 0; step < kSteps; ++step) {
       random_inputs(draw, rig, extreme);

@@ -77,7 +77,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
     options.grid.cells = draw.integer(1, 16);
     if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
     Rig rig(options);
-    if (draw.chance(0.5)) rig.start_hard(draw.uniform(0.1, 1.0) * options.initial_temperature);
+    if (options.plastic_layer && draw.chance(0.5)) rig.start_hard(draw.uniform(0.1, 1.0) * options.initial_temperature);
     const int lanes[] = {1, kLanes - 1, kLanes};  // part of a tile, nearly all, all
     rig.inputs.active = (1u << lanes[scene % 3]) - 1u;
     for (int step = 0; step < 12; ++step) {
