@@ -58,10 +58,10 @@ void carry_out(const Options& options, wire::SceneFile& file) {
 }
 
 int shearbus_hydro(int argc, char** argv) {
-  const CommandLine line = parse_command_line(argc, argv);
-  if (line.exit_code) return *line.exit_code;
   wire::SceneFile file;
   try {
+    const CommandLine line = parse_command_line(argc, argv);
+    if (line.exit_code) return *line.exit_code;
     file = wire::load_scene_file(line.options.scene);
     carry_out(line.options, file);
     return 0;

@@ -47,7 +47,7 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 
 std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const std::string& endpoint) {
+                                       const wire::ServerAddress& server) {
   switch (scene.hydro->interface_law) {
     case wire::InterfaceLaw::kCoulombTresca:
       return std::make_unique<CoulombTrescaLaw>(scene.hydro->coulomb_tresca, soft, hard, initial_temperature);
@@ -68,7 +68,7 @@ std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::
          .remedy = "set strategy = \"force_driven\" and add [interface]",
          .field = "strategy"});
   }
-  auto law = std::make_unique<SubgridLaw>(scene, node_ids(initial_temperature.size()), initial_temperature, endpoint);
+  auto law = std::make_unique<SubgridLaw>(scene, node_ids(initial_temperature.size()), initial_temperature, server);
   for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
   return law;
 }

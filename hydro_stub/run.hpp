@@ -9,6 +9,7 @@
 #include "hydro_stub/law_name.hpp"
 #include "hydro_stub/options.hpp"
 #include "hydro_stub/problem.hpp"
+#include "proto/wire/key_file.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
@@ -17,7 +18,7 @@ namespace shearbus::hydro {
 // wire::Error.
 std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const std::string& endpoint);
+                                       const wire::ServerAddress& server);
 
 // Steps through the problem; leaves history.h5 and summary.json in `out` and prints the summary. Throws wire::Error or
 // std::exception, and then leaves no file that looks whole.

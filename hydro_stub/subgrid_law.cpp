@@ -11,10 +11,12 @@
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const std::string& endpoint, const std::optional<server::Embedded>& embedded) {
+ClientOptions client_options(const wire::ServerAddress& server, const std::optional<server::Embedded>& embedded) {
   ClientOptions options;
   options.name = "shearbus-hydro";
-  options.endpoint = embedded ? embedded->endpoint() : endpoint;
+  options.endpoint = embedded ? embedded->endpoint() : server.endpoint;
+  options.server_key = server.server_key;
+  options.secret_key = server.secret_key;
   options.context = embedded ? embedded->context() : nullptr;
   return options;
 }
@@ -34,12 +36,12 @@ void copy(std::span<const double> from, std::span<double> to) {
 // server.
 struct SubgridLaw::Impl {
   Impl(const wire::Scene& scene, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
-       const std::string& endpoint)
-      : embedded(embed(endpoint.empty())),
-        client(client_options(endpoint, embedded)),
+       const wire::ServerAddress& address)
+      : embedded(embed(address.endpoint.empty())),
+        client(client_options(address, embedded)),
         session(client.open(scene, node_ids, {.initial_temperature_k = initial_temperature})),
         request(session.request()),
-        server(embedded ? "in this process" : endpoint) {}
+        server(embedded ? "in this process" : address.endpoint) {}
 
   std::optional<server::Embedded> embedded;
   Client client;
@@ -51,8 +53,8 @@ struct SubgridLaw::Impl {
 };
 
 SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
-                       std::span<const double> initial_temperature, const std::string& endpoint)
-    : impl_(std::make_unique<Impl>(scene, node_ids, initial_temperature, endpoint)) {}
+                       std::span<const double> initial_temperature, const wire::ServerAddress& server)
+    : impl_(std::make_unique<Impl>(scene, node_ids, initial_temperature, server)) {}
 SubgridLaw::~SubgridLaw() = default;
 
 void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {

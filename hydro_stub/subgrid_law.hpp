@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
+#include "proto/wire/key_file.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
@@ -17,7 +18,7 @@ class SubgridLaw : public InterfaceLaw {
  public:
   // Opens a session for the nodes. Throws wire::Error with what the server refused.
   SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
-             std::span<const double> initial_temperature, const std::string& endpoint);
+             std::span<const double> initial_temperature, const wire::ServerAddress& server);
   ~SubgridLaw() override;
 
   // A step is a trial until the next one, which commits it in the same round trip, or close().
