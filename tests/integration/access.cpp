@@ -26,6 +26,7 @@ using namespace std::chrono_literals;
 using support::RawDealer;
 using support::RunningServer;
 using support::ScratchDirectory;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using wire::Strategy;
 
@@ -147,7 +148,8 @@ TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
   RunningServer plain({}, {"tcp://127.0.0.1:*"});
   const Status status = prompt_refusal_of(client_options(plain.endpoint("tcp"), alice_));
   EXPECT_EQ(status.code, Code::kAuth) << describe(status);
-  EXPECT_THAT(status.text, HasSubstr("the server has no keys"));
+  // Which end breaks off first is chance, and decides what this one hears.
+  EXPECT_THAT(status.text, AnyOf(HasSubstr("the server has no keys"), HasSubstr("or no keys")));
   EXPECT_EQ(Client({.endpoint = plain.endpoint("tcp")}).welcome().access, "anonymous");
   EXPECT_EQ(refusal_of(client_options("ipc:///tmp/bus", alice_)).code, Code::kAuth);
   EXPECT_EQ(refusal_of({.endpoint = "tcp://127.0.0.1:1", .server_key = alice_.public_key}).code, Code::kAuth);
