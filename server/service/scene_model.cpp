@@ -8,13 +8,16 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::service {
 namespace {
 
 physics::Material material_of(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult made = physics::make_material(body.material, body.given);
+  physics::MaterialResult made =
+      physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
   if (!made.fault.empty())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
@@ -24,6 +27,13 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term == wire::PressureTerm::kCompressed)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
+  if (body.pressure_term == wire::PressureTerm::kCompressed && made.material.flow_law != physics::FlowLaw{})
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
+                                           "\"{}\" does not have",
+                                           table, physics::FlowLaws::name_of(made.material.flow_law)),
+                       .remedy = "Leave it out, or take flow_law = \"steinberg_cochran_guinan\".",
+                       .field = table + ".pressure_term"});
   if (const std::string_view missing = physics::constant_missing_for_options(made.material); !missing.empty())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = "
@@ -60,6 +70,15 @@ physics::Drive drive_of(wire::Drive drive) {
   return drive == wire::Drive::kInterfaceSlip ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
 }
 
+physics::InterfaceOptions interface_of(const wire::Interface& law) {
+  return {.friction_coefficient = law.friction_coefficient,
+          .yield_strength = law.yield_strength_pa,
+          .friction_law =
+              physics::FrictionLaws::numbered(static_cast<int>(law.friction_law)).value_or(physics::FrictionLaw{}),
+          .friction_coefficient_fast = law.friction_coefficient_fast,
+          .velocity_decay = law.velocity_decay_s_per_m};
+}
+
 }  // namespace
 
 SceneModel scene_model(const wire::Scene& scene) {
@@ -78,9 +97,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
   made.options.taylor_quinney_factor = scene.velocity_driven.taylor_quinney_factor;
-  if (scene.interface)
-    made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
-                              .yield_strength = scene.interface->yield_strength_pa};
+  if (scene.interface) made.options.interface = interface_of(*scene.interface);
 
   made.effective = scene;
   if (scene.hard_layer) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -32,12 +33,12 @@ Regime slip_regime(const StressLimit& limit, double T0) {
   return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
 }
 
-LaneStep step_lane(const StressLimit& limit, const Forcing& forcing, double heat_partition, double B0, double T_ad,
-                   double dt, double jump_old, double guess, Regime previous) {
+LaneStep step_lane(const InterfaceOptions& law, const StressLimit& yield, const Forcing& forcing, double heat_partition,
+                   double B0, double T_ad, double dt, double jump_old, double guess, Regime previous) {
   // 1. The jump without friction, and what a stress takes from it: DLP (61).
   const double jump_free = jump_old + dt * forcing.acceleration;
   const double per_stress = dt * forcing.mobility;
-  if (limit.pressure <= 0.0) {
+  if (yield.pressure <= 0.0) {
     return {0.0, 0.5 * (jump_old + jump_free), jump_free, 0.0, Regime::kOpen, true, false};
   }
 
@@ -48,12 +49,17 @@ LaneStep step_lane(const StressLimit& limit, const Forcing& forcing, double heat
 
   // 3. Stick: [V]new = 0 at the end of the step (never [V]mid = 0, which rings), if the interface carries that stress.
   const double a_stick = std::abs(jump_free) / per_stress;
-  const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
+  const Friction friction = FrictionLaws::with(law.friction_law, [&](auto own) {
+    return decltype(own)::type::friction(law, yield.pressure, heating.c, heating.b, a_stick);
+  });
+  const bool can_stick = spare_strength(yield.beside(friction.holding), heating, a_stick) >= 0.0;
 
   // 4. Slip: the stress equals the limit at the temperature it makes. Where several answers are possible the node goes
   // on as
   //    before: a sticking one sticks, a slipping one takes the answer with the most slip.
-  const bool unique = slip_is_unique(limit, heating, a_stick);
+  const StressLimit limit = yield.beside(friction.sliding);
+  const bool friction_returns = friction.regained < std::min(a_stick, yield.at(T_ad).stress);
+  const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
   bool stick = can_stick;
   bool several = false;
   double a = a_stick;
@@ -61,10 +67,15 @@ LaneStep step_lane(const StressLimit& limit, const Forcing& forcing, double heat
     if (!can_stick) a = slip_stress(limit, heating, a_stick, guess);
   } else {
     const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
-    several = slip.several || (slip.found && can_stick);
-    stick = can_stick && (previous == Regime::kStick || !slip.found);
+    several =
+        slip.several ||
+        (slip.found && (can_stick || (friction_returns && spare_strength(yield, heating, friction.regained) > 0.0)));
+    const bool rests = previous == Regime::kStick || jump_old == 0.0;
+    stick = can_stick && (rests || !slip.found);
     if (!stick) a = slip.stress;
   }
+
+  if (!stick) a = below_melting(limit, heating, heat_partition, B0, a);
 
   // 5. Answer. Where the jump changes sign within the step the slip along the stress is clipped at 0: no heat, no work.
   const double slip = stick ? std::max(0.0, 0.5 * direction * jump_old) : heating.slip(a);
@@ -80,16 +91,16 @@ struct LaneResult {
 };
 
 // The whole step in 2^halvings equal substeps; stops at the first one that is not unique unless `accept` says to go on.
-bool run_substeps(const StressLimit& limit, const Forcing& forcing, const Problem& problem, const HeatOperator& heat,
-                  int substeps, bool accept, int lane, double jump_old, double guess, Regime previous,
-                  const double* committed, double* temperature, LaneResult& result) {
+bool run_substeps(const InterfaceOptions& law, const StressLimit& yield, const Forcing& forcing, const Problem& problem,
+                  const HeatOperator& heat, int substeps, bool accept, int lane, double jump_old, double guess,
+                  Regime previous, const double* committed, double* temperature, LaneResult& result) {
   const int n = problem.heat_grid.num_vertices();
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i * kLanes + lane] = committed[i * kLanes + lane];
   result = {{0.0, 0.0, jump_old, 0.0, previous, true, false}, 0.0};
   for (int j = 0; j < substeps; ++j) {
     conduct_lane(heat, n, lane, temperature);
     const double T_ad = temperature[heat.interface * kLanes + lane];
-    const LaneStep step = step_lane(limit, forcing, problem.heat_partition, *heat.layer_response(), T_ad, heat.dt,
+    const LaneStep step = step_lane(law, yield, forcing, problem.heat_partition, *heat.layer_response(), T_ad, heat.dt,
                                     result.step.jump_new, guess, result.step.regime);
     if (!step.unique && !accept) return false;
     add_flux_lane(heat, n, lane, step.flux, temperature);
@@ -126,8 +137,8 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
-    const StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
-                            inputs.pressure[lane], &soft};
+    const StressLimit yield{std::numeric_limits<double>::infinity(), law.yield_strength / kSqrt3, inputs.pressure[lane],
+                            &soft};
     const Forcing forcing{
         inputs.stress_minus[lane] / inputs.mass_minus[lane] + inputs.stress_plus[lane] / inputs.mass_plus[lane],
         1.0 / inputs.mass_minus[lane] + 1.0 / inputs.mass_plus[lane]};
@@ -136,8 +147,8 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
 
     LaneResult result;
-    result.step = step_lane(limit, forcing, problem.heat_partition, *heat.layer_response(), T0[lane], operators.dt(),
-                            jump_old, guess, previous);
+    result.step = step_lane(law, yield, forcing, problem.heat_partition, *heat.layer_response(), T0[lane],
+                            operators.dt(), jump_old, guess, previous);
     result.heat = result.step.flux * operators.dt();
     std::uint8_t outcome = 0;
     if (result.step.unique) {
@@ -147,7 +158,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
       outcome = kSubstepped;
       for (int k = 1; k <= operators.max_halvings(); ++k) {
         const bool last = k == operators.max_halvings();
-        if (run_substeps(limit, forcing, problem, operators.heat(k), 1 << k, last, lane, jump_old, guess, previous,
+        if (run_substeps(law, yield, forcing, problem, operators.heat(k), 1 << k, last, lane, jump_old, guess, previous,
                          T_old, T, result)) {
           break;
         }

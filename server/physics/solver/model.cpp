@@ -120,7 +120,7 @@ std::vector<std::string> Model::warnings() const {
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
   }
-  if (o.strategy == Strategy::kVelocityDriven && o.soft.yield_strength_max < o.soft.yield_strength) {
+  if (o.strategy == Strategy::kVelocityDriven && strength_ceiling(o.soft) < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));
