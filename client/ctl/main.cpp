@@ -14,6 +14,8 @@
 #include "client/include/shearbus/client.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/material/material.hpp"
 
 namespace {
 
@@ -25,6 +27,7 @@ struct Options {
   double timeout_s = 5.0;
   bool json = false;
   std::filesystem::path scene;
+  std::string material;
 };
 
 shearbus::Client connect(const Options& options) {
@@ -92,6 +95,21 @@ void check(const Options& options) {
   }
 }
 
+// Every material a scene can name, with what scenes call its constants.
+void materials(const Options& options) {
+  for (const auto& entry : shearbus::physics::catalog()) {
+    if (!options.material.empty() && options.material != entry.name) continue;
+    fmt::print("{}\n  {}\n", entry.name, entry.source);
+    if (options.material.empty()) continue;
+    fmt::print("  flow_law = \"{}\"\n", shearbus::physics::FlowLaws::name_of(entry.material.flow_law));
+    for (const auto& [name, value] : constants_of(entry.material)) fmt::print("  {} = {:.15g}\n", name, value);
+  }
+  if (options.material.empty()) return;
+  // An unknown name is told as a scene would be told.
+  const auto known = shearbus::physics::make_material(options.material, {});
+  if (!known.fault.empty()) throw std::runtime_error(known.fault);
+}
+
 void reference() {
   fmt::print("{}", shearbus::wire::scene_reference());
 }
@@ -121,6 +139,11 @@ int main(int argc, char** argv) {
   auto* check_command = app.add_subcommand("check", "Is a scene valid? Prints it with every default filled in");
   check_command->add_option("SCENE", options.scene, "A TOML file")->required();
   check_command->callback([&] { run = [&] { check(options); }; });
+  auto* materials_command =
+      app.add_subcommand("materials", "The catalog of materials and where each number comes from");
+  materials_command->add_option("MATERIAL", options.material,
+                                "One of them, with its constants as a scene would give them");
+  materials_command->callback([&] { run = [&] { materials(options); }; });
   app.add_subcommand("reference", "Every key of a scene, as Markdown")->callback([&] { run = reference; });
 
   try {

@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
 constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
+constexpr double kFlowConverged = 1e-3;      // of the trial stress: Newton's error is the square of this
 constexpr double kFarAbove = 100.0;          // flow against the trial stress: Newton changes its function here
 constexpr double kLeastGuess = 1e-12;        // of the upper end: a start below it says nothing
 constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
@@ -177,7 +178,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
-    if (std::abs(step) <= kConverged * lane.a) {
+    // Very near melting a short step may still be a long way in the flow.
+    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= kFlowConverged * lane.a_trial) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
       return;
