@@ -55,6 +55,7 @@ struct VelocityDriven {
 struct Interface {
   double friction_coefficient = 0.0;
   double yield_strength_pa = 0.0;
+  bool plastic_layer = false;
   FrictionLaw friction_law = FrictionLaw::kConstant;
   double friction_coefficient_fast = 0.0;  // of velocity_weakening, as is the next
   double velocity_decay_s_per_m = 0.0;

@@ -145,6 +145,7 @@ HardLayer hard_layer_from_message(const v1::HardLayer& message) {
 void interface_to_message(const Interface& law, v1::Interface& message) {
   message.set_friction_coefficient(law.friction_coefficient);
   message.set_yield_strength_pa(law.yield_strength_pa);
+  if (law.plastic_layer) message.set_plastic_layer(true);
   if (law.friction_law == FrictionLaw::kConstant) return;  // the default is not sent
   message.set_friction_law(static_cast<v1::FrictionLaw>(law.friction_law));
   message.set_friction_coefficient_fast(law.friction_coefficient_fast);
@@ -153,7 +154,8 @@ void interface_to_message(const Interface& law, v1::Interface& message) {
 
 Interface interface_from_message(const v1::Interface& message) {
   Interface law{.friction_coefficient = message.friction_coefficient(),
-                .yield_strength_pa = message.yield_strength_pa()};
+                .yield_strength_pa = message.yield_strength_pa(),
+                .plastic_layer = message.plastic_layer()};
   law.friction_law = enum_or(message.friction_law(), law.friction_law);
   law.friction_coefficient_fast = message.friction_coefficient_fast();
   law.velocity_decay_s_per_m = message.velocity_decay_s_per_m();

@@ -189,7 +189,9 @@ class Together {
     const std::string path = "velocity_driven.taylor_quinney_factor";
     if (!scene_.velocity_driven().has_taylor_quinney_factor() || !sound(path, true)) return;
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
-      add(path, path + " heats where the layer flows; strategy force_driven has no flow in the layer to heat it");
+      add(path,
+          path +
+              " heats where the velocity-driven layer flows; under strategy force_driven plastic work heats nothing");
     if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
       add(path, path +
                     " needs drive = \"layer_shear\": with \"interface_slip\" all the work of the jump is friction at "
@@ -200,9 +202,22 @@ class Together {
                     "z = 0, not inside the layer");
   }
 
+  // Beside a flowing layer the slip depends on the layer's flow, and friction on both.
+  void friction() {
+    const std::string path = "interface.friction_law";
+    if (scene_.interface().friction_law() != v1::FRICTION_LAW_VELOCITY_WEAKENING || !scene_.interface().plastic_layer())
+      return;
+    add(path, path +
+                  " = \"velocity_weakening\" does not go with plastic_layer: with the layer's flow beside it the slip "
+                  "of a step has no friction of its own to solve for first; leave one of them out");
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
+    if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN && scene_.interface().plastic_layer())
+      add("interface.plastic_layer",
+          "interface.plastic_layer is an option of strategy force_driven; a velocity-driven layer always flows");
   }
 
   // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.
@@ -289,6 +304,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.layers();
   together.plastic_heating();
   together.hard_strength();
+  together.friction();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

@@ -98,6 +98,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
   made.options.taylor_quinney_factor = scene.velocity_driven.taylor_quinney_factor;
   if (scene.interface) made.options.interface = interface_of(*scene.interface);
+  made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;
   if (scene.hard_layer) {

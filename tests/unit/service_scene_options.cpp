@@ -86,7 +86,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   scene = support::force_scene();
   scene.hard_layer.emplace();
   scene.velocity_driven.taylor_quinney_factor = 0.9;
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("force_driven has no flow in the layer"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
 }
 
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
@@ -150,6 +150,8 @@ TEST(SceneOptions, AFrictionLawComesWithItsOwnConstantsAndComesBack) {
   EXPECT_EQ(made.options.interface.friction_law, physics::FrictionLaws::place<physics::VelocityWeakening>());
   EXPECT_EQ(made.options.interface.friction_coefficient_fast, 0.02);
   EXPECT_EQ(made.options.interface.velocity_decay, 0.01);
+  scene.interface->plastic_layer = true;
+  EXPECT_EQ(refusal_of(scene).field, "interface.friction_law");
   const std::string text = wire::scene_to_toml(made.effective);
   EXPECT_THAT(text, HasSubstr("friction_law = \"velocity_weakening\""));
   EXPECT_EQ(wire::scene_to_toml(scene_model(wire::parse_scene(text, "effective").scene).effective), text);

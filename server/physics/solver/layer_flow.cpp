@@ -129,6 +129,28 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
       });
 }
 
+double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
+  return FlowLaws::with(problem.soft->flow_law, [&](auto own) {
+    const typename decltype(own)::type law(*problem.soft, problem.dt);
+    double slip = 0.0;
+    for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
+      const std::ptrdiff_t at = i * kLanes + lane;
+      const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
+      const double old = problem.strain[at];
+      const double excess[] = {
+          (load.scaled_log[lane] + law.softening_excess(load.bracket[lane], load.T_melt[lane], T).value) -
+          law.log_strength(old)};
+      const double growth[] = {0.0};
+      double dep[] = {0.0};
+      double slope[] = {0.0};
+      if (excess[0] > 0.0) law.flow(excess, growth, &old, dep, slope);
+      slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep[0];
+      if (strain_new != nullptr) strain_new[at] = old + dep[0];
+    }
+    return slip;
+  });
+}
+
 SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,
                               FlowSum& sum) {
   flow<false>(problem, load, num_rows, threshold, nullptr, sum);

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/heated.hpp"
 #include "server/physics/solver/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -55,39 +56,6 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
   return problem.options.grid.thickness * inputs.soft_shear_rate[lane];
 }
 
-// One lane's temperatures, T = T_ad + q B, over the vertices that may be its hottest: z = 0 alone where that is where
-// all heat has ever entered and none ever leaves.
-struct Heated {
-  const double* T_ad;  // [vertex][lane], at the lane
-  const double* B;     // [vertex], or [vertex][lane] at the lane
-  std::ptrdiff_t stride;
-  int candidates;
-
-  double response(int i) const { return B[i * stride]; }
-  double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }
-  int hottest(double q) const {
-    int at = 0;
-    for (int i = 1; i < candidates; ++i) at = T(i, q) > T(at, q) ? i : at;
-    return at;
-  }
-};
-
-// The stress at which the first vertex reaches Y_max g(T(a)) / sqrt(3), `a_max` where none does. At the ceiling of the
-// vertex hottest so far another may be hotter: its ceiling is lower, and so on down to one that is the hottest under
-// its own.
-double ceiling_stress(const StressLimit& limit, const Heated& heated, double heating, double a_max, double guess,
-                      int& hottest) {
-  double a = a_max;
-  for (;;) {
-    const int before = hottest;
-    const double a_before = a;
-    hottest = heated.hottest(heating * a);
-    if (a < a_max && hottest == before) return a;
-    a = slip_stress(limit, {heated.T(hottest, 0.0), heated.response(hottest), heating, 0.0}, a, guess);
-    if (a >= a_before) return a;
-  }
-}
-
 // Trial stress, direction, heating and the bracket of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
              const Heated& heated, double s_start, const double* strain) {
@@ -113,7 +81,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
   } else if (std::isfinite(limit.tresca)) {
-    const double ceiling = ceiling_stress(limit, heated, state.heating, state.hi, std::abs(s_start), state.hottest);
+    const double ceiling =
+        ceiling_stress(limit, heated, {0.0, 1.0, state.heating, 0.0}, state.hi, std::abs(s_start), state.hottest);
     if (ceiling < state.hi) {
       state.hi = ceiling;
       state.bound = Bound::kCeiling;
