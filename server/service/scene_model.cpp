@@ -9,13 +9,16 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::service {
 namespace {
 
 physics::Material material_of(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult made = physics::make_material(body.material, body.given);
+  physics::MaterialResult made =
+      physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
   if (!made.fault.empty())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
@@ -25,6 +28,13 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term == wire::PressureTerm::kCompressed)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
+  if (body.pressure_term == wire::PressureTerm::kCompressed && made.material.flow_law != physics::FlowLaw{})
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
+                                           "\"{}\" does not have",
+                                           table, physics::FlowLaws::name_of(made.material.flow_law)),
+                       .remedy = "Leave it out, or take flow_law = \"steinberg_cochran_guinan\".",
+                       .field = table + ".pressure_term"});
   if (const std::string_view missing = physics::constant_missing_for_options(made.material); !missing.empty())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = "
@@ -52,6 +62,13 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
 
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
 wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
+  const bool hardens_alike = soft.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+  if (!hardens_alike && !(junctions.hardening_coefficient && junctions.hardening_exponent))
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
+                                           "the soft body's flow law {} has none",
+                                           physics::FlowLaws::name_of(soft.flow_law)),
+                       .field = "junctions.hardening_coefficient"});
   if (!junctions.yield_strength_max_pa && std::isfinite(soft.yield_strength_max))
     junctions.yield_strength_max_pa = soft.yield_strength_max;
   if (!junctions.hardening_coefficient) junctions.hardening_coefficient = soft.hardening_coefficient;
@@ -61,6 +78,7 @@ wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft)
 
 physics::JunctionOptions junctions_of(const wire::Junctions& junctions, const physics::ModelOptions& options) {
   physics::Material metal = options.soft;
+  metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();  // DLP (52-53)
   metal.yield_strength = options.interface.yield_strength;
   metal.yield_strength_max = junctions.yield_strength_max_pa.value_or(std::numeric_limits<double>::infinity());
   metal.hardening_coefficient = *junctions.hardening_coefficient;
@@ -77,6 +95,15 @@ physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
 
 physics::Drive drive_of(wire::Drive drive) {
   return drive == wire::Drive::kInterfaceSlip ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
+}
+
+physics::InterfaceOptions interface_of(const wire::Interface& law) {
+  return {.friction_coefficient = law.friction_coefficient,
+          .yield_strength = law.yield_strength_pa,
+          .friction_law =
+              physics::FrictionLaws::numbered(static_cast<int>(law.friction_law)).value_or(physics::FrictionLaw{}),
+          .friction_coefficient_fast = law.friction_coefficient_fast,
+          .velocity_decay = law.velocity_decay_s_per_m};
 }
 
 }  // namespace
@@ -97,9 +124,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
   made.options.taylor_quinney_factor = scene.velocity_driven.taylor_quinney_factor;
-  if (scene.interface)
-    made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
-                              .yield_strength = scene.interface->yield_strength_pa};
+  if (scene.interface) made.options.interface = interface_of(*scene.interface);
   made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;

@@ -66,6 +66,18 @@ void BM_PlasticHeating(benchmark::State& state) {
   options.taylor_quinney_factor = 1.0;
   run(state, options);
 }
+void BM_JohnsonCook(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.soft = make_material("copper_ofhc_jc", {}).material;
+  run(state, options);
+}
+void BM_VelocityWeakening(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
+  options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+  options.interface.friction_coefficient_fast = 0.02;
+  options.interface.velocity_decay = 0.01;
+  run(state, options);
+}
 void BM_UnderPressure(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
   options.soft.melting_curve = MeltingCurve::kLindemann;
@@ -73,6 +85,8 @@ void BM_UnderPressure(benchmark::State& state) {
   run(state, options);
 }
 
+BENCHMARK(BM_JohnsonCook)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_VelocityWeakening)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_TwoSided)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_PlasticHeating)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);

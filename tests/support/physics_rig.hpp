@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"

@@ -38,6 +38,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     options.junctions.reset();
     ModelOptions junctions = options;
     junctions.junctions = {1.0, 1e-7, options.soft};
+    junctions.junctions->metal.flow_law = {};
     junctions.junctions->metal.yield_strength = options.interface.yield_strength;
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;

@@ -281,6 +281,7 @@ class RandomScene {
     if (flip()) body.given.emplace_back("density_kg_per_m3", number(1, 1e5));
     if (flip()) body.given.emplace_back("hardening_coefficient", flip() ? 0.0 : number(1e-5, 1e6));
     if (flip()) body.given.emplace_back("pressure_coefficient_per_pa", number(1e-13, 1e-6));
+    if (flip()) body.flow_law = FlowLaw::kSteinbergCochranGuinan;
     return body;
   }
   Junctions junctions() {

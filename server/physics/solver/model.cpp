@@ -135,7 +135,7 @@ std::vector<std::string> Model::warnings() const {
                 o.junctions->metal.yield_strength_max, o.junctions->metal.yield_strength));
   }
   if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
-      o.soft.yield_strength_max < o.soft.yield_strength) {
+      strength_ceiling(o.soft) < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));

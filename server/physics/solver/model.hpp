@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
@@ -15,12 +16,6 @@ namespace shearbus::physics {
 
 enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
-
-// The interface law of the force-driven strategy (DLP 65): s_lim = min(mu P, yield_strength g(P, T0) / sqrt(3)).
-struct InterfaceOptions {
-  double friction_coefficient = 0.0;  // mu
-  double yield_strength = 0.0;        // [Pa]
-};
 
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
