@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 LINES = [  # key in map.json, meaning, style
     ("sticking_below_m_per_s", "sticks below", {"color": "black", "linestyle": "-"}),
     ("domain_limit_m_per_s", "outside the domain below", {"color": "black", "linestyle": "--"}),
-    ("melting_above_m_per_s", "melting above", {"color": "#7a0019", "linestyle": "-"}),
+    ("melting_above_m_per_s", "melting above", {"color": "#7a0019", "linestyle": "-."}),
 ]
 PANELS = [  # column of nodes.csv, title, colour map, scale, logarithmic
     ("slip_share", "share of the imposed slip carried", "viridis", 1.0, False),
@@ -93,8 +93,8 @@ def draw_limits(the_map, path):
     axes_of(left, "the lines move with the time of observation")
     left.set_ylim(the_map.velocity[0], the_map.velocity[-1])
     left.legend(handles=[Line2D([], [], color=shade, label=microseconds(t)) for t, shade in zip(the_map.times, shades)]
-                + [Line2D([], [], color="grey", linestyle=style["linestyle"], label=meaning) for _, meaning, style in LINES[:2]],
-                fontsize=8, loc="upper left", ncol=2)
+                + [Line2D([], [], color="grey", linestyle=style["linestyle"], label=meaning) for _, meaning, style in LINES],
+                fontsize=7, loc="upper right", ncol=2)
     melting = the_map.columns["melting_time_s"][-1] * 1e6
     if np.isfinite(melting).any():
         image = right.pcolormesh(the_map.pressure, the_map.velocity, melting.T, cmap="plasma_r", shading="nearest",

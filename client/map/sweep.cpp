@@ -74,7 +74,7 @@ Map sweep(const Scene& scene, const Axes& axes, const std::vector<double>& times
         const bool melts = result.regime()[i] == static_cast<std::uint8_t>(wire::Regime::kMelting);
         if (melts && std::isnan(map.melting_time_s[i])) map.melting_time_s[i] = now;
       }
-      if (step + 1 == last) map.observations.push_back(observed(result, now, slip));
+      if (step + 1 == last) map.observations.push_back(observed(result, time_s, slip));
     }
   }
   session.close();
