@@ -74,6 +74,14 @@ class InterfaceLaw {
   // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
+
+  // Keeps what the law remembers of the steps so far under `name`, until two later ones are kept, and says what another
+  // process needs to come back to it (make_law). Of a law that remembers nothing: an empty text.
+  virtual std::string keep(const std::string& /*name*/) { return {}; }
+  // Empty where keep() can be called, or why not and what to do about it.
+  virtual std::string cannot_keep() const { return {}; }
+  // The run is over: what was kept may go.
+  virtual void close() {}
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.

@@ -32,7 +32,10 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
       inputs_(weights_.rubbing()),
       answer_(weights_.rubbing()),
       pressing_(weights_.size(), 0.0),
-      impulse_(num_nodes) {}
+      impulse_(num_nodes) {
+  inputs_.zone_plastic_strain.assign(weights_.rubbing(), 0.0);
+  inputs_.zone_plastic_rate.assign(weights_.rubbing(), 0.0);
+}
 
 void Contact::apply(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
                     std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new) {
@@ -148,12 +151,6 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
 
 // Plastic strain of the zones at each node and its rate over the last step that stood.
 void Contact::find_plastic_rates(const State& state) {
-  const auto size = static_cast<std::size_t>(weights_.rubbing());
-  if (inputs_.zone_plastic_rate.empty()) {
-    inputs_.zone_plastic_strain.assign(size, 0.0);
-    inputs_.zone_plastic_rate.assign(size, 0.0);
-    plastic_time_ = state.time;
-  }
   const double dt = state.time - plastic_time_;
   plastic_time_ = state.time;
   for (int i = 0; i < weights_.rubbing(); ++i) {
@@ -186,8 +183,8 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
     const double closing = -pressing_[i] * opening_rate(i, velocity_mean);
     const double friction =
         i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
-    closing_heat_ += closing;
-    friction_heat_ += friction;
+    heat_[kClosing] += closing;
+    heat_[kFriction] += friction;
     const double soft = 0.5 * closing + options_.soft_share * friction;
     const double hard = 0.5 * closing + (1.0 - options_.soft_share) * friction;
     for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];
