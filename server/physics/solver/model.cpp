@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/ledger.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -189,6 +190,11 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
       outputs.outcome[lane] = kFailed;
     }
   }
+}
+
+void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                 const double* committed, const double* trial, TileLedger& ledger) const {
+  book_step(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -62,6 +62,10 @@ class Model {
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
+  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing.
+  void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+            const double* committed, const double* trial, TileLedger& ledger) const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -61,4 +61,23 @@ struct TileOutputs {
   std::uint8_t outcome[kLanes];
 };
 
+// Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
+enum class LedgerTerm : std::uint8_t {
+  kWork,
+  kHeatToSoft,
+  kHeatToHard,
+  kPlasticWork,
+  kStoredSoft,
+  kStoredHard,
+  kElastic,
+  kHeatResidual,
+  kEnergyResidual
+};
+inline constexpr std::size_t kLedgerTerms = 9;
+
+struct TileLedger {
+  alignas(64) double term[kLedgerTerms][kLanes] = {};
+  double& operator()(LedgerTerm t, int lane) { return term[static_cast<std::size_t>(t)][lane]; }
+};
+
 }  // namespace shearbus::physics
