@@ -10,6 +10,7 @@
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/reference/waves_one.hpp"
 
 namespace shearbus::physics::reference {
 namespace {
@@ -213,6 +214,21 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   return out;
 }
 
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, {}, T_ad);
+  const auto layer = [&](const Profile& profile) {
+    const auto first = profile.rows.begin() + static_cast<std::ptrdiff_t>(profile.interface);
+    return std::vector<double>(first, first + options.grid.cells + 1);
+  };
+  double flux = 0.0;
+  NodeOutputs out = waves_one(options, dt, in, layer(T_ad), layer(B), conducted_share(options), state, flux);
+  heat_up(state, T_ad, flux, B);
+  out.friction_heat = flux * dt;
+  out.interface_temperature = state.temperature[0];
+  return out;
+}
+
 NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
   const Profile T_ad = conduct(options, dt, {}, profile_of(state));
@@ -290,10 +306,15 @@ NodeState initial_state(const ModelOptions& options) {
       state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
     }
   }
+  if (options.inertia) {
+    state.stress_field.assign(grid.num_vertices(), 0.0);
+    state.layer_velocity.assign(grid.num_cells(), 0.0);
+  }
   return state;
 }
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  if (options.inertia) return with_inertia(options, dt, inputs, state);
   return options.strategy == Strategy::kVelocityDriven ? velocity_driven(options, dt, inputs, state)
                                                        : force_driven(options, dt, inputs, state);
 }

@@ -32,6 +32,10 @@ struct ModelOptions {
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
 
+  // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
+  // and the layer's mass is accelerated (DLP 36).
+  bool inertia = false;
+
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
