@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "proto/wire/limits.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/material.hpp"
@@ -60,6 +61,8 @@ physics::Drive drive_of(wire::Drive drive) {
   return drive == wire::Drive::kInterfaceSlip ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
 }
 
+static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
+
 }  // namespace
 
 SceneModel scene_model(const wire::Scene& scene) {
@@ -74,6 +77,7 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .cells = static_cast<int>(scene.layer.cells),
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
+  made.options.inertia = scene.layer.inertia;
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <string>
 #include <vector>
 
 #include "server/shard/shard.hpp"
@@ -14,6 +15,8 @@ using physics::ModelOptions;
 
 constexpr std::size_t kNodes = 11;  // two tiles, the second in part
 
+constexpr int kInertia = 3;
+
 class SavedStates : public ::testing::TestWithParam<int> {
  protected:
   static ModelOptions options() {
@@ -23,6 +26,7 @@ class SavedStates : public ::testing::TestWithParam<int> {
       options = shearbus::testing::two_sided(std::move(options));
       options.taylor_quinney_factor = 0.9;
     }
+    if (GetParam() == kInertia) options.inertia = true;
     return options;
   }
 };
@@ -58,9 +62,11 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
   EXPECT_EQ(std::memcmp(found.data(), expected.data(), expected.size() * sizeof(double)), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Values(0, 1, 2), [](const auto& model) {
-  return std::string(model.param == 0 ? "OneSided" : model.param == 1 ? "TwoSided" : "PlasticWorkHeats");
-});
+std::string name_of(const ::testing::TestParamInfo<int>& model) {
+  constexpr const char* kNames[] = {"OneSided", "TwoSided", "PlasticWorkHeats", "Inertia"};
+  return kNames[model.param];
+}
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 4), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

@@ -3,6 +3,7 @@
 
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/model.hpp"
 
 namespace shearbus::physics {
 
@@ -14,8 +15,6 @@ namespace shearbus::physics {
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3), dep[i] >= 0 and 0 below it                                    DLP (42-48)
 //   |s[0]| <= mu P, v[-1] along s[0] and 0 below it;   T = T_ad + q B,  q = share max(s[0] [V], 0)       DLP (18, 35)
 // Summed over the layer, with rho -> 0, these are the balance of the layer without inertia to the last weight.
-
-inline constexpr int kMaxInertiaCells = 1000;  // a node's step works on the stack
 
 struct WaveStep {
   const Material* soft;    // at the pressure of the node

@@ -21,6 +21,8 @@ struct InterfaceOptions {
   double yield_strength = 0.0;        // [Pa]
 };
 
+inline constexpr int kMaxInertiaCells = 1000;  // of a layer with inertia: its step works on the stack
+
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
   Material soft;
