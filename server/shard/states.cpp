@@ -17,7 +17,8 @@ std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
                              {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
                              {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
                              {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
-                             {"regime", "1", layout.regime, 1}};
+                             {"regime", "1", layout.regime, 1},
+                             {"sticking", "1", layout.sticking, 1}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {

@@ -18,6 +18,7 @@ struct NodeState {
   std::vector<double> layer_velocity;    // with inertia: of each layer cell, against the hard body   [m/s]
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
+  bool sticking = false;  // plastic layer
 };
 
 struct NodeInputs {
@@ -28,6 +29,7 @@ struct NodeInputs {
   double stress_plus = 0.0;
   double mass_minus = 1.0;
   double mass_plus = 1.0;
+  double soft_plastic_rate = 0.0;
 };
 
 struct NodeOutputs {
@@ -37,7 +39,8 @@ struct NodeOutputs {
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
-  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan)
+  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan); with a plastic layer
+                    // only those that its rule does not tell apart
 };
 
 NodeState initial_state(const ModelOptions& options);

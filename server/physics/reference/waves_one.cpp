@@ -1,5 +1,4 @@
-#include "server/physics/reference/waves_one.hpp"
-
+// The step of one layer with inertia, scalar and slow: the twin of solver/layer_waves.
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -7,6 +6,7 @@
 #include <limits>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
 
 namespace shearbus::physics::reference {
 namespace {
@@ -126,16 +126,18 @@ void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
 
 }  // namespace
 
-NodeOutputs waves_one(const ModelOptions& options, double dt, const NodeInputs& in, const std::vector<double>& T_ad,
-                      const std::vector<double>& B, double heat_share, NodeState& state, double& flux) {
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, {}, T_ad);
   const Material soft = at_pressure(options.soft, in.pressure);
   NodeOutputs out;
   out.velocity_jump_new = in.velocity_jump;
-  flux = 0.0;
   if (in.pressure <= 0.0) {
     std::fill(state.stress_field.begin(), state.stress_field.end(), 0.0);
     std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
+    heat_up(state, T_ad, 0.0, B);
     state.shear_stress = 0.0;
+    out.interface_temperature = state.temperature[0];
     out.sliding_velocity = in.velocity_jump;
     out.regime = state.regime = Regime::kOpen;
     return out;
@@ -151,8 +153,10 @@ NodeOutputs waves_one(const ModelOptions& options, double dt, const NodeInputs& 
     std::vector<double> T(n + 1);
     for (int i = 0; i <= n; ++i) T[i] = T_ad[i] + q * B[i];
     balance(layer, T, at);
-    return heat_share * std::max(0.0, at.stress[0] * in.velocity_jump) - q;  // heat made beyond that assumed
+    return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
+           q;  // heat made beyond that assumed
   };
+  double flux = 0.0;
   double hi = std::max(0.0, (soft.melting_temperature - T_ad[0]) / B[0]);
   if (solve_at(0.0) > 0.0 && hi > 0.0) {
     double lo = 0.0;
@@ -172,6 +176,9 @@ NodeOutputs waves_one(const ModelOptions& options, double dt, const NodeInputs& 
     state.plastic_strain[i] += at.growth[i];
     hottest = std::max(hottest, T_ad[i] + flux * B[i]);
   }
+  heat_up(state, T_ad, flux, B);
+  out.friction_heat = flux * dt;
+  out.interface_temperature = state.temperature[0];
   state.stress_field = at.stress;
   state.layer_velocity = at.velocity;
   state.shear_stress = out.shear_stress = at.stress[0];

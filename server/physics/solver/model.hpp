@@ -33,6 +33,7 @@ struct ModelOptions {
   Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
+  bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
 
   // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
   // and the layer's mass is accelerated (DLP 36).

@@ -27,5 +27,7 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
                           const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics
