@@ -38,7 +38,8 @@ LaneStep rigid_slip(const StressLimit& yield, const Friction& friction, const Tr
   // 2. Slip: the stress equals the limit at the temperature it makes. Where several answers are possible the node goes
   //    on as before: a sticking one sticks, a slipping one takes the answer with the most slip.
   const StressLimit limit = yield.beside(friction.sliding);
-  const bool friction_returns = friction.regained < std::min(a_stick, yield.at(T_ad, heating.slip(0.0)).stress);
+  const bool friction_returns =
+      friction.regained < a_stick && friction.regained < yield.at(T_ad, heating.slip(0.0)).stress;
   const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
   bool stick = can_stick;
   bool several = false;
