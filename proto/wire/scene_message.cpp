@@ -220,6 +220,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
     message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
     if (scene.interface->plastic_layer) message.mutable_interface()->set_plastic_layer(true);
   }
+  if (scene.tangential_components != 1) message.set_tangential_components(scene.tangential_components);
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
@@ -255,6 +256,7 @@ Scene from_message(const v1::Scene& given) {
     scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
                                 .yield_strength_pa = message.interface().yield_strength_pa(),
                                 .plastic_layer = message.interface().plastic_layer()};
+  scene.tangential_components = message.tangential_components();
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
 }

@@ -78,6 +78,7 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
   made.options.inertia = scene.layer.inertia;
+  made.options.tangential_components = static_cast<int>(scene.tangential_components);
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;

@@ -143,7 +143,19 @@ std::uint64_t Shard::step_tile(std::size_t tile, bool all_rows, const physics::S
 
   physics::TileOutputs out;
   const unsigned committed = committed_[tile];
-  model_.advance(operators, in, buffer(tile, committed), buffer(tile, 1 - committed), out);
+  if (model_.options().tangential_components == 1) {
+    model_.advance(operators, in, buffer(tile, committed), buffer(tile, 1 - committed), out);
+  } else {
+    physics::SecondInputs second;
+    gather(inputs.second_velocity_jump, lanes, second.velocity_jump);
+    gather(inputs.second_stress_minus, lanes, second.stress_minus);
+    gather(inputs.second_stress_plus, lanes, second.stress_plus);
+    physics::SecondOutputs second_out;
+    model_.advance(operators, in, second, buffer(tile, committed), buffer(tile, 1 - committed), out, second_out);
+    scatter(second_out.shear_stress, lanes, outputs.second_shear_stress);
+    scatter(second_out.sliding_velocity, lanes, outputs.second_sliding_velocity);
+    scatter(second_out.velocity_jump_new, lanes, outputs.second_velocity_jump_new);
+  }
 
   scatter(out.shear_stress, lanes, outputs.shear_stress);
   scatter(out.sliding_velocity, lanes, outputs.sliding_velocity);

@@ -41,6 +41,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
     layout.layer_velocity = layout.doubles;
     layout.doubles += layout.num_velocity_cells * kLanes;
   }
+  if (options.tangential_components == 2) {
+    layout.second_stress = layout.doubles;
+    layout.doubles += kLanes;
+  }
   layout.regime = layout.doubles;
   layout.doubles += kLanes;
   if (options.plastic_layer) {

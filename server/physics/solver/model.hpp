@@ -35,6 +35,8 @@ struct ModelOptions {
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
 
+  int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+
   // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
   // and the layer's mass is accelerated (DLP 36).
   bool inertia = false;
@@ -70,6 +72,10 @@ class Model {
   // active lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
+
+  // The same where slip has two components: the scalar step along the direction of the trial stress.
+  void advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
+               const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const;
 
  private:
   struct Impl;
