@@ -27,11 +27,12 @@ Tally::Tally(const std::vector<std::uint64_t>& node_ids)
 void Tally::add(const StepResult& result, double time_s, double dt_s) {
   const auto temperature = result.interface_temperature_k();
   const auto velocity = result.sliding_velocity_m_per_s();
+  const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty where slip has one component
   const auto heat = result.friction_heat_j_per_m2();
   const auto regime = result.regime();
   const auto outcome = result.outcome();
   for (std::size_t node = 0; node < node_ids_.size(); ++node) {
-    slip_[node] += std::abs(velocity[node]) * dt_s;
+    slip_[node] += std::hypot(velocity[node], second_velocity.empty() ? 0.0 : second_velocity[node]) * dt_s;
     heat_[node] += heat[node];
     if (temperature[node] > peak_temperature_k_) {
       peak_temperature_k_ = temperature[node];

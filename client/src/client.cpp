@@ -181,7 +181,7 @@ struct Session::Impl {
     if (with_node_ids) fields.push_back(Field::kNodeId);
     for (const Field field : wire::columns_of(opened.effective_scene.strategy).required) fields.push_back(field);
     for (const Field field : optional_columns) fields.push_back(field);
-    return Batch::of(fields, count);
+    return Batch::of(fields, count, opened.effective_scene.tangential_components);
   }
 };
 

@@ -46,6 +46,7 @@ enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2
 
 std::size_t size_of(Element element);
 Element element_of(Field field);  // every field has one element type
+bool is_tangential(Field field);  // a vector along the interface: has a second component where the scene's slip has one
 const char* name(Field field);    // with unit: "pressure_pa"; "?" for a number that is no field
 
 struct Column {
@@ -61,8 +62,9 @@ class Batch {
  public:
   Batch() = default;
 
-  // A block of its own, zeroed, with one column of `count` values for each field. Write through the spans below.
-  static Batch of(std::span<const Field> fields, std::size_t count);
+  // A block of its own, zeroed, with one column of `count` values for each field, and with `components` = 2 a second
+  // one for each that is tangential. Write through the spans below.
+  static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
 
   // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out
   // such frames below 8 kB) are copied. Throws Error{kShape} where a column leaves the frame, overlaps another, is

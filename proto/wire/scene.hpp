@@ -127,7 +127,8 @@ struct Scene {
   Body soft;
   Body hard;
   Layer layer;
-  std::optional<HardLayer> hard_layer;  // present: the hard body conducts
+  std::uint32_t tangential_components = 1;  // 1 or 2
+  std::optional<HardLayer> hard_layer;      // present: the hard body conducts
   VelocityDriven velocity_driven;
   std::optional<Interface> interface;  // force-driven only
   std::optional<Junctions> junctions;  // force-driven only

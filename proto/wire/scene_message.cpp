@@ -255,6 +255,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
     driven.set_taylor_quinney_factor(*scene.velocity_driven.taylor_quinney_factor);
   if (scene.interface) interface_to_message(*scene.interface, *message.mutable_interface());
   if (scene.junctions) junctions_to_message(*scene.junctions, *message.mutable_junctions());
+  if (scene.tangential_components != 1) message.set_tangential_components(scene.tangential_components);
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
@@ -288,6 +289,7 @@ Scene from_message(const v1::Scene& given) {
     scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
   if (message.has_interface()) scene.interface = interface_from_message(message.interface());
   if (message.has_junctions()) scene.junctions = junctions_from_message(message.junctions());
+  scene.tangential_components = message.tangential_components();
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
 }

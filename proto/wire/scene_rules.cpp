@@ -233,6 +233,19 @@ class Together {
                             kMaxInertiaCells, scene_.layer().cells()));
   }
 
+  void components() {
+    const std::string path = "tangential_components";
+    if (scene_.tangential_components() != 2) return;
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " = 2 needs drive = \"layer_shear\": the shear rate that drives the layer with \"interface_slip\" "
+                    "has no direction");
+    if (scene_.layer().inertia())
+      add(path, path +
+                    " = 2 cannot be combined with layer.inertia: the stress of a step has one direction, and that of "
+                    "waves turns across the layer");
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -341,6 +354,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.layers();
   together.plastic_heating();
   together.inertia();
+  together.components();
   together.hard_strength();
   together.junctions();
   together.friction();

@@ -134,6 +134,7 @@ SceneModel scene_model(const wire::Scene& scene) {
                                            physics::FlowLaws::name_of(made.options.soft.flow_law)),
                        .remedy = "leave out layer.inertia, or choose another soft body",
                        .field = "layer.inertia"});
+  made.options.tangential_components = static_cast<int>(scene.tangential_components);
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;

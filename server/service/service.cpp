@@ -44,10 +44,13 @@ std::uint64_t mark_bytes(const shard::Shard& shard) {
 
 shard::StepInputs inputs_of(const wire::Batch& batch) {
   return {.velocity_jump = batch.f64(Field::kVelocityJump),
+          .second_velocity_jump = batch.f64(Field::kVelocityJump, 1),
           .pressure = batch.f64(Field::kPressure),
           .soft_shear_rate = batch.f64(Field::kSoftShearRate),
           .stress_minus = batch.f64(Field::kStressMinus),
+          .second_stress_minus = batch.f64(Field::kStressMinus, 1),
           .stress_plus = batch.f64(Field::kStressPlus),
+          .second_stress_plus = batch.f64(Field::kStressPlus, 1),
           .mass_minus = batch.f64(Field::kMassMinus),
           .mass_plus = batch.f64(Field::kMassPlus),
           .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
@@ -55,9 +58,12 @@ shard::StepInputs inputs_of(const wire::Batch& batch) {
 
 shard::StepOutputs outputs_of(wire::Batch& batch) {
   shard::StepOutputs outputs{.shear_stress = batch.f64(Field::kShearStress),
+                             .second_shear_stress = batch.f64(Field::kShearStress, 1),
                              .sliding_velocity = batch.f64(Field::kSlidingVelocity),
+                             .second_sliding_velocity = batch.f64(Field::kSlidingVelocity, 1),
                              .interface_temperature = batch.f64(Field::kInterfaceTemperature),
                              .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
+                             .second_velocity_jump_new = batch.f64(Field::kVelocityJumpNew, 1),
                              .friction_heat = batch.f64(Field::kFrictionHeat),
                              .regime = batch.u8(Field::kRegime),
                              .outcome = batch.u8(Field::kOutcome)};
@@ -328,7 +334,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
                  .remedy = "Set it only after a trial that was neither committed nor rolled back."});
   const auto operators = shard.operators(step.dt_s);
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows);
+  reply->batch = wire::Batch::of(wanted, num_rows, member.scene.tangential_components);
   auto& upscale = reply->body.emplace<wire::Upscale>();
   keep(arrival, member.id, &member);
 

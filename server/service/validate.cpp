@@ -82,22 +82,28 @@ bool contains(std::span<const Field> list, Field field) {
   return std::find(list.begin(), list.end(), field) != list.end();
 }
 
-void check_first_components(const wire::Batch& batch) {
+// A second component where the scene's slip has one and the column is a vector along the interface, nowhere else.
+void check_components(const wire::Batch& batch, std::uint32_t components) {
   for (const wire::Column& column : batch.columns())
-    if (column.component != 0)
+    if (column.component != 0 && (components == 1 || !wire::is_tangential(column.field)))
       refuse(Code::kUnsupported, wire::name(column.field),
-             fmt::format("column {} has component {}; this server knows one tangential component",
-                         wire::name(column.field), column.component),
-             "Send component 0 only.");
+             fmt::format("column {} has component {}; {}", wire::name(column.field), column.component,
+                         components == 1 ? "this scene's slip has one tangential component" : "it has no direction"),
+             components == 1 ? "Send component 0 only, or open a scene with tangential_components = 2."
+                             : "Send it with component 0 only.");
 }
 
 void check_columns_of_step(const wire::Batch& batch, const wire::Scene& scene) {
   const wire::StrategyColumns columns = wire::columns_of(scene.strategy);
-  check_first_components(batch);
-  for (const Field field : columns.required)
+  check_components(batch, scene.tangential_components);
+  for (const Field field : columns.required) {
     if (!batch.has(field))
       refuse(Code::kShape, wire::name(field), fmt::format("column {} is missing", wire::name(field)),
              "A step of this scene needs " + join_names(std::array{columns.required}) + ".");
+    if (scene.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
+      refuse(Code::kShape, wire::name(field), fmt::format("component 1 of column {} is missing", wire::name(field)),
+             "The scene has tangential_components = 2: send both components of every tangential column.");
+  }
   for (const wire::Column& column : batch.columns())
     if (column.field != Field::kNodeId && !contains(columns.required, column.field) &&
         !contains(columns.optional, column.field))
@@ -144,7 +150,7 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
 }  // namespace
 
 std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch) {
-  check_first_components(batch);
+  check_components(batch, 1);
   for (const wire::Column& column : batch.columns())
     if (column.field != Field::kNodeId && column.field != Field::kInitialTemperature)
       refuse(Code::kShape, wire::name(column.field),
@@ -204,11 +210,12 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   shard::Rows rows = locate_rows(batch, nodes);
   const auto row_ids = batch.u64(Field::kNodeId);
   for (const Range& range : kRanges)
-    check_values(
-        range.field, batch.f64(range.field),
-        fmt::format("a number from {:g} to {:g} {}", range.lowest, range.highest, range.unit),
-        [&](double value) { return value >= range.lowest && value <= range.highest; },
-        [&](std::size_t row) { return rows.all ? nodes.ids()[row] : row_ids[row]; });
+    for (const std::uint32_t component : {0U, 1U})
+      check_values(
+          range.field, batch.f64(range.field, component),
+          fmt::format("a number from {:g} to {:g} {}", range.lowest, range.highest, range.unit),
+          [&](double value) { return value >= range.lowest && value <= range.highest; },
+          [&](std::size_t row) { return rows.all ? nodes.ids()[row] : row_ids[row]; });
   return rows;
 }
 

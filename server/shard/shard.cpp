@@ -143,7 +143,27 @@ std::uint64_t Shard::step_tile(std::size_t tile, bool all_rows, const physics::S
 
   physics::TileOutputs out;
   const unsigned committed = committed_[tile];
-  model_.advance(operators, in, buffer(tile, committed), buffer(tile, 1 - committed), out);
+  const auto book = [&](const physics::SecondInputs* second, const physics::SecondOutputs* second_out) {
+    if (!outputs.wants_ledger()) return;
+    physics::TileLedger ledger;
+    model_.book(operators, in, out, buffer(tile, committed), buffer(tile, 1 - committed), ledger, second, second_out);
+    for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, outputs.ledger[i]);
+  };
+  if (model_.options().tangential_components == 1) {
+    model_.advance(operators, in, buffer(tile, committed), buffer(tile, 1 - committed), out);
+    book(nullptr, nullptr);
+  } else {
+    physics::SecondInputs second;
+    gather(inputs.second_velocity_jump, lanes, second.velocity_jump);
+    gather(inputs.second_stress_minus, lanes, second.stress_minus);
+    gather(inputs.second_stress_plus, lanes, second.stress_plus);
+    physics::SecondOutputs second_out;
+    model_.advance(operators, in, second, buffer(tile, committed), buffer(tile, 1 - committed), out, second_out);
+    scatter(second_out.shear_stress, lanes, outputs.second_shear_stress);
+    scatter(second_out.sliding_velocity, lanes, outputs.second_sliding_velocity);
+    scatter(second_out.velocity_jump_new, lanes, outputs.second_velocity_jump_new);
+    book(&second, &second_out);
+  }
 
   scatter(out.shear_stress, lanes, outputs.shear_stress);
   scatter(out.sliding_velocity, lanes, outputs.sliding_velocity);
@@ -152,11 +172,6 @@ std::uint64_t Shard::step_tile(std::size_t tile, bool all_rows, const physics::S
   scatter(out.friction_heat, lanes, outputs.friction_heat);
   scatter(out.regime, lanes, outputs.regime);
   scatter(out.outcome, lanes, outputs.outcome);
-  if (outputs.wants_ledger()) {
-    physics::TileLedger ledger;
-    model_.book(operators, in, out, buffer(tile, committed), buffer(tile, 1 - committed), ledger);
-    for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, outputs.ledger[i]);
-  }
 
   std::uint64_t flagged = 0;
   for (int lane = 0; lane < kLanes; ++lane)

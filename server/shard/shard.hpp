@@ -20,25 +20,31 @@
 
 namespace shearbus::shard {
 
-// One value per row of the request; an empty column is zero.
+// One value per row of the request; an empty column is zero. `second_` of a vector is its second tangential component.
 struct StepInputs {
-  std::span<const double> velocity_jump;        // [m/s]
-  std::span<const double> pressure;             // [Pa]
-  std::span<const double> soft_shear_rate;      // [1/s]
-  std::span<const double> stress_minus;         // [Pa]
-  std::span<const double> stress_plus;          // [Pa]
-  std::span<const double> mass_minus;           // [kg/m2]
-  std::span<const double> mass_plus;            // [kg/m2]
-  std::span<const double> soft_plastic_rate{};  // [1/s]
+  std::span<const double> velocity_jump;           // [m/s]
+  std::span<const double> second_velocity_jump{};  // [m/s]
+  std::span<const double> pressure;                // [Pa]
+  std::span<const double> soft_shear_rate;         // [1/s]
+  std::span<const double> stress_minus;            // [Pa]
+  std::span<const double> second_stress_minus{};   // [Pa]
+  std::span<const double> stress_plus;             // [Pa]
+  std::span<const double> second_stress_plus{};    // [Pa]
+  std::span<const double> mass_minus;              // [kg/m2]
+  std::span<const double> mass_plus;               // [kg/m2]
+  std::span<const double> soft_plastic_rate{};     // [1/s]
 };
 
 // One value per row of the request; an empty column is not wanted.
 struct StepOutputs {
-  std::span<double> shear_stress;           // [Pa]
-  std::span<double> sliding_velocity;       // [m/s]
-  std::span<double> interface_temperature;  // [K]
-  std::span<double> velocity_jump_new;      // [m/s]
-  std::span<double> friction_heat;          // [J/m2]
+  std::span<double> shear_stress;                // [Pa]
+  std::span<double> second_shear_stress{};       // [Pa]
+  std::span<double> sliding_velocity;            // [m/s]
+  std::span<double> second_sliding_velocity{};   // [m/s]
+  std::span<double> interface_temperature;       // [K]
+  std::span<double> velocity_jump_new;           // [m/s]
+  std::span<double> second_velocity_jump_new{};  // [m/s]
+  std::span<double> friction_heat;               // [J/m2]
   std::span<std::uint8_t> regime;
   std::span<std::uint8_t> outcome;
   std::array<std::span<double>, physics::kLedgerTerms> ledger{};  // [J/m2], in the order of physics::LedgerTerm

@@ -203,7 +203,7 @@ class Outsider(unittest.TestCase):
         self.assertEqual(reply.header.request_id, self.bus.last_id)
         self.assertEqual((welcome.protocol_major, welcome.durability), (1, "none"))
         self.assertEqual(welcome.limits.max_header_bytes, 64 * 1024)
-        self.assertEqual(welcome.limits.max_payload_bytes, 16 * 1024 * 1024)
+        self.assertEqual(welcome.limits.max_payload_bytes, 24 * 1024 * 1024)
         self.assertEqual(welcome.limits.max_nodes_per_session, 200_000)
         self.assertLessEqual({"velocity_driven", "force_driven", "trial"}, set(welcome.capabilities))
         self.assertNotEqual(reply.header.epoch, 0)

@@ -226,6 +226,22 @@ class Loops(ReplayTest):
         self.assertIn("/initial_velocity_jump is not used", result["text"])
         self.assertTrue(np.all(result["velocity_jump_new"][-1] == result["velocity_jump_new"][-1][0]))
 
+    def test_slip_in_two_directions_keeps_its_components(self):
+        parts = force_history(steps=100, nodes=4)
+        self.write(**parts)
+        line = self.result(scene=self.scene)
+        turned = self.path / "plane.toml"
+        turned.write_text("tangential_components = 2\n" + self.scene.read_text())
+        angle = 0.6
+        vectors = ("initial_velocity_jump", "stress_minus", "stress_plus")
+        plane = {k: np.cos(angle) * v if k in vectors else v for k, v in parts.items()}
+        self.write(**plane, **{f"{k}_second": np.sin(angle) * parts[k] for k in vectors})
+        result = self.result(scene=turned)
+        for name in ("shear_stress", "sliding_velocity", "velocity_jump_new"):
+            np.testing.assert_allclose(result[name], np.cos(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
+            np.testing.assert_allclose(result[f"{name}_second"], np.sin(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(result["interface_temperature"], line["interface_temperature"], rtol=1e-10)
+
     def test_nodes_do_not_see_each_other(self):
         parts = force_history(steps=50, nodes=11)
         self.write(**parts)

@@ -120,6 +120,14 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   return options;
 }
 
+// Slip in two directions and what goes with it.
+inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, bool extreme) {
+  ModelOptions options = random_options(draw, strategy, extreme);
+  options.drive = Drive::kLayerShear;
+  options.tangential_components = 2;
+  return options;
+}
+
 // The solvers a node can be stepped by.
 enum class Solver { kVelocityDriven, kForceDriven, kInertia };
 

@@ -137,6 +137,25 @@ TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("would then count twice"));
 }
 
+TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
+  wire::Scene scene = support::velocity_scene();
+  EXPECT_EQ(scene_model(scene).options.tangential_components, 1);
+  scene.tangential_components = 2;
+  EXPECT_EQ(scene_model(scene).options.tangential_components, 2);
+  EXPECT_EQ(scene_model(scene_model(scene).effective).options.tangential_components, 2);
+  scene.layer.inertia = true;
+  EXPECT_EQ(refusal_of(scene).field, "tangential_components");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
+  scene.layer.inertia = false;
+  scene.velocity_driven.drive = wire::Drive::kInterfaceSlip;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("has no direction"));
+  scene = support::force_scene();
+  scene.tangential_components = 2;
+  EXPECT_EQ(scene_model(scene).options.tangential_components, 2);
+  scene.tangential_components = 3;
+  EXPECT_EQ(refusal_of(scene).field, "tangential_components");
+}
+
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.soft.varies_with_compression());

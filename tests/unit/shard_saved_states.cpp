@@ -34,6 +34,7 @@ class SavedStates : public ::testing::TestWithParam<int> {
       options.junctions = {.contact_fraction = 0.5, .height = 1e-6, .metal = options.soft};
     }
     if (GetParam() == 5) options.inertia = true;
+    if (GetParam() == 6) options.tangential_components = 2;
     return options;
   }
 };
@@ -50,12 +51,15 @@ std::vector<double> advance(Shard& shard, int steps) {
   std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
   std::vector<double> pull(kNodes), mass(kNodes, 2703 * 2.5e-6);
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
+  std::vector<double> across(kNodes);
+  for (std::size_t i = 0; i < kNodes; ++i) across[i] = 50.0 - 12.0 * static_cast<double>(i);
   for (std::size_t i = 0; i < kNodes; ++i) pull[i] = 150e6 + 10e6 * static_cast<double>(i);
   Rows rows;
   rows.all = true;
   for (int step = 0; step < steps; ++step) {
     shard.step(rows, *shard.operators(1e-9),
                {.velocity_jump = jump,
+                .second_velocity_jump = across,
                 .pressure = pressure,
                 .stress_minus = pull,
                 .stress_plus = pull,
@@ -80,10 +84,11 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided", "TwoSided", "PlasticWorkHeats", "PlasticLayer", "Junctions", "Inertia"};
+  constexpr const char* kNames[] = {"OneSided",  "TwoSided", "PlasticWorkHeats", "PlasticLayer",
+                                    "Junctions", "Inertia",  "TwoComponents"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 6), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 7), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

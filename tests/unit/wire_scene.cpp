@@ -258,6 +258,8 @@ class RandomScene {
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
     if (scene.strategy == Strategy::kForceDriven) scene.interface->plastic_layer = flip();
     if (scene.strategy == Strategy::kForceDriven && !scene.interface->plastic_layer) scene.junctions = junctions();
+    if (!scene.layer.inertia && scene.velocity_driven.drive == Drive::kLayerShear)
+      scene.tangential_components = flip() ? 1 : 2;
     if (flip()) scene.hydro = hydro();
     return scene;
   }
@@ -345,6 +347,7 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
+    ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
     if (scene.interface) {
       ASSERT_EQ(again.interface->friction_coefficient, scene.interface->friction_coefficient);

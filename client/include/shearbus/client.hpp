@@ -70,13 +70,19 @@ struct StepOptions {
 };
 
 // The reply to a step; columns have one value per node, in the order of the request. Valid until the session's next
-// call.
+// call. Vectors have a component 1 where the scene has tangential_components = 2, and so have the request's columns.
 class StepResult {
  public:
-  std::span<const double> shear_stress_pa() const { return reply_.batch.f64(Field::kShearStress); }
-  std::span<const double> sliding_velocity_m_per_s() const { return reply_.batch.f64(Field::kSlidingVelocity); }
+  std::span<const double> shear_stress_pa(std::uint32_t component = 0) const {
+    return reply_.batch.f64(Field::kShearStress, component);
+  }
+  std::span<const double> sliding_velocity_m_per_s(std::uint32_t component = 0) const {
+    return reply_.batch.f64(Field::kSlidingVelocity, component);
+  }
   std::span<const double> interface_temperature_k() const { return reply_.batch.f64(Field::kInterfaceTemperature); }
-  std::span<const double> velocity_jump_new_m_per_s() const { return reply_.batch.f64(Field::kVelocityJumpNew); }
+  std::span<const double> velocity_jump_new_m_per_s(std::uint32_t component = 0) const {
+    return reply_.batch.f64(Field::kVelocityJumpNew, component);
+  }
   std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
   const Batch& batch() const { return reply_.batch; }  // all columns, others that were wanted among them
   std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }

@@ -34,7 +34,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
                       &soft};
     const Forcing forcing = forcing_of(inputs, lane);
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-    const LaneStep before{committed[layout.shear_stress + lane],
+    const LaneStep before{stress_before(layout, inputs, committed, lane),
                           0.0,
                           inputs.velocity_jump[lane],
                           0.0,

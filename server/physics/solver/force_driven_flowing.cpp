@@ -93,7 +93,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
     if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
-    before[l] = {committed[layout.shear_stress + l],
+    before[l] = {stress_before(layout, inputs, committed, l),
                  0.0,
                  inputs.velocity_jump[l],
                  0.0,

@@ -40,16 +40,18 @@ double plastic_slip(const Problem& problem, const double* ep_old, const double* 
   return kSqrt3 * sum;
 }
 
-// The velocity through which the interface's stress works.
-double working_velocity(const Problem& problem, const TileInputs& inputs, const TileOutputs& outputs, int lane) {
-  const double jump = inputs.velocity_jump[lane];
+// The velocity through which a component of the interface's stress works, but for the host's own shear.
+double working_velocity(const Problem& problem, double jump, double jump_new) {
+  return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
+}
+
+// The velocity of the host's own shear, along the stress (velocity-driven: with its sign).
+double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
-  if (problem.options.strategy == Strategy::kVelocityDriven) {
-    return problem.options.drive == Drive::kLayerShear ? jump : jump + h * inputs.soft_shear_rate[lane];
-  }
-  const double middle = 0.5 * (jump + outputs.velocity_jump_new[lane]);
-  if (!problem.options.plastic_layer) return middle;
-  return middle + std::copysign(kSqrt3 * h * inputs.soft_plastic_rate[lane], outputs.shear_stress[lane]);
+  if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_rate[lane], stress);
+  const bool slips =
+      problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip;
+  return slips ? h * inputs.soft_shear_rate[lane] : 0.0;
 }
 
 // Share of the plastic work that the scheme does not turn into heat.
@@ -62,7 +64,8 @@ double cold_share(const ModelOptions& options) {
 }  // namespace
 
 void book_step(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
-               const double* committed, const double* trial, TileLedger& ledger) {
+               const SecondInputs* second, const SecondOutputs* second_outputs, const double* committed,
+               const double* trial, TileLedger& ledger) {
   const TileLayout& layout = problem.layout;
   const ModelOptions& options = problem.options;
   const double spring = options.strategy == Strategy::kVelocityDriven
@@ -73,14 +76,23 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
     const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];
-    const double work = failed ? 0.0 : s * working_velocity(problem, inputs, outputs, lane) * dt;
+    double size = s;  // of the stress, with its sign where there is one component
+    double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
+    double elastic = spring * (s - s_old) * (s + s_old);
+    if (second != nullptr) {
+      const double t_old = committed[layout.second_stress + lane];
+      const double t = trial[layout.second_stress + lane];
+      size = std::hypot(s, t);
+      power += t * working_velocity(problem, second->velocity_jump[lane], second_outputs->velocity_jump_new[lane]);
+      elastic += spring * (t - t_old) * (t + t_old);
+    }
+    const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
     const Stored stored =
         stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature(), lane);
     const double plastic = layout.plastic_strain == TileLayout::kAbsent
                                ? 0.0
-                               : std::abs(s) * plastic_slip(problem, committed + layout.plastic_strain,
-                                                            trial + layout.plastic_strain, lane);
-    const double elastic = spring * (s - s_old) * (s + s_old);
+                               : std::abs(size) * plastic_slip(problem, committed + layout.plastic_strain,
+                                                               trial + layout.plastic_strain, lane);
     const double heat = outputs.friction_heat[lane];
 
     // Between half-spaces each takes its share at once; where both are resolved, what they are found to hold.

@@ -6,8 +6,9 @@
 
 namespace shearbus::physics {
 
-// The active lanes of `ledger`; the others are left alone.
+// The active lanes of `ledger`; the others are left alone. `second`, `second_outputs`: null with one component.
 void book_step(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
-               const double* committed, const double* trial, TileLedger& ledger);
+               const SecondInputs* second, const SecondOutputs* second_outputs, const double* committed,
+               const double* trial, TileLedger& ledger);
 
 }  // namespace shearbus::physics

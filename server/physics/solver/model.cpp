@@ -42,6 +42,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
     layout.layer_velocity = layout.doubles;
     layout.doubles += layout.num_velocity_cells * kLanes;
   }
+  if (options.tangential_components == 2) {
+    layout.second_stress = layout.doubles;
+    layout.doubles += kLanes;
+  }
   layout.regime = layout.doubles;
   layout.doubles += kLanes;
   if (options.plastic_layer) {
@@ -204,8 +208,9 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
 }
 
 void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-                 const double* committed, const double* trial, TileLedger& ledger) const {
-  book_step(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
+                 const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second,
+                 const SecondOutputs* second_outputs) const {
+  book_step(*impl_, operators.dt(), inputs, outputs, second, second_outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -32,6 +32,8 @@ struct ModelOptions {
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
 
+  int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+
   // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
   // and the layer's mass is accelerated (DLP 36).
   bool inertia = false;
@@ -68,9 +70,15 @@ class Model {
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
-  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing.
+  // The same where slip has two components: the scalar step along the direction of the trial stress.
+  void advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
+               const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const;
+
+  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing. `second`,
+  // `second_outputs`: where slip has two components.
   void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-            const double* committed, const double* trial, TileLedger& ledger) const;
+            const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second = nullptr,
+            const SecondOutputs* second_outputs = nullptr) const;
 
  private:
   struct Impl;

@@ -20,6 +20,11 @@ struct Problem {
 
 inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an imposed jump by this much of it
 
+// The stress a lane's step starts from.
+inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
+  return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
+}
+
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs);

@@ -31,6 +31,7 @@ struct TileLayout {
   std::size_t plastic_strain = kAbsent;    // [num_strain_vertices][kLanes]  1
   std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
   std::size_t shear_stress = 0;            // [num_stress_vertices][kLanes]  Pa, signed
+  std::size_t second_stress = kAbsent;     // [kLanes]  Pa, of the second tangential direction
   std::size_t layer_velocity = kAbsent;    // [num_velocity_cells][kLanes]  against the hard body  m/s
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
@@ -43,6 +44,7 @@ struct TileLayout {
 
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.
 struct TileInputs {
+  const double* stress_before = nullptr;              // [kLanes], in place of the committed shear stress  [Pa]
   std::uint32_t active = 0;                           // bit i: lane i takes the step
   alignas(64) double velocity_jump[kLanes] = {};      // [V], of n-1/2 when force-driven  [m/s]
   alignas(64) double pressure[kLanes] = {};           // P, compression positive          [Pa]
@@ -52,6 +54,19 @@ struct TileInputs {
   alignas(64) double mass_minus[kLanes] = {};         // [kg/m2]
   alignas(64) double mass_plus[kLanes] = {};          // [kg/m2]
   alignas(64) double soft_plastic_rate[kLanes] = {};  // Ep_dot of the soft zone, not negative (plastic layer)  [1/s]
+};
+
+// The second tangential components of what has two, where a node's slip has two. TileInputs and TileOutputs hold the
+// first.
+struct SecondInputs {
+  alignas(64) double velocity_jump[kLanes] = {};
+  alignas(64) double stress_minus[kLanes] = {};
+  alignas(64) double stress_plus[kLanes] = {};
+};
+struct SecondOutputs {
+  alignas(64) double shear_stress[kLanes];
+  alignas(64) double sliding_velocity[kLanes];
+  alignas(64) double velocity_jump_new[kLanes];
 };
 
 struct TileOutputs {

@@ -254,8 +254,8 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     const double pressure = active ? inputs.pressure[l] : 0.0;
     if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
     if (active && pressure > 0.0) {
-      s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
-                                   committed[layout.temperature + l], strain[l]);
+      s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
+                                   pressure, committed[layout.temperature + l], strain[l]);
       lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain + l);
     }
     lanes[l].done = !lanes[l].loaded;
