@@ -16,16 +16,18 @@
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
+ClientOptions client_options(const wire::ServerAddress& address, const std::optional<server::Embedded>& embedded) {
   ClientOptions options;
   options.name = "shearbus-hydro";
-  options.endpoint = embedded ? embedded->endpoint() : server.endpoint;
+  options.endpoint = embedded ? embedded->endpoint() : address.endpoint;
+  options.server_key = address.server_key;
+  options.secret_key = address.secret_key;
   options.context = embedded ? embedded->context() : nullptr;
   return options;
 }
 
 std::optional<server::Embedded> embed(const SubgridServer& server) {
-  if (!server.endpoint.empty()) return std::nullopt;
+  if (!server.address.endpoint.empty()) return std::nullopt;
   server::ServerOptions options;
   options.state_dir = server.state_dir.string();
   return std::optional<server::Embedded>(std::in_place, options);
@@ -73,12 +75,14 @@ void copy(std::span<const double> from, std::span<double> to) {
 struct SubgridLaw::Impl {
   Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
       : embedded(embed(where)),
-        client(client_options(where, embedded)),
+        client(client_options(where.address, embedded)),
         session(enter(client)),
         wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
         request(session.request()),
-        server(embedded ? "in this process" : where.endpoint),
-        outlives_process(!embedded || !where.state_dir.empty()) {}
+        server(embedded ? "in this process" : where.address.endpoint),
+        outlives_process(!embedded || !where.state_dir.empty()) {
+    session.want_energy_ledger();
+  }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   ~Impl() {
@@ -152,6 +156,8 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
   copy(result.interface_temperature_k(), answer.interface_temperature);
   copy(result.friction_heat_j_per_m2(), answer.friction_heat);
   std::ranges::copy(result.regime(), answer.regime.begin());
+  answer.energy = {};
+  answer.energy.add(result.batch());
   answer.flagged = result.upscale().flagged_nodes;
 }
 

@@ -24,11 +24,14 @@ using Clock = std::chrono::steady_clock;
 
 // The named server, or one on a thread of this process.
 struct Service {
-  explicit Service(const std::string& endpoint)
-      : embedded(endpoint.empty() ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
-                                  : std::nullopt),
-        client({.endpoint = embedded ? embedded->endpoint() : endpoint,
+  explicit Service(const wire::ServerAddress& server)
+      : embedded(server.endpoint.empty()
+                     ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
+                     : std::nullopt),
+        client({.endpoint = embedded ? embedded->endpoint() : server.endpoint,
                 .context = embedded ? embedded->context() : nullptr,
+                .server_key = server.server_key,
+                .secret_key = server.secret_key,
                 .name = "shearbus-replay"}) {}
   std::optional<server::Embedded> embedded;
   Client client;
@@ -143,6 +146,7 @@ void run(const Options& options) {
 
   Service service(options.server);
   Session session = open(service.client, scene, history, input);
+  session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),

@@ -108,7 +108,7 @@ struct Session::Impl {
       const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
       if (fault.status().code == Code::kUnknownOutcome || not_now)
         in_doubt = InDoubt{request.request_id, request.epoch};
-      else if (fault.status().code != Code::kUnreachable)
+      else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
         in_doubt.reset();
       if (fault.status().code == Code::kSequenceReused) last_sequence = fault.status().last_sequence;
       throw;
@@ -256,6 +256,11 @@ wire::SessionClosed Session::close() {
 
 void Session::want(std::vector<Field> columns) {
   impl_->wanted = std::move(columns);
+}
+void Session::want_energy_ledger() {
+  const auto columns = wire::columns_of(impl_->opened.effective_scene.strategy).reply;
+  impl_->wanted.assign(columns.begin(), columns.end());
+  impl_->wanted.insert(impl_->wanted.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
 }
 const Scene& Session::effective_scene() const {
   return impl_->opened.effective_scene;

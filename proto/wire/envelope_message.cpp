@@ -30,7 +30,16 @@ static_assert(
     same(Field::kSlidingVelocity, v1::FIELD_SLIDING_VELOCITY_M_PER_S) &&
     same(Field::kInterfaceTemperature, v1::FIELD_INTERFACE_TEMPERATURE_K) &&
     same(Field::kVelocityJumpNew, v1::FIELD_VELOCITY_JUMP_NEW_M_PER_S) && same(Field::kRegime, v1::FIELD_REGIME) &&
-    same(Field::kOutcome, v1::FIELD_OUTCOME) && same(Field::kFrictionHeat, v1::FIELD_FRICTION_HEAT_J_PER_M2));
+    same(Field::kOutcome, v1::FIELD_OUTCOME) && same(Field::kFrictionHeat, v1::FIELD_FRICTION_HEAT_J_PER_M2) &&
+    same(Field::kInterfaceWork, v1::FIELD_INTERFACE_WORK_J_PER_M2) &&
+    same(Field::kHeatToSoft, v1::FIELD_HEAT_TO_SOFT_J_PER_M2) &&
+    same(Field::kHeatToHard, v1::FIELD_HEAT_TO_HARD_J_PER_M2) &&
+    same(Field::kPlasticWork, v1::FIELD_PLASTIC_WORK_J_PER_M2) &&
+    same(Field::kStoredHeatSoft, v1::FIELD_STORED_HEAT_SOFT_J_PER_M2) &&
+    same(Field::kStoredHeatHard, v1::FIELD_STORED_HEAT_HARD_J_PER_M2) &&
+    same(Field::kElasticEnergy, v1::FIELD_ELASTIC_ENERGY_J_PER_M2) &&
+    same(Field::kHeatResidual, v1::FIELD_HEAT_RESIDUAL_J_PER_M2) &&
+    same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2));
 static_assert(same(Element::kFloat64, v1::ELEMENT_FLOAT64) && same(Element::kUint64, v1::ELEMENT_UINT64) &&
               same(Element::kUint8, v1::ELEMENT_UINT8));
 static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL));
@@ -63,7 +72,8 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
               same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
               same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
-              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
+              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE) &&
+              same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -141,8 +151,11 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   to.mutable_limits()->set_max_nodes_per_session(from.limits.max_nodes_per_session);
   to.mutable_limits()->set_max_sessions(from.limits.max_sessions);
   to.mutable_limits()->set_max_marks(from.limits.max_marks);
+  to.mutable_limits()->set_max_frames(from.limits.max_frames);
+  to.mutable_limits()->set_max_state_bytes(from.limits.max_state_bytes);
   for (const std::string& capability : from.capabilities) to.add_capabilities(as_utf8(capability, kMaxTextBytes));
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
+  to.set_access(as_utf8(from.access, kMaxTextBytes));
 }
 void put(const SessionOpened& from, v1::SessionOpened& to) {
   put_scene(from.effective_scene, *to.mutable_effective_scene());
@@ -280,9 +293,12 @@ Welcome take(const v1::Welcome& from) {
                      .max_payload_bytes = from.limits().max_payload_bytes(),
                      .max_nodes_per_session = from.limits().max_nodes_per_session(),
                      .max_sessions = from.limits().max_sessions(),
-                     .max_marks = from.limits().max_marks()},
+                     .max_marks = from.limits().max_marks(),
+                     .max_frames = from.limits().max_frames(),
+                     .max_state_bytes = from.limits().max_state_bytes()},
           .capabilities = {from.capabilities().begin(), from.capabilities().end()},
-          .durability = from.durability()};
+          .durability = from.durability(),
+          .access = from.access()};
 }
 SessionOpened take(const v1::SessionOpened& from) {
   if (!from.has_effective_scene())

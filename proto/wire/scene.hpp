@@ -61,6 +61,14 @@ struct Interface {
   double velocity_decay_s_per_m = 0.0;
 };
 
+struct Junctions {
+  double contact_fraction = 1.0;
+  double height_m = 0.0;
+  std::optional<double> yield_strength_max_pa;  // these three: absent is as the soft body
+  std::optional<double> hardening_coefficient;
+  std::optional<double> hardening_exponent;
+};
+
 struct ShearColumn {
   double length_m = 0.0;
   std::uint32_t zones = 0;
@@ -121,6 +129,7 @@ struct Scene {
   std::optional<HardLayer> hard_layer;  // present: the hard body conducts
   VelocityDriven velocity_driven;
   std::optional<Interface> interface;  // force-driven only
+  std::optional<Junctions> junctions;  // force-driven only
   std::optional<Hydro> hydro;          // the guest's; never sent
 };
 

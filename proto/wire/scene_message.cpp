@@ -142,6 +142,22 @@ HardLayer hard_layer_from_message(const v1::HardLayer& message) {
   return layer;
 }
 
+void junctions_to_message(const Junctions& junctions, v1::Junctions& message) {
+  message.set_contact_fraction(junctions.contact_fraction);
+  message.set_height_m(junctions.height_m);
+  if (junctions.yield_strength_max_pa) message.set_yield_strength_max_pa(*junctions.yield_strength_max_pa);
+  if (junctions.hardening_coefficient) message.set_hardening_coefficient(*junctions.hardening_coefficient);
+  if (junctions.hardening_exponent) message.set_hardening_exponent(*junctions.hardening_exponent);
+}
+
+Junctions junctions_from_message(const v1::Junctions& message) {
+  Junctions junctions{.contact_fraction = message.contact_fraction(), .height_m = message.height_m()};
+  if (message.has_yield_strength_max_pa()) junctions.yield_strength_max_pa = message.yield_strength_max_pa();
+  if (message.has_hardening_coefficient()) junctions.hardening_coefficient = message.hardening_coefficient();
+  if (message.has_hardening_exponent()) junctions.hardening_exponent = message.hardening_exponent();
+  return junctions;
+}
+
 void interface_to_message(const Interface& law, v1::Interface& message) {
   message.set_friction_coefficient(law.friction_coefficient);
   message.set_yield_strength_pa(law.yield_strength_pa);
@@ -237,6 +253,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
   if (scene.velocity_driven.taylor_quinney_factor)
     driven.set_taylor_quinney_factor(*scene.velocity_driven.taylor_quinney_factor);
   if (scene.interface) interface_to_message(*scene.interface, *message.mutable_interface());
+  if (scene.junctions) junctions_to_message(*scene.junctions, *message.mutable_junctions());
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
@@ -268,6 +285,7 @@ Scene from_message(const v1::Scene& given) {
   if (message.velocity_driven().has_taylor_quinney_factor())
     scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
   if (message.has_interface()) scene.interface = interface_from_message(message.interface());
+  if (message.has_junctions()) scene.junctions = junctions_from_message(message.junctions());
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
 }

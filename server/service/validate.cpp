@@ -217,11 +217,11 @@ std::vector<Field> check_wanted(const wire::Downscale& step, wire::Strategy stra
   if (step.wanted.empty()) return {all.begin(), all.end()};
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
-    if (!contains(all, field))
+    if (!contains(all, field) && !contains(std::span(wire::kLedgerColumns), field))
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all}) + ".");
+             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kLedgerColumns)}) + ".");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

@@ -202,17 +202,19 @@ void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) 
   }
   if (options.plastic_layer && temperature_grain(options.soft, size, s, dt) > kResolved) return;
   const double T0 = out.interface_temperature[lane];
-  const double yield = options.interface.yield_strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
   const InterfaceOptions& law = options.interface;
+  const double strength = options.junctions ? options.junctions->contact_fraction *
+                                                  hardened_strength(options.junctions->metal, rig.junction_strain(lane))
+                                            : law.yield_strength;
+  const double yield = strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
   double mu = law.friction_coefficient;
   if (law.friction_law != FrictionLaw{}) {
     mu = VelocityWeakening{mu, law.friction_coefficient_fast, law.velocity_decay}.coefficient(
         std::abs(out.sliding_velocity[lane]));
   }
   const double limit = std::min(mu * in.pressure[lane], yield);
-  const double tolerance = 1e-10 * limit + (limit == yield ? options.interface.yield_strength / kSqrt3 *
-                                                                 softening_noise(options.soft, in.pressure[lane], T0)
-                                                           : 0.0);
+  const double tolerance =
+      1e-10 * limit + (limit == yield ? strength / kSqrt3 * softening_noise(options.soft, in.pressure[lane], T0) : 0.0);
   ASSERT_LE(std::abs(s), limit + tolerance) << "T0 " << T0;
   if (options.plastic_layer && rig.committed[rig.model.layout().sticking + lane] != 0.0) return;
   if (out.regime[lane] == Regime::kStick) {

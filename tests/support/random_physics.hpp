@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "tests/support/physics_rig.hpp"
@@ -79,12 +80,27 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
                         draw.chance(0.5) ? 300.0 : draw.uniform(1.0, 1000.0));
   }
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
-  // Bodies of almost no mass reach slips of which the last digit melts a layer whose strength ends straight.
-  if (extreme && is_johnson_cook(soft)) options.plastic_layer = false;
-  if (strategy == Strategy::kForceDriven && !options.plastic_layer && draw.chance(0.5)) {
-    options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
-    options.interface.friction_coefficient_fast = options.interface.friction_coefficient * draw.uniform(0.0, 1.5);
-    options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
+  // Bodies of almost no mass reach slips of which the last digit melts what ends straight in temperature: a layer, or
+  // junctions that the slip has made strong.
+  const bool sudden = extreme && is_johnson_cook(soft);
+  if (sudden) options.plastic_layer = false;
+  if (strategy == Strategy::kForceDriven && !options.plastic_layer) {
+    const double part = draw.uniform(0.0, 1.0);  // junctions, weakening and the layer's flow exclude each other
+    if (part < 1.0 / 3.0 && !sudden) {
+      Material metal = soft;
+      metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
+      metal.yield_strength = options.interface.yield_strength;
+      metal.yield_strength_max =
+          draw.chance(0.5) ? metal.yield_strength * draw.uniform(0.9, 4.0) : std::numeric_limits<double>::infinity();
+      metal.hardening_coefficient = draw.chance(0.2) ? 0.0 : draw.log_uniform(0.1, 1000.0);
+      metal.hardening_exponent = draw.uniform(0.01, 1.0);
+      options.junctions = {draw.chance(0.3) ? 1.0 : draw.log_uniform(1e-3, 1.0),
+                           draw.log_uniform(extreme ? 1e-12 : 1e-9, 1e-5), metal};
+    } else if (part > 2.0 / 3.0) {
+      options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+      options.interface.friction_coefficient_fast = options.interface.friction_coefficient * draw.uniform(0.0, 1.5);
+      options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
+    }
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   return options;

@@ -35,6 +35,7 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
     options.interface.friction_law = FrictionLaw{};  // the one a flowing layer goes with
     options.plastic_layer = true;
+    options.junctions.reset();
     ModelOptions simplified = options;
     simplified.plastic_layer = false;
     Rig rig(options), other(simplified);

@@ -8,10 +8,10 @@
 //   result.shear_stress_pa(); ...
 //
 // Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text),
-// kUnreachable, kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply.
-// After kUnknownOutcome the same call with the same values is the same request: if it has run, it is not run again, and
-// its reply comes. A different call is refused with kSequenceReused if the lost one has run; the session then goes on
-// from there.
+// kUnreachable, kAuth (the server does not let this client in), kUnknownOutcome (no reply in time after retries: the
+// step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same values is the
+// same request: if it has run, it is not run again, and its reply comes. A different call is refused with
+// kSequenceReused if the lost one has run; the session then goes on from there.
 //
 // Where the server is durable (welcome().durability), a session outlives it: calls wait for the server that comes back,
 // until their deadline, and go on as if nothing had happened. Where it comes back with older states, they throw kEpoch.
@@ -42,11 +42,20 @@ using wire::Status;
 struct ClientOptions {
   std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
   void* context = nullptr;                            // libzmq context to share; required for inproc, else null
+  std::string server_key;                             // tcp: the server's public CURVE key; empty: no encryption
+  std::string secret_key;                             // this client's, with server_key; shearbus-ctl keygen makes both
   std::string name = "shearbus-client";               // what the server's log calls this client
   std::chrono::milliseconds connect_deadline{5'000};  // for the first hello
   std::chrono::milliseconds reply_deadline{60'000};   // for any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // no reply for so long: the same request again on a fresh socket
 };
+
+// CURVE keys, new; each 40 characters.
+struct KeyPair {
+  std::string public_key;
+  std::string secret_key;
+};
+KeyPair make_key_pair();
 
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one per node; empty: the scene's
@@ -69,6 +78,7 @@ class StepResult {
   std::span<const double> interface_temperature_k() const { return reply_.batch.f64(Field::kInterfaceTemperature); }
   std::span<const double> velocity_jump_new_m_per_s() const { return reply_.batch.f64(Field::kVelocityJumpNew); }
   std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
+  const Batch& batch() const { return reply_.batch; }  // all columns, others that were wanted among them
   std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
   std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
   const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
@@ -106,6 +116,7 @@ class Session {
   wire::SessionClosed close();
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
+  void want_energy_ledger();              // wire::kLedgerColumns beside all of the strategy's
   const Scene& effective_scene() const;   // every default and constant filled in, as the server understood it
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/ledger.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -36,6 +37,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
   layout.doubles = layout.regime + kLanes;
   if (options.plastic_layer) {
     layout.sticking = layout.doubles;
+    layout.doubles += kLanes;
+  }
+  if (options.junctions) {
+    layout.junction_strain = layout.doubles;
     layout.doubles += kLanes;
   }
   return layout;
@@ -124,6 +129,12 @@ std::vector<std::string> Model::warnings() const {
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
   }
+  if (o.junctions && o.junctions->metal.yield_strength_max < o.junctions->metal.yield_strength) {
+    warnings.push_back(
+        text_of("the junctions' saturation strength (%g Pa) is below the interface's yield strength (%g Pa): they do "
+                "not harden",
+                o.junctions->metal.yield_strength_max, o.junctions->metal.yield_strength));
+  }
   if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
       strength_ceiling(o.soft) < o.soft.yield_strength) {
     warnings.push_back(
@@ -179,6 +190,11 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
       outputs.outcome[lane] = kFailed;
     }
   }
+}
+
+void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                 const double* committed, const double* trial, TileLedger& ledger) const {
+  book_step(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/physics/interface/friction.hpp"
+#include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -27,6 +28,7 @@ struct ModelOptions {
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
+  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
@@ -59,6 +61,10 @@ class Model {
   // active lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
+
+  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing.
+  void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+            const double* committed, const double* trial, TileLedger& ledger) const;
 
  private:
   struct Impl;

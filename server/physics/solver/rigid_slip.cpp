@@ -17,8 +17,8 @@ TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, doub
   stress_stick = (std::abs(jump_free) + drive) / per_stress;
 }
 
-Regime slip_regime(const StressLimit& limit, double T0) {
-  if (limit.at(T0).is_coulomb) return Regime::kCoulomb;
+Regime slip_regime(const StressLimit& limit, double T0, double slip) {
+  if (limit.at(T0, slip).is_coulomb) return Regime::kCoulomb;
   return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
 }
 
@@ -38,7 +38,8 @@ LaneStep rigid_slip(const StressLimit& yield, const Friction& friction, const Tr
   // 2. Slip: the stress equals the limit at the temperature it makes. Where several answers are possible the node goes
   //    on as before: a sticking one sticks, a slipping one takes the answer with the most slip.
   const StressLimit limit = yield.beside(friction.sliding);
-  const bool friction_returns = friction.regained < a_stick && friction.regained < yield.at(T_ad).stress;
+  const bool friction_returns =
+      friction.regained < a_stick && friction.regained < yield.at(T_ad, heating.slip(0.0)).stress;
   const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
   bool stick = can_stick;
   bool several = false;
@@ -59,7 +60,7 @@ LaneStep rigid_slip(const StressLimit& yield, const Friction& friction, const Tr
   const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
   const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);
-  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0);
+  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0, slip);
   return {trial.direction * a, trial.direction * slip, jump_new, flux, regime, stick, unique, several};
 }
 

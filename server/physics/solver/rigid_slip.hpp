@@ -49,7 +49,7 @@ struct LaneStep {
   bool several;  // several answers satisfied the step
 };
 
-Regime slip_regime(const StressLimit& limit, double T0);
+Regime slip_regime(const StressLimit& limit, double T0, double slip);
 
 // The step of a closed contact, its friction known. `stuck`: the interface did not slip at the end of the last step.
 LaneStep rigid_slip(const StressLimit& yield, const Friction& friction, const TrialSlip& trial, double heat_partition,

@@ -31,6 +31,7 @@ struct TileLayout {
   std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
+  std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid.
@@ -58,6 +59,25 @@ struct TileOutputs {
   alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
+};
+
+// Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
+enum class LedgerTerm : std::uint8_t {
+  kWork,
+  kHeatToSoft,
+  kHeatToHard,
+  kPlasticWork,
+  kStoredSoft,
+  kStoredHard,
+  kElastic,
+  kHeatResidual,
+  kEnergyResidual
+};
+inline constexpr std::size_t kLedgerTerms = 9;
+
+struct TileLedger {
+  alignas(64) double term[kLedgerTerms][kLanes] = {};
+  double& operator()(LedgerTerm t, int lane) { return term[static_cast<std::size_t>(t)][lane]; }
 };
 
 }  // namespace shearbus::physics
