@@ -37,6 +37,7 @@ struct Layer {
   double grading = 1.0;
   FarBoundary far_boundary = FarBoundary::kInsulated;
   double initial_temperature_k = 300.0;
+  bool inertia = false;
 };
 
 struct HardLayer {

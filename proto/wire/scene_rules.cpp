@@ -212,6 +212,27 @@ class Together {
                   "of a step has no friction of its own to solve for first; leave one of them out");
   }
 
+  // Waves in the layer: where the layer carries the jump, and nothing else wants its stress to be one number.
+  void inertia() {
+    const std::string path = "layer.inertia";
+    if (!scene_.layer().inertia()) return;
+    if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
+      add(path, path +
+                    " needs strategy velocity_driven: the masses that force_driven exchanges momentum of (DLP 61) are "
+                    "those of whole zones, the layer's among them, which would then count twice");
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " needs drive = \"layer_shear\": with \"interface_slip\" the jump is slip at z = 0 and crosses no "
+                    "layer");
+    if (scene_.velocity_driven().has_taylor_quinney_factor())
+      add(path, path +
+                    " cannot be combined with velocity_driven.taylor_quinney_factor: that shares out the work of one "
+                    "stress, and with inertia the stress varies across the layer");
+    if (scene_.layer().cells() > kMaxInertiaCells)
+      add(path, fmt::format("{} works with at most {} cells, found layer.cells = {}: grade them (layer.grading)", path,
+                            kMaxInertiaCells, scene_.layer().cells()));
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -319,6 +340,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.strategy();
   together.layers();
   together.plastic_heating();
+  together.inertia();
   together.hard_strength();
   together.junctions();
   together.friction();

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "proto/wire/limits.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/interface/friction_laws.hpp"
@@ -60,10 +61,13 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
   return hard;
 }
 
+bool is_steinberg_cochran_guinan(const physics::Material& m) {
+  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+}
+
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
 wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
-  const bool hardens_alike = soft.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
-  if (!hardens_alike && !(junctions.hardening_coefficient && junctions.hardening_exponent))
+  if (!is_steinberg_cochran_guinan(soft) && !(junctions.hardening_coefficient && junctions.hardening_exponent))
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
                                            "the soft body's flow law {} has none",
@@ -105,6 +109,7 @@ physics::InterfaceOptions interface_of(const wire::Interface& law) {
           .friction_coefficient_fast = law.friction_coefficient_fast,
           .velocity_decay = law.velocity_decay_s_per_m};
 }
+static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
 
 }  // namespace
 
@@ -120,6 +125,15 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .cells = static_cast<int>(scene.layer.cells),
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
+  made.options.inertia = scene.layer.inertia;
+  if (scene.layer.inertia && !is_steinberg_cochran_guinan(made.options.soft))
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("layer.inertia works with flow law {}, the soft body has {}: its waves' "
+                                           "return to the yield stress is that law's",
+                                           physics::SteinbergCochranGuinan::kName,
+                                           physics::FlowLaws::name_of(made.options.soft.flow_law)),
+                       .remedy = "leave out layer.inertia, or choose another soft body",
+                       .field = "layer.inertia"});
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;

@@ -91,9 +91,16 @@ void BM_UnderPressure(benchmark::State& state) {
   run(state, options);
 }
 
+void BM_Inertia(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.inertia = true;
+  run(state, options);
+}
+
 BENCHMARK(BM_JohnsonCook)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_VelocityWeakening)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Junctions)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Inertia)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_TwoSided)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_PlasticHeating)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);

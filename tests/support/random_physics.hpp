@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <string>
 
 #include "tests/support/physics_rig.hpp"
 
@@ -104,6 +105,32 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   return options;
+}
+
+// A layer with inertia and what goes with it.
+inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
+  ModelOptions options;
+  do {
+    options = random_options(draw, Strategy::kVelocityDriven, extreme);
+  } while (is_johnson_cook(options.soft));
+  options.drive = Drive::kLayerShear;
+  options.taylor_quinney_factor.reset();
+  options.inertia = true;
+  options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
+  return options;
+}
+
+// The solvers a node can be stepped by.
+enum class Solver { kVelocityDriven, kForceDriven, kInertia };
+
+inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
+  if (solver == Solver::kInertia) return random_inertia_options(draw, extreme);
+  return random_options(draw, solver == Solver::kForceDriven ? Strategy::kForceDriven : Strategy::kVelocityDriven,
+                        extreme);
+}
+
+inline std::string name_of(Solver solver) {
+  return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 
 inline double random_dt(Draw& draw, bool extreme) {

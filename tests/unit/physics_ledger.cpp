@@ -60,6 +60,9 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsLedger, ::testing::Values(Strategy::kVelocityD
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
+constexpr double kNothing =
+    1e-200;  // work under what a molten interface still carries, of which no digit counts [J/m2]
+
 // Force-driven: the interface's work is friction heat and, in a flowing layer, plastic work. What the clip at [v] = 0
 // of a stopping or starting jump leaves over is at most |s| |[V]new - [V]old| dt / 2; a slip to its end leaves nothing.
 TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
@@ -79,7 +82,7 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
         const double driven =
             dt * (std::abs(in.stress_minus[l]) / in.mass_minus[l] + std::abs(in.stress_plus[l]) / in.mass_plus[l]);
         // Jumps are differences, and a flow is a difference of strains: their rounding.
-        double grain = 1e-12 * s * (std::abs(in.velocity_jump[l]) + driven) * dt;
+        double grain = kNothing + 1e-12 * s * (std::abs(in.velocity_jump[l]) + driven) * dt;
         if (rig.model.options().plastic_layer) grain += 1e-8 * s * (rig.plastic_slip(l) + driven * dt);
         const double size = sum_of_sizes(ledger, l);
         const double change = std::abs(rig.outputs.velocity_jump_new[l] - in.velocity_jump[l]);

@@ -113,6 +113,30 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
 }
 
+TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
+  wire::Scene scene = support::velocity_scene();
+  EXPECT_FALSE(scene_model(scene).options.inertia);
+  scene.layer.inertia = true;
+  EXPECT_TRUE(scene_model(scene).options.inertia);
+  EXPECT_TRUE(scene_model(scene_model(scene).effective).options.inertia);
+  scene.hard_layer.emplace();
+  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  EXPECT_TRUE(scene_model(scene).options.inertia);
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_EQ(refusal_of(scene).field, "layer.inertia");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("the stress varies across the layer"));
+  scene.velocity_driven.taylor_quinney_factor.reset();
+  scene.velocity_driven.drive = wire::Drive::kInterfaceSlip;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs drive = \"layer_shear\""));
+  scene.velocity_driven.drive = wire::Drive::kLayerShear;
+  scene.layer.grading = 1.0;
+  scene.layer.cells = 1001;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 1000 cells, found layer.cells = 1001"));
+  scene = support::force_scene();
+  scene.layer.inertia = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("would then count twice"));
+}
+
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.soft.varies_with_compression());

@@ -116,8 +116,8 @@ class Session {
   wire::SessionClosed close();
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
-  void want_energy_ledger();              // wire::kLedgerColumns beside all of the strategy's
-  const Scene& effective_scene() const;   // every default and constant filled in, as the server understood it
+  void want_energy_ledger();  // wire::kLedgerColumns beside all of the strategy's, where the scene has a ledger
+  const Scene& effective_scene() const;  // every default and constant filled in, as the server understood it
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;

@@ -310,10 +310,15 @@ NodeState initial_state(const ModelOptions& options) {
       state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
     }
   }
+  if (options.inertia) {
+    state.stress_field.assign(grid.num_vertices(), 0.0);
+    state.layer_velocity.assign(grid.num_cells(), 0.0);
+  }
   return state;
 }
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  if (options.inertia) return with_inertia(options, dt, inputs, state);
   if (options.strategy == Strategy::kVelocityDriven) return velocity_driven(options, dt, inputs, state);
   return options.plastic_layer ? flowing_force_driven(options, dt, inputs, state)
                                : force_driven(options, dt, inputs, state);

@@ -41,4 +41,7 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 // The force-driven step with plastic strain.
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
+// The velocity-driven step of a layer with inertia.
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+
 }  // namespace shearbus::physics::reference

@@ -17,6 +17,8 @@ namespace shearbus::physics {
 enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 
+inline constexpr int kMaxInertiaCells = 1000;  // of a layer with inertia: its step works on the stack
+
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
   Material soft;
@@ -29,6 +31,10 @@ struct ModelOptions {
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
+
+  // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
+  // and the layer's mass is accelerated (DLP 36).
+  bool inertia = false;
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.

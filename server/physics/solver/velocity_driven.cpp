@@ -15,13 +15,12 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
-constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
-constexpr double kFlowConverged = 1e-3;      // of the trial stress: Newton's error is the square of this
-constexpr double kFarAbove = 100.0;          // flow against the trial stress: Newton changes its function here
-constexpr double kLeastGuess = 1e-12;        // of the upper end: a start below it says nothing
-constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
-constexpr int kMaxIterations = 300;          // bisection alone, from 1e300 to rounding, needs fewer
+constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
+constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kFarAbove = 100.0;      // flow against the trial stress: Newton changes its function here
+constexpr double kLeastGuess = 1e-12;    // of the upper end: a start below it says nothing
+constexpr int kNewtonIterations = 16;    // far more than it takes; from then on every second step bisects
+constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 
 // What holds the stress where the balance alone would let it be larger.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
