@@ -1,0 +1,31 @@
+// The columns of a step as a shard takes and gives them.
+#pragma once
+
+#include "proto/wire/batch.hpp"
+#include "server/shard/shard.hpp"
+
+namespace shearbus::service {
+
+inline shard::StepInputs inputs_of(const wire::Batch& batch) {
+  using wire::Field;
+  return {.velocity_jump = batch.f64(Field::kVelocityJump),
+          .pressure = batch.f64(Field::kPressure),
+          .soft_shear_rate = batch.f64(Field::kSoftShearRate),
+          .stress_minus = batch.f64(Field::kStressMinus),
+          .stress_plus = batch.f64(Field::kStressPlus),
+          .mass_minus = batch.f64(Field::kMassMinus),
+          .mass_plus = batch.f64(Field::kMassPlus)};
+}
+
+inline shard::StepOutputs outputs_of(wire::Batch& batch) {
+  using wire::Field;
+  return {.shear_stress = batch.f64(Field::kShearStress),
+          .sliding_velocity = batch.f64(Field::kSlidingVelocity),
+          .interface_temperature = batch.f64(Field::kInterfaceTemperature),
+          .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
+          .friction_heat = batch.f64(Field::kFrictionHeat),
+          .regime = batch.u8(Field::kRegime),
+          .outcome = batch.u8(Field::kOutcome)};
+}
+
+}  // namespace shearbus::service
