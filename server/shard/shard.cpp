@@ -195,6 +195,7 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   gather(step.inputs.stress_plus, lanes, in.stress_plus);
   gather(step.inputs.mass_minus, lanes, in.mass_minus);
   gather(step.inputs.mass_plus, lanes, in.mass_plus);
+  gather(step.inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
 
   physics::TileOutputs out;
   model_.advance(step.operators, in, from, to, out);
