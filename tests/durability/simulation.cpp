@@ -509,12 +509,12 @@ void simulate(unsigned seed, Tally& tally) {
   for (const auto& host : hosts) host->close();
 }
 
-// SHEARBUS_SEED runs one seed, SHEARBUS_SEEDS so many.
+// SHEARBUS_SEED runs that seed, SHEARBUS_SEEDS so many, from it on.
 TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
   const char* one = std::getenv("SHEARBUS_SEED");
   const char* many = std::getenv("SHEARBUS_SEEDS");
   const unsigned first = one != nullptr ? static_cast<unsigned>(std::atoi(one)) : 1;
-  const unsigned count = one != nullptr ? 1 : many != nullptr ? static_cast<unsigned>(std::atoi(many)) : 300;
+  const unsigned count = many != nullptr ? static_cast<unsigned>(std::atoi(many)) : one != nullptr ? 1 : 300;
   Tally tally;
   for (unsigned seed = first; seed < first + count; ++seed) {
     SCOPED_TRACE("SHEARBUS_SEED=" + std::to_string(seed));
@@ -525,7 +525,7 @@ TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
     }
     if (HasFailure()) break;
   }
-  std::cout << count << " seeds: " << tally.calls << " calls, " << tally.crashes << " crashes, " << tally.disk_faults
+  std::cout << count << " seeds from " << first << ": " << tally.calls << " calls, " << tally.crashes << " crashes, " << tally.disk_faults
             << " servers with a planned disk fault, " << tally.checkpoints << " checkpoints, " << tally.damaged
             << " of them damaged, " << tally.dropped << " messages lost, " << tally.repeated << " repeated, "
             << tally.successors << " clients died, " << tally.node_changes << " changes of the set of nodes, "
