@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <exception>
+#include <filesystem>
 
 #include "client/replay/capsule.hpp"
 #include "client/replay/replay.hpp"
@@ -12,7 +13,12 @@ namespace {
 constexpr int kRunError = 1;  // also: the capsule's answer is another one now
 constexpr int kUsageError = 2;
 
-void describe(CLI::App& app, shearbus::replay::Options& options, std::filesystem::path& capsule) {
+struct KeyFiles {
+  std::filesystem::path server;
+  std::filesystem::path own;
+};
+
+void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys, std::filesystem::path& capsule) {
   app.set_version_flag("--version", options.version);
   app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->type_name("");
   app.add_option("--scene", options.scene, "scene to replay it through")->type_name("SCENE.toml");
@@ -22,8 +28,12 @@ void describe(CLI::App& app, shearbus::replay::Options& options, std::filesystem
   app.add_option("--out", options.out,
                  "HDF5 file for the answers; a file of that name is replaced once the run has succeeded")
       ->type_name("RESULT.h5");
-  app.add_option("--server", options.server, "tcp://host:port or ipc://path of a server; none: one inside this process")
+  app.add_option("--server", options.server.endpoint,
+                 "tcp://host:port or ipc://path of a server; none: one inside this process")
       ->type_name("ENDPOINT");
+  app.add_option("--server-key", keys.server, "by tcp: file of the server's public key")->type_name("FILE");
+  app.add_option("--key", keys.own, "by tcp: file of one's own secret key, from shearbus-ctl keygen")
+      ->type_name("FILE");
   app.add_flag("--check", options.check, "read every value, compare with the scene, open a session; replay nothing");
   app.add_flag("--closed-loop", options.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
@@ -37,8 +47,9 @@ void describe(CLI::App& app, shearbus::replay::Options& options, std::filesystem
 int main(int argc, char** argv) {
   shearbus::replay::Options options{.version = SHEARBUS_VERSION};
   CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
+  KeyFiles keys;
   std::filesystem::path capsule;
-  describe(app, options, capsule);
+  describe(app, options, keys, capsule);
   try {
     app.parse(argc, argv);
     const bool has_history = !options.history.empty() || !options.scene.empty() || !options.out.empty();
@@ -51,6 +62,7 @@ int main(int argc, char** argv) {
   }
   try {
     if (!capsule.empty()) return shearbus::replay::run_capsule(capsule) ? 0 : kRunError;
+    shearbus::wire::read_keys_into(options.server, keys.server, keys.own);
     shearbus::replay::run(options);
     return 0;
   } catch (const std::exception& error) {

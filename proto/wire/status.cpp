@@ -47,6 +47,8 @@ const char* name(Code code) {
       return "TRIAL_STANDS";
     case Code::kUnknownTransfer:
       return "UNKNOWN_TRANSFER";
+    case Code::kNotPermitted:
+      return "NOT_PERMITTED";
     case Code::kInvalidScene:
       return "INVALID_SCENE";
     case Code::kInvalidValue:
@@ -73,6 +75,8 @@ const char* name(Code code) {
       return "UNKNOWN_OUTCOME";
     case Code::kUnexpectedReply:
       return "UNEXPECTED_REPLY";
+    case Code::kAuth:
+      return "AUTH";
   }
   return "?";
 }

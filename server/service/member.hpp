@@ -11,6 +11,7 @@ namespace shearbus::service {
 
 struct Service::Member {
   wire::SessionId id{};
+  std::string identity;              // of who opened it: nobody else may use it
   wire::ResumeToken resume_token{};  // all zero: nobody may resume the session
   std::uint64_t claim = 0;           // the last one granted, to whom,
   std::uint64_t claimant = 0;
@@ -23,11 +24,13 @@ struct Service::Member {
   wire::SessionClosed totals;
 
   std::uint64_t held_bytes() const;  // of states, marks included
+  Domain domain_it_is_in() const { return {identity, domain}; }
 };
 
 // A request being answered.
 struct Service::Arrival {
   Frames frames;
+  Caller caller;
   wire::Request request;
   std::uint64_t hash = 0;  // of the frames
   std::uint64_t started_ns = 0;

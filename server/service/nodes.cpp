@@ -95,28 +95,28 @@ std::uint64_t Service::Member::held_bytes() const {
 
 // Throws NODE_OWNED where another session than `self` has one of the nodes, or an offer waits with it; but for offers
 // of `self` after this sequence, which are about to be withdrawn.
-void Service::check_owners(const std::string& domain, const Member* self, std::uint64_t withdrawn_after,
+void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                            std::span<const std::uint64_t> node_ids) const {
-  if (domain.empty()) return;
+  if (domain.name.empty()) return;
   const std::vector<std::uint64_t> ids = sorted(node_ids);
   const auto refuse = [&](std::vector<std::uint64_t> owned, const std::string& holder, const char* remedy) {
     const std::size_t count = owned.size();
     if (owned.size() > wire::kMaxNodesNamed) owned.resize(wire::kMaxNodesNamed);
     throw Error({.code = Code::kNodeOwned,
                  .text = fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)", owned.front(),
-                                     printable(domain), holder, count, ids.size()),
+                                     printable(std::string(domain.name)), holder, count, ids.size()),
                  .remedy = remedy,
                  .field = wire::name(Field::kNodeId),
                  .node_ids = std::move(owned)});
   };
   for (const auto& [id, other] : members_) {
-    if (!other->shard || other.get() == self || other->domain != domain) continue;
+    if (!other->shard || other.get() == self || other->domain_it_is_in() != domain) continue;
     if (auto owned = other->shard->nodes().common(ids); !owned.empty())
       refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene.name)),
              "Its holder retires it or offers it; or give the node another id, or the session another domain.");
   }
   for (const auto& [id, transfer] : transfers_) {
-    if (transfer.domain != domain) continue;
+    if (Domain{transfer.identity, transfer.domain} != domain) continue;
     if (self != nullptr && transfer.giver == self->id && transfer.sequence > withdrawn_after) continue;
     if (auto owned = common_to(ids, transfer.node_ids); !owned.empty())
       refuse(std::move(owned), fmt::format("no session: session {} offers it", short_name(transfer.giver)),
@@ -137,7 +137,7 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   const wire::Batch& batch = arrival.request.batch;
   check_no_trial(shard);
   const auto ids = check_new_nodes(batch, shard.nodes());
-  check_owners(member.domain, &member, kNoneWithdrawn, ids);
+  check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
   const physics::Model& model = shard.model();
   const auto temperatures = check_initial_temperatures(batch, member.scene, model.options().soft.melting_temperature);
   const std::size_t after = shard.nodes().size() + ids.size();
@@ -180,6 +180,7 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
   made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
                                                        .giver = member.id,
                                                        .sequence = arrival.request.sequence,
+                                                       .identity = member.identity,
                                                        .domain = member.domain,
                                                        .layers = layers_of(member.scene),
                                                        .node_ids = {ids.begin(), ids.end()},
@@ -198,7 +199,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
   check_no_trial(shard);
   check_transfer_id(accept.transfer_id);
   const auto found = transfers_.find(accept.transfer_id);
-  if (found == transfers_.end() || found->second.domain != member.domain)
+  if (found == transfers_.end() || Domain{found->second.identity, found->second.domain} != member.domain_it_is_in())
     throw Error({.code = Code::kUnknownTransfer,
                  .text = fmt::format("no offer with this transfer_id waits in domain \"{}\"", printable(member.domain)),
                  .remedy = "It was accepted or withdrawn, or not made yet: the giver's offer must be answered first.",
@@ -236,13 +237,13 @@ std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
 }
 
 // With the last session of a domain nobody is left who has a part in it.
-void Service::forget_transfers_of_domain(const std::string& domain) {
-  const auto open = [&](const auto& entry) { return entry.second->shard && entry.second->domain == domain; };
-  if (domain.empty() || std::ranges::any_of(members_, open)) return;
+void Service::forget_transfers_of(const Domain& domain) {
+  const auto open = [&](const auto& entry) { return entry.second->shard && entry.second->domain_it_is_in() == domain; };
+  if (domain.name.empty() || std::ranges::any_of(members_, open)) return;
   std::erase_if(transfers_, [&](const auto& entry) {
     const store::TransferImage& transfer = entry.second;
-    if (transfer.domain != domain) return false;
-    log(fmt::format("domain {} ends: {} nodes that session {} offered are gone", printable(domain),
+    if (Domain{transfer.identity, transfer.domain} != domain) return false;
+    log(fmt::format("domain {} ends: {} nodes that session {} offered are gone", printable(transfer.domain),
                     transfer.node_ids.size(), short_name(transfer.giver)));
     metrics_.nodes -= transfer.node_ids.size();
     metrics_.state_bytes -= kept_bytes(transfer.states);
@@ -300,7 +301,7 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   const shard::Shard& before = *member.shard;
   std::unique_ptr<shard::Shard> other_nodes;
   if (mark.node_ids != before.nodes().ids()) {
-    check_owners(member.domain, &member, mark.sequence, mark.node_ids);
+    check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
     const std::uint64_t wanted = shard::Shard::bytes_for(before.model(), mark.node_ids.size());
     check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size());
     other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids);

@@ -12,6 +12,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/messages.hpp"
@@ -30,6 +31,12 @@ struct ReplyFrames {
   bool has_payload = false;
   std::span<const std::byte> payload;
   std::shared_ptr<const void> owner;
+};
+
+// Who a request is from, as the server's door has made sure. A session belongs to the identity that opened it.
+struct Caller {
+  std::string_view identity;  // "uid 1000", "key ...", "anonymous" or "process"
+  bool is_operator = false;   // may act for every identity, and on the server itself
 };
 
 struct ServiceOptions {
@@ -53,7 +60,7 @@ class Service : private store::Recovery {
 
   // The answer to one request. Never throws. Empty where the request was run and its answer found no memory (the client
   // will repeat it and be answered then), and always once failed().
-  std::optional<ReplyFrames> handle(Frames frames) noexcept;
+  std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
   // What was promised of a request that was run can no longer be held: nothing is answered any more. The server must
   // end; the next one recovers.
@@ -72,14 +79,21 @@ class Service : private store::Recovery {
   // late copy of its opening cannot bring it back.
   struct Member;
   struct Arrival;
+  // Sessions of one identity that named the same; without a name a session is alone.
+  struct Domain {
+    std::string_view identity;
+    std::string_view name;
+    bool operator==(const Domain&) const = default;
+  };
   using Members = std::map<wire::SessionId, std::unique_ptr<Member>>;
   using ReplyPtr = std::shared_ptr<wire::Reply>;
 
-  ReplyPtr answer(Frames frames, const ReplyPtr& reply);
+  ReplyPtr answer(Frames frames, const Caller& caller, const ReplyPtr& reply);
   ReplyPtr answer_in_session(const Arrival& arrival, const ReplyPtr& reply);
-  void hello(const wire::Hello& hello, wire::Reply& reply) const;
+  void hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const;
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
-  ReplyPtr resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply);
+  ReplyPtr resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply);
+  void check_identity(const Member& member, const Caller& caller) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
@@ -99,7 +113,7 @@ class Service : private store::Recovery {
 
   // nodes.cpp: the set of a session's nodes, and the marks that keep it.
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
-  void check_owners(const std::string& domain, const Member* self, std::uint64_t withdrawn_after,
+  void check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                     std::span<const std::uint64_t> node_ids) const;
   void register_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
   void retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
@@ -107,7 +121,7 @@ class Service : private store::Recovery {
   void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
   void take(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
   std::vector<wire::TransferId> offers_of(const Member& member) const;  // oldest first
-  void forget_transfers_of_domain(const std::string& domain);
+  void forget_transfers_of(const Domain& domain);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
   void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);
   void rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival);

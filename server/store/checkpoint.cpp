@@ -100,6 +100,7 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_number(group, "requests", session.requests);
   put_number(group, "node_steps", session.node_steps);
   put_number(group, "solver_ns", session.solver_ns);
+  put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_text(group, "domain", session.domain);
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
@@ -132,6 +133,7 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.requests = number_of(group, "requests");
   session.node_steps = number_of(group, "node_steps");
   session.solver_ns = number_of(group, "solver_ns");
+  session.identity = text_of(group, "identity");
   session.resume_token = key_from(text_of(group, "resume_token"));
   session.domain = text_of(group, "domain");
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
@@ -157,6 +159,7 @@ void put_transfer(const Handle& parent, const TransferImage& transfer) {
   const Handle group = make_group(parent, hexadecimal(transfer.id));
   put_text(group, "giver", hexadecimal(transfer.giver));
   put_number(group, "sequence", transfer.sequence);
+  put_text(group, "identity", transfer.identity);
   put_text(group, "domain", transfer.domain);
   put_text_dataset(group, "layers_toml", transfer.layers);
   put_ids(group, transfer.node_ids);
@@ -168,6 +171,7 @@ TransferImage transfer_of(const Handle& parent, const std::string& name) {
   return {.id = key_from(name),
           .giver = key_from(text_of(group, "giver")),
           .sequence = number_of(group, "sequence"),
+          .identity = text_of(group, "identity"),
           .domain = text_of(group, "domain"),
           .layers = text_in_dataset(group, "layers_toml"),
           .node_ids = ids_of(group),

@@ -25,6 +25,7 @@ struct TransferImage {
   SessionKey id{};
   SessionKey giver{};
   std::uint64_t sequence = 0;  // of the giver's request
+  std::string identity;        // whose domain it is
   std::string domain;
   std::string layers;  // what a session's scene must be to take them
   std::vector<std::uint64_t> node_ids;
@@ -34,6 +35,7 @@ struct TransferImage {
 struct SessionImage {
   SessionKey id{};
   bool open = true;           // a closed session keeps its conversation only
+  std::string identity;       // who the session belongs to
   SessionKey resume_token{};  // all zero: none
   std::string domain;         // empty: none
   std::uint64_t last_sequence = 0;
