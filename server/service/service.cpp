@@ -214,9 +214,9 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
-      fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id), member->identity,
-                  printable(member->scene.name), open.domain.empty() ? "" : ", domain ", printable(open.domain),
-                  shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
+      fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
+                  member->identity, printable(member->scene.name), open.domain.empty() ? "" : ", domain ",
+                  printable(open.domain), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));

@@ -23,7 +23,7 @@ class Ownership : public testing::Test {
     wire::Request request = ServiceHarness::opening(scene, ids, session);
     std::get<wire::OpenSession>(request.body).domain = domain;
     if (ids.empty()) request.batch = {};
-    return harness.ask(request);
+    return harness.ask(request, who);
   }
   template <typename Body>
   support::Answer ask(std::uint8_t session, Body body, const Ids& ids = {},
@@ -36,7 +36,7 @@ class Ownership : public testing::Test {
       std::ranges::copy(ids, request.batch.u64(Field::kNodeId).begin());
       std::ranges::copy(temperatures, request.batch.f64(Field::kInitialTemperature).begin());
     }
-    return counted(session, harness.ask(request));
+    return counted(session, harness.ask(request, who));
   }
   support::Answer step(std::uint8_t session, const Ids& ids, int number, Mode mode = Mode::kAdvance) {
     return counted(
@@ -64,6 +64,7 @@ class Ownership : public testing::Test {
   std::uint64_t nodes() { return harness.service.status().nodes; }
 
   ServiceHarness harness;
+  Caller who;
   std::map<std::uint8_t, std::uint64_t> last;
 };
 
@@ -82,6 +83,14 @@ TEST_F(Ownership, ANodeOfADomainHasOneOwnerAndAConflictNamesIt) {
   EXPECT_EQ(ask(6, wire::RegisterNodes{}, {5, 4}).code(), Code::kDuplicateNode);
   EXPECT_EQ(ask(1, wire::CloseSession{}).code(), Code::kOk);
   EXPECT_EQ(ask(6, wire::RegisterNodes{}, {5, 1}).code(), Code::kOk) << "its owner has gone";
+}
+
+TEST_F(Ownership, ADomainIsOfWhoOpenedIt) {
+  ASSERT_EQ(open(1, {1, 2}).code(), Code::kOk);
+  ASSERT_EQ(ask(1, wire::OfferNodes{transfer(1)}, {2}).code(), Code::kOk);
+  who = {.identity = "uid 4711"};
+  ASSERT_EQ(open(2, {1, 2}).code(), Code::kOk) << "another user's domain of the same name";
+  EXPECT_EQ(ask(2, wire::AcceptNodes{transfer(1)}).code(), Code::kUnknownTransfer);
 }
 
 TEST_F(Ownership, RowsAreInTheOrderOfArrival) {
