@@ -98,6 +98,8 @@ void summarize(const std::filesystem::path& out, const wire::Scene& scene, const
       interface.hottest(), 1e-9 * interface.highest_pressure(), kTurn * end.friction_heat, kTurn * start.kinetic,
       kTurn * end.closing_heat, energy_residual, momentum_residual, times.total, times.solver, times.bus,
       100.0 * service, times.output);
+  if (!interface.energy().empty())
+    for (const auto& [label, value] : interface.energy().lines()) fmt::print("  {:<24}{}\n", label, value);
   std::ofstream json(out / "summary.json", std::ios::binary);
   json << fmt::format(
       "{{\n  \"interface_law\": \"{}\",\n  \"zones\": {},\n  \"steps\": {},\n  \"steps_taken_back\": {},\n"
@@ -107,12 +109,12 @@ void summarize(const std::filesystem::path& out, const wire::Scene& scene, const
       "  \"peak_interface_temperature_k\": {:.17g},\n  \"peak_pressure_pa\": {:.17g},\n  \"friction_heat_j\": "
       "{:.17g},\n"
       "  \"energy_residual\": {:.3e},\n  \"momentum_residual\": {:.3e},\n  \"run_time_s\": {:.6g},\n"
-      "  \"service_share\": {:.6g}\n}}\n",
+      "  \"layer_energy\": {},\n  \"service_share\": {:.6g}\n}}\n",
       law, cycle.mesh().num_zones(), cycle.steps(), cycle.rejected_steps(), interface.share(wire::Regime::kOpen),
       interface.share(wire::Regime::kStick), interface.share(wire::Regime::kCoulomb),
       interface.share(wire::Regime::kTresca), interface.share(wire::Regime::kMelting), interface.mean_slip(),
       interface.longest_slip(), interface.hottest(), interface.highest_pressure(), kTurn * end.friction_heat,
-      energy_residual, momentum_residual, times.total, service);
+      energy_residual, momentum_residual, times.total, interface.energy().json(), service);
   json.close();
   if (!json) throw std::system_error(errno, std::generic_category(), "cannot write " + (out / "summary.json").string());
 }

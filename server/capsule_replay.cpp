@@ -91,7 +91,12 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   shard::Shard shard(physics::Model(made.options), node, temperature, pool);
   shard.restore(capsule.state, nullptr, 0);
   const wire::Batch row = row_of(capsule, made.effective.strategy);
-  wire::Batch answer = wire::Batch::of(wire::columns_of(made.effective.strategy).reply, 1);
+  const auto reply = wire::columns_of(made.effective.strategy).reply;
+  std::vector<wire::Field> wanted(reply.begin(), reply.end());
+  for (const wire::Field field : wire::kLedgerColumns)
+    if (std::ranges::find(capsule.answer, wire::name(field), &store::CapsuleValue::name) != capsule.answer.end())
+      wanted.push_back(field);
+  wire::Batch answer = wire::Batch::of(wanted, 1);
   shard::Rows rows;
   rows.all = true;
   shard.step(rows, *shard.operators(capsule.dt_s), service::inputs_of(row), service::outputs_of(answer));

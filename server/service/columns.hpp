@@ -2,6 +2,7 @@
 #pragma once
 
 #include "proto/wire/batch.hpp"
+#include "proto/wire/strategy_columns.hpp"
 #include "server/shard/shard.hpp"
 
 namespace shearbus::service {
@@ -20,13 +21,16 @@ inline shard::StepInputs inputs_of(const wire::Batch& batch) {
 
 inline shard::StepOutputs outputs_of(wire::Batch& batch) {
   using wire::Field;
-  return {.shear_stress = batch.f64(Field::kShearStress),
-          .sliding_velocity = batch.f64(Field::kSlidingVelocity),
-          .interface_temperature = batch.f64(Field::kInterfaceTemperature),
-          .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
-          .friction_heat = batch.f64(Field::kFrictionHeat),
-          .regime = batch.u8(Field::kRegime),
-          .outcome = batch.u8(Field::kOutcome)};
+  shard::StepOutputs outputs{.shear_stress = batch.f64(Field::kShearStress),
+                             .sliding_velocity = batch.f64(Field::kSlidingVelocity),
+                             .interface_temperature = batch.f64(Field::kInterfaceTemperature),
+                             .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
+                             .friction_heat = batch.f64(Field::kFrictionHeat),
+                             .regime = batch.u8(Field::kRegime),
+                             .outcome = batch.u8(Field::kOutcome)};
+  static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
+  for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) outputs.ledger[i] = batch.f64(wire::kLedgerColumns[i]);
+  return outputs;
 }
 
 }  // namespace shearbus::service

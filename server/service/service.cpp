@@ -309,7 +309,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
   // 1. everything that can fail: checks, factorisation, memory, the journal
-  const std::vector<Field> wanted = check_wanted(step, member.scene.strategy);
+  const std::vector<Field> wanted = check_wanted(step, member.scene);
   const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
     throw Error({.code = Code::kNothingToCommit,

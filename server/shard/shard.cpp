@@ -207,6 +207,11 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   scatter(out.friction_heat, lanes, step.outputs.friction_heat);
   scatter(out.regime, lanes, step.outputs.regime);
   scatter(out.outcome, lanes, step.outputs.outcome);
+  if (step.outputs.wants_ledger()) {
+    physics::TileLedger ledger;
+    model_.book(step.operators, in, out, from, to, ledger);
+    for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, step.outputs.ledger[i]);
+  }
 
   StepCount count;
   for (int lane = 0; lane < kLanes; ++lane) {
