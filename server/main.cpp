@@ -56,6 +56,11 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--checkpoint-after", options.checkpoint_after_mb, "MB of journal between two checkpoints")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 20))
       ->capture_default_str();
+  app.add_option(
+         "--capsules", options.max_capsules,
+         "Failure capsules kept in --state-dir, of nodes that had no answer; shearbus-replay --capsule runs one again")
+      ->check(CLI::Range(std::size_t{0}, std::size_t{10'000}))
+      ->capture_default_str();
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
   app.add_option("--allow-uid", options.allow_uids,

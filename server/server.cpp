@@ -60,6 +60,7 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
   return {.durability = durability_from(options.durability),
           .epoch = epoch,
           .checkpoint_bytes = options.checkpoint_after_mb << 20,
+          .max_capsules = options.max_capsules,
           .accept_empty = options.accept_empty,
           .log = log.info};
 }

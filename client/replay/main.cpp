@@ -5,11 +5,12 @@
 #include <exception>
 #include <filesystem>
 
+#include "client/replay/capsule.hpp"
 #include "client/replay/replay.hpp"
 
 namespace {
 
-constexpr int kRunError = 1;
+constexpr int kRunError = 1;  // also: the capsule's answer is another one now
 constexpr int kUsageError = 2;
 
 struct KeyFiles {
@@ -17,10 +18,13 @@ struct KeyFiles {
   std::filesystem::path own;
 };
 
-void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys) {
+void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys, std::filesystem::path& capsule) {
   app.set_version_flag("--version", options.version);
-  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->required()->type_name("");
-  app.add_option("--scene", options.scene, "scene to replay it through")->required()->type_name("SCENE.toml");
+  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->type_name("");
+  app.add_option("--scene", options.scene, "scene to replay it through")->type_name("SCENE.toml");
+  app.add_option("--capsule", capsule,
+                 "instead of a history: run the node of this failure capsule again, alone, and compare every column")
+      ->type_name("FILE.h5");
   app.add_option("--out", options.out,
                  "HDF5 file for the answers; a file of that name is replaced once the run has succeeded")
       ->type_name("RESULT.h5");
@@ -44,14 +48,20 @@ int main(int argc, char** argv) {
   shearbus::replay::Options options{.version = SHEARBUS_VERSION};
   CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
   KeyFiles keys;
-  describe(app, options, keys);
+  std::filesystem::path capsule;
+  describe(app, options, keys, capsule);
   try {
     app.parse(argc, argv);
-    if (options.out.empty() && !options.check) throw CLI::RequiredError("--out");
+    const bool has_history = !options.history.empty() || !options.scene.empty() || !options.out.empty();
+    if (!capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "HISTORY.h5, --scene and --out");
+    if (capsule.empty() && options.history.empty()) throw CLI::RequiredError("HISTORY.h5");
+    if (capsule.empty() && options.scene.empty()) throw CLI::RequiredError("--scene");
+    if (capsule.empty() && options.out.empty() && !options.check) throw CLI::RequiredError("--out");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kUsageError;
   }
   try {
+    if (!capsule.empty()) return shearbus::replay::run_capsule(capsule) ? 0 : kRunError;
     shearbus::wire::read_keys_into(options.server, keys.server, keys.own);
     shearbus::replay::run(options);
     return 0;

@@ -61,6 +61,21 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
   }
 }
 
+// Columns of an opening, or of a change of nodes.
+wire::Batch named_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> temperatures) {
+  if (!temperatures.empty() && temperatures.size() != node_ids.size())
+    throw Error({.code = Code::kShape,
+                 .text = fmt::format("{} initial temperatures for {} nodes", temperatures.size(), node_ids.size()),
+                 .remedy = "Give one per node, or none.",
+                 .field = "initial_temperature_k"});
+  std::vector<Field> fields = {Field::kNodeId};
+  if (!temperatures.empty()) fields.push_back(Field::kInitialTemperature);
+  wire::Batch batch = Batch::of(fields, node_ids.size());
+  std::ranges::copy(node_ids, batch.u64(Field::kNodeId).begin());
+  std::ranges::copy(temperatures, batch.f64(Field::kInitialTemperature).begin());
+  return batch;
+}
+
 // The same columns, for the length of a call.
 wire::Batch view_of(const wire::Batch& batch) {
   return wire::Batch::over(batch.columns(), batch.bytes());
@@ -82,6 +97,8 @@ struct Session::Impl {
     std::uint64_t epoch = 0;
   };
   std::optional<InDoubt> in_doubt;
+  std::vector<TransferId> offers;
+  TransferId offered{};  // of the last offer: that one's as long as it is in doubt
   bool closed = false;
   StepResult result;
 
@@ -110,9 +127,45 @@ struct Session::Impl {
         in_doubt = InDoubt{request.request_id, request.epoch};
       else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
         in_doubt.reset();
-      if (fault.status().code == Code::kSequenceReused) last_sequence = fault.status().last_sequence;
+      if (fault.status().code == Code::kSequenceReused) take_up();
       throw;
     }
+  }
+
+  void stand_where(Received& where) {
+    auto& resumed = body_of<wire::SessionResumed>(where);
+    last_sequence = resumed.last_sequence;
+    offers = std::move(resumed.offers);
+    const auto nodes = std::as_const(where.reply.batch).u64(Field::kNodeId);
+    node_ids.assign(nodes.begin(), nodes.end());
+  }
+
+  // Another call has run than the one that was made now: where the session stands is asked.
+  void take_up() {
+    wire::Request request;
+    request.request_id = connection->next_request_id();
+    request.session_id = id;
+    request.body = wire::ResumeSession{.resume_token = resume_token};
+    Received where = connection->call(request, connection->options().reply_deadline);
+    stand_where(where);
+  }
+
+  // A request that changes the set of nodes.
+  template <typename Body>
+  Received change_nodes(const Body& body, std::span<const std::uint64_t> nodes,
+                        std::span<const double> temperatures = {}) {
+    wire::Request request = next_request();
+    request.body = body;
+    if (!nodes.empty()) request.batch = named_nodes(nodes, temperatures);
+    Received received = exchange(std::move(request));
+    body_of<wire::NodesChanged>(received);
+    return received;
+  }
+
+  void forget(std::span<const std::uint64_t> nodes) {
+    std::vector<std::uint64_t> gone(nodes.begin(), nodes.end());
+    std::ranges::sort(gone);
+    std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
   }
 
   // A server that was restarted answers the last request of the session whatever its epoch; it refuses the next one
@@ -166,7 +219,8 @@ struct Session::Impl {
                                    .attempt = options.attempt,
                                    .mode = mode,
                                    .commit_previous = options.commit_previous,
-                                   .wanted = wanted};
+                                   .wanted = wanted,
+                                   .policy = options.policy};
     request.batch = view_of(columns);
     Received received = exchange(std::move(request));
     body_of<wire::Upscale>(received);
@@ -236,7 +290,10 @@ std::uint64_t Session::rollback_to(const std::string& mark) {
   wire::Request request = impl_->next_request();
   request.body = wire::Rollback{.to_mark = mark};
   Received received = impl_->exchange(std::move(request));
-  return body_of<wire::RolledBack>(received).state_version;
+  const std::uint64_t version = body_of<wire::RolledBack>(received).state_version;
+  const auto nodes = std::as_const(received.reply.batch).u64(Field::kNodeId);
+  impl_->node_ids.assign(nodes.begin(), nodes.end());
+  return version;
 }
 
 wire::Marked Session::mark(const std::string& name) {
@@ -244,6 +301,30 @@ wire::Marked Session::mark(const std::string& name) {
   request.body = wire::Mark{.name = name};
   Received received = impl_->exchange(std::move(request));
   return std::move(body_of<wire::Marked>(received));
+}
+
+void Session::register_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature_k) {
+  impl_->change_nodes(wire::RegisterNodes{}, node_ids, initial_temperature_k);
+  impl_->node_ids.insert(impl_->node_ids.end(), node_ids.begin(), node_ids.end());
+}
+
+void Session::retire_nodes(std::span<const std::uint64_t> node_ids) {
+  impl_->change_nodes(wire::RetireNodes{}, node_ids);
+  impl_->forget(node_ids);
+}
+
+TransferId Session::offer_nodes(std::span<const std::uint64_t> node_ids) {
+  if (!impl_->in_doubt) impl_->offered = random_bytes();
+  impl_->change_nodes(wire::OfferNodes{.transfer_id = impl_->offered}, node_ids);
+  impl_->forget(node_ids);
+  return impl_->offered;
+}
+
+std::vector<std::uint64_t> Session::accept_nodes(const TransferId& transfer) {
+  const Received received = impl_->change_nodes(wire::AcceptNodes{.transfer_id = transfer}, {});
+  const auto accepted = received.reply.batch.u64(Field::kNodeId);
+  impl_->node_ids.insert(impl_->node_ids.end(), accepted.begin(), accepted.end());
+  return {accepted.begin(), accepted.end()};
 }
 
 wire::SessionClosed Session::close() {
@@ -277,6 +358,9 @@ const std::vector<std::uint64_t>& Session::node_ids() const {
 }
 Session::Ticket Session::ticket() const {
   return {.session_id = impl_->id, .resume_token = impl_->resume_token};
+}
+const std::vector<TransferId>& Session::offers() const {
+  return impl_->offers;
 }
 std::uint64_t Session::last_sequence() const {
   return impl_->last_sequence;
@@ -316,26 +400,17 @@ const wire::Welcome& Client::welcome() const {
 }
 
 Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options) {
-  const auto temperatures = options.initial_temperature_k;
-  if (!temperatures.empty() && temperatures.size() != node_ids.size())
-    throw Error({.code = Code::kShape,
-                 .text = fmt::format("{} initial temperatures for {} nodes", temperatures.size(), node_ids.size()),
-                 .remedy = "Give one per node, or none.",
-                 .field = "initial_temperature_k"});
+  wire::Request request;
+  if (!node_ids.empty()) request.batch = named_nodes(node_ids, options.initial_temperature_k);
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;
   impl->id = random_bytes();
   impl->resume_token = random_bytes();
   impl->node_ids.assign(node_ids.begin(), node_ids.end());
 
-  std::vector<Field> fields = {Field::kNodeId};
-  if (!temperatures.empty()) fields.push_back(Field::kInitialTemperature);
-  wire::Request request;
-  request.batch = Batch::of(fields, node_ids.size());
-  std::copy(node_ids.begin(), node_ids.end(), request.batch.u64(Field::kNodeId).begin());
-  std::copy(temperatures.begin(), temperatures.end(), request.batch.f64(Field::kInitialTemperature).begin());
   request.request_id = connection_->next_request_id();
-  request.body = wire::OpenSession{.scene = scene, .session_id = impl->id, .resume_token = impl->resume_token};
+  request.body = wire::OpenSession{
+      .scene = scene, .session_id = impl->id, .resume_token = impl->resume_token, .domain = options.domain};
 
   impl->closed = true;  // until it is open there is nothing to say goodbye to
   Received received;
@@ -355,16 +430,13 @@ Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids
 
 Session Client::resume(const Session::Ticket& ticket) {
   Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token);
-  auto& where = body_of<wire::SessionResumed>(received);
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;
   impl->id = ticket.session_id;
   impl->resume_token = ticket.resume_token;
   impl->epoch = received.reply.epoch;
-  const auto node_ids = std::as_const(received.reply.batch).u64(Field::kNodeId);
-  impl->node_ids.assign(node_ids.begin(), node_ids.end());
-  impl->opened = std::move(where.session);
-  impl->last_sequence = where.last_sequence;
+  impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
+  impl->stand_where(received);
   return Session(std::move(impl));
 }
 

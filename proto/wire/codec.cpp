@@ -106,9 +106,11 @@ void check_parts(const Message& message, const std::string& path, bool strict) {
 template <typename Header>
 bool may_carry_payload(const Header& header) {
   if constexpr (std::is_same_v<Header, v1::RequestHeader>)
-    return header.has_open_session() || header.has_downscale();
+    return header.has_open_session() || header.has_downscale() || header.has_register_nodes() ||
+           header.has_retire_nodes() || header.has_offer_nodes();
   else
-    return header.has_upscale() || header.has_session_resumed();
+    return header.has_upscale() || header.has_session_resumed() || header.has_nodes_changed() ||
+           header.has_rolled_back();
 }
 
 // The payload frame, if there is one, is exactly what the header says of it.
@@ -211,6 +213,10 @@ void decode(Frames frames, Request& message) {
 }
 void decode(Frames frames, Reply& message) {
   decode_as<v1::ReplyHeader>(frames, message);
+}
+
+bool declares_payload(std::span<const std::byte> header_frame) {
+  return scan_envelope(header_frame).has_payload;
 }
 
 std::uint64_t hash_of(Frames frames) {

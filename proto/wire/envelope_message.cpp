@@ -42,7 +42,8 @@ static_assert(
     same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2));
 static_assert(same(Element::kFloat64, v1::ELEMENT_FLOAT64) && same(Element::kUint64, v1::ELEMENT_UINT64) &&
               same(Element::kUint8, v1::ELEMENT_UINT8));
-static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL));
+static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL) &&
+              same(Policy::kAccept, v1::POLICY_ACCEPT) && same(Policy::kAllOrNothing, v1::POLICY_ALL_OR_NOTHING));
 static_assert(same(Regime::kOpen, v1::REGIME_OPEN) && same(Regime::kStick, v1::REGIME_STICK) &&
               same(Regime::kCoulomb, v1::REGIME_COULOMB) && same(Regime::kTresca, v1::REGIME_TRESCA) &&
               same(Regime::kMelting, v1::REGIME_MELTING));
@@ -73,6 +74,9 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
               same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
               same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE) &&
+              same(Code::kTrialStands, v1::CODE_TRIAL_STANDS) &&
+              same(Code::kUnknownTransfer, v1::CODE_UNKNOWN_TRANSFER) && same(Code::kNodeOwned, v1::CODE_NODE_OWNED) &&
+              same(Code::kOtherScene, v1::CODE_OTHER_SCENE) && same(Code::kStepFailed, v1::CODE_STEP_FAILED) &&
               same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
@@ -108,6 +112,7 @@ void put(const OpenSession& from, v1::RequestHeader& header) {
   put_scene(from.scene, *header.mutable_open_session()->mutable_scene());
   header.mutable_open_session()->set_session_id(id_bytes(from.session_id));
   header.mutable_open_session()->set_resume_token(id_bytes(from.resume_token));
+  header.mutable_open_session()->set_domain(as_utf8(from.domain, kMaxTextBytes));
 }
 void put(const Downscale& from, v1::RequestHeader& header) {
   v1::Downscale& to = *header.mutable_downscale();
@@ -118,6 +123,7 @@ void put(const Downscale& from, v1::RequestHeader& header) {
   to.set_mode(static_cast<v1::Mode>(from.mode));
   to.set_commit_previous(from.commit_previous);
   for (Field field : from.wanted) to.add_wanted(static_cast<std::uint32_t>(field));
+  to.set_policy(static_cast<v1::Policy>(from.policy));
 }
 void put(const Commit&, v1::RequestHeader& header) {
   header.mutable_commit();
@@ -127,6 +133,18 @@ void put(const Rollback& from, v1::RequestHeader& header) {
 }
 void put(const Mark& from, v1::RequestHeader& header) {
   header.mutable_mark()->set_name(as_utf8(from.name, kMaxTextBytes));
+}
+void put(const RegisterNodes&, v1::RequestHeader& header) {
+  header.mutable_register_nodes();
+}
+void put(const RetireNodes&, v1::RequestHeader& header) {
+  header.mutable_retire_nodes();
+}
+void put(const OfferNodes& from, v1::RequestHeader& header) {
+  header.mutable_offer_nodes()->set_transfer_id(id_bytes(from.transfer_id));
+}
+void put(const AcceptNodes& from, v1::RequestHeader& header) {
+  header.mutable_accept_nodes()->set_transfer_id(id_bytes(from.transfer_id));
 }
 void put(const CloseSession& from, v1::RequestHeader& header) {
   header.mutable_close_session()->set_reason(as_utf8(from.reason, kMaxTextBytes));
@@ -172,6 +190,7 @@ void put(const SessionResumed& from, v1::ReplyHeader& header) {
   to.set_state_version(from.state_version);
   to.set_trial_stands(from.trial_stands);
   to.set_claim(from.claim);
+  for (const TransferId& offer : from.offers) to.add_offers(id_bytes(offer));
 }
 void put(const Upscale& from, v1::ReplyHeader& header) {
   v1::Upscale& to = *header.mutable_upscale();
@@ -191,6 +210,9 @@ void put(const Marked& from, v1::ReplyHeader& header) {
   v1::Marked& to = *header.mutable_marked();
   to.set_state_version(from.state_version);
   for (const std::string& mark : from.names) to.add_names(as_utf8(mark, kMaxTextBytes));
+}
+void put(const NodesChanged& from, v1::ReplyHeader& header) {
+  header.mutable_nodes_changed()->set_nodes(from.nodes);
 }
 void put(const SessionClosed& from, v1::ReplyHeader& header) {
   v1::SessionClosed& to = *header.mutable_session_closed();
@@ -253,7 +275,8 @@ OpenSession take(const v1::OpenSession& from) {
   if (!from.has_scene()) refuse(Code::kMalformed, "open_session has no scene", "open_session.scene");
   return {.scene = take_scene(from.scene()),
           .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id"),
-          .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token")};
+          .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token"),
+          .domain = from.domain()};
 }
 Downscale take(const v1::Downscale& from) {
   Downscale to{.dt_s = from.dt_s(),
@@ -262,7 +285,8 @@ Downscale take(const v1::Downscale& from) {
                .attempt = from.attempt(),
                .mode = static_cast<Mode>(from.mode()),
                .commit_previous = from.commit_previous(),
-               .wanted = {}};
+               .wanted = {},
+               .policy = static_cast<Policy>(from.policy())};
   if (to.mode == Mode::kUnspecified)
     refuse(Code::kMalformed, "downscale.mode is not given, expected ADVANCE or TRIAL", "downscale.mode");
   if (static_cast<std::size_t>(from.wanted_size()) > kMaxColumns)
@@ -308,11 +332,18 @@ SessionOpened take(const v1::SessionOpened& from) {
           .warnings = {from.warnings().begin(), from.warnings().end()}};
 }
 SessionResumed take(const v1::SessionResumed& from) {
-  return {.session = take(from.session()),
-          .last_sequence = from.last_sequence(),
-          .state_version = from.state_version(),
-          .trial_stands = from.trial_stands(),
-          .claim = from.claim()};
+  if (static_cast<std::size_t>(from.offers_size()) > kMaxOffers)
+    refuse(Code::kLimit, fmt::format("{} offers, at most {} allowed", from.offers_size(), kMaxOffers),
+           "session_resumed.offers");
+  SessionResumed to{.session = take(from.session()),
+                    .last_sequence = from.last_sequence(),
+                    .state_version = from.state_version(),
+                    .trial_stands = from.trial_stands(),
+                    .claim = from.claim(),
+                    .offers = {}};
+  for (const std::string& offer : from.offers())
+    to.offers.push_back(id_from(bytes_of(offer), "session_resumed.offers"));
+  return to;
 }
 Upscale take(const v1::Upscale& from) {
   return {.nodes = from.nodes(),
@@ -367,6 +398,18 @@ void take_body(const v1::RequestHeader& header, Request& message) {
     case v1::RequestHeader::kMark:
       message.body = Mark{.name = header.mark().name()};
       break;
+    case v1::RequestHeader::kRegisterNodes:
+      message.body = RegisterNodes{};
+      break;
+    case v1::RequestHeader::kRetireNodes:
+      message.body = RetireNodes{};
+      break;
+    case v1::RequestHeader::kOfferNodes:
+      message.body = OfferNodes{id_from(bytes_of(header.offer_nodes().transfer_id()), "offer_nodes.transfer_id")};
+      break;
+    case v1::RequestHeader::kAcceptNodes:
+      message.body = AcceptNodes{id_from(bytes_of(header.accept_nodes().transfer_id()), "accept_nodes.transfer_id")};
+      break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");
   }
@@ -417,6 +460,9 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
     case v1::ReplyHeader::kMarked:
       message.body = Marked{.state_version = header.marked().state_version(),
                             .names = {header.marked().names().begin(), header.marked().names().end()}};
+      break;
+    case v1::ReplyHeader::kNodesChanged:
+      message.body = NodesChanged{header.nodes_changed().nodes()};
       break;
     case v1::ReplyHeader::kSessionResumed:
       message.body = take(header.session_resumed());

@@ -69,6 +69,7 @@ bool read_field(CodedInputStream& in, std::span<const std::byte> header, std::ui
     case kLength:
       if (!read_length(in, header, bytes)) return false;
       if (number == 5) scan.session_id = bytes;
+      if (number == 8) scan.has_payload = true;
       return true;
     default:
       return false;  // groups, and wire types that do not exist

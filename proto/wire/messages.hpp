@@ -27,6 +27,7 @@ enum Outcome : std::uint8_t {
 };
 
 enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
+enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified is kAccept
 
 struct Hello {
   std::uint32_t oldest_major = kProtocolMajor;
@@ -38,6 +39,7 @@ struct OpenSession {
   Scene scene;
   SessionId session_id{};
   ResumeToken resume_token{};
+  std::string domain;  // empty: none
 };
 struct Downscale {
   double dt_s = 0.0;
@@ -47,6 +49,7 @@ struct Downscale {
   Mode mode = Mode::kAdvance;
   bool commit_previous = false;
   std::vector<Field> wanted;  // empty: all of the strategy's
+  Policy policy = Policy::kUnspecified;
 };
 struct Commit {};
 struct Rollback {
@@ -54,6 +57,15 @@ struct Rollback {
 };
 struct Mark {
   std::string name;
+};
+struct RegisterNodes {};
+struct RetireNodes {};
+using TransferId = std::array<std::uint8_t, 16>;
+struct OfferNodes {
+  TransferId transfer_id{};
+};
+struct AcceptNodes {
+  TransferId transfer_id{};
 };
 struct CloseSession {
   std::string reason;
@@ -73,7 +85,7 @@ struct Request {
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
   std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery,
-               ResumeSession, Mark>
+               ResumeSession, Mark, RegisterNodes, RetireNodes, OfferNodes, AcceptNodes>
       body;
   Batch batch;
 };
@@ -107,6 +119,7 @@ struct SessionResumed {
   std::uint64_t state_version = 0;
   bool trial_stands = false;
   std::uint64_t claim = 0;
+  std::vector<std::array<std::uint8_t, 16>> offers;  // TransferId, oldest first
 };
 struct Upscale {
   std::uint64_t nodes = 0;
@@ -124,6 +137,9 @@ struct RolledBack {
 struct Marked {
   std::uint64_t state_version = 0;
   std::vector<std::string> names;  // oldest first
+};
+struct NodesChanged {
+  std::uint64_t nodes = 0;
 };
 struct SessionClosed {
   std::uint64_t requests = 0;
@@ -154,7 +170,7 @@ struct Reply {
   Status status;
   bool replayed = false;
   std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus,
-               SessionResumed, Marked>
+               SessionResumed, Marked, NodesChanged>
       body;
   Batch batch;
 };

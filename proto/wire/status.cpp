@@ -43,6 +43,10 @@ const char* name(Code code) {
       return "SUPERSEDED";
     case Code::kUnknownMark:
       return "UNKNOWN_MARK";
+    case Code::kTrialStands:
+      return "TRIAL_STANDS";
+    case Code::kUnknownTransfer:
+      return "UNKNOWN_TRANSFER";
     case Code::kNotPermitted:
       return "NOT_PERMITTED";
     case Code::kInvalidScene:
@@ -53,6 +57,12 @@ const char* name(Code code) {
       return "UNKNOWN_NODE";
     case Code::kDuplicateNode:
       return "DUPLICATE_NODE";
+    case Code::kNodeOwned:
+      return "NODE_OWNED";
+    case Code::kOtherScene:
+      return "OTHER_SCENE";
+    case Code::kStepFailed:
+      return "STEP_FAILED";
     case Code::kShuttingDown:
       return "SHUTTING_DOWN";
     case Code::kInternal:

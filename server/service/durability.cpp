@@ -35,7 +35,7 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
   auto held = std::make_shared<HeldReply>();
   held->payload = image.reply_payload;
   const std::array<std::span<const std::byte>, 2> frames = {image.reply_header, held->payload};
-  wire::decode(std::span(frames).first(held->payload.empty() ? 1 : 2), held->reply);
+  wire::decode(std::span(frames).first(wire::declares_payload(image.reply_header) ? 2 : 1), held->reply);
   return {held, &held->reply};
 }
 
@@ -43,8 +43,10 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
 std::uint64_t sum_of(const session::Session& conversation) {
   const wire::Reply& reply = *conversation.kept_reply();
   const auto* step = std::get_if<wire::Upscale>(&reply.body);
-  const std::array<std::uint64_t, 3> numbers = {conversation.last_sequence(), step != nullptr ? step->state_version : 0,
-                                                step != nullptr ? step->flagged_nodes : 0};
+  const auto* change = std::get_if<wire::NodesChanged>(&reply.body);
+  const std::array<std::uint64_t, 4> numbers = {conversation.last_sequence(), step != nullptr ? step->state_version : 0,
+                                                step != nullptr ? step->flagged_nodes : 0,
+                                                change != nullptr ? change->nodes : 0};
   const std::array<std::span<const std::byte>, 2> parts = {std::as_bytes(std::span(numbers)), reply.batch.bytes()};
   return wire::hash_of(parts);
 }
@@ -96,6 +98,7 @@ void Service::recover() {
 void Service::clear() {
   members_.clear();
   closed_.clear();
+  transfers_.clear();
   metrics_ = {};
 }
 
@@ -112,17 +115,21 @@ void Service::restore(const store::Snapshot& snapshot) {
     } else {
       SceneModel made = scene_model(wire::parse_scene(image.scene, "the checkpoint's scene").scene);
       physics::Model model(made.options);
-      const std::vector<double> temperatures(image.node_ids.size(), made.options.initial_temperature);
       member->scene = std::move(made.effective);
-      member->shard = std::make_unique<shard::Shard>(std::move(model), image.node_ids, temperatures, pool_,
-                                                     shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+      member->shard = make_shard(std::move(model), image.node_ids);
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
       member->marks = image.marks;
+      member->domain = image.domain;
       ++metrics_.sessions;
       metrics_.nodes += image.node_ids.size();
-      metrics_.state_bytes += member->shard->state_bytes() + member->marks.size() * (member->shard->state_bytes() / 2);
+      metrics_.state_bytes += member->held_bytes();
     }
     members_[image.id] = std::move(member);
+  }
+  for (const store::TransferImage& transfer : snapshot.transfers) {
+    metrics_.nodes += transfer.node_ids.size();
+    metrics_.state_bytes += kept_bytes(transfer.states);
+    transfers_.emplace(transfer.id, transfer);
   }
 }
 
@@ -143,8 +150,8 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
   auto fresh = std::make_shared<wire::Reply>();
   fresh->epoch = epoch;
   try {
-    if (answer(std::span(frames).first(record.payload_frame.empty() ? 1 : 2), {.identity = record.identity}, fresh) !=
-        fresh)
+    if (answer(std::span(frames).first(wire::declares_payload(record.header_frame) ? 2 : 1),
+               {.identity = record.identity}, fresh) != fresh)
       refuse("it stands in the journal twice");
   } catch (const Error& fault) {
     refuse(std::string("it is refused now: ") + fault.what());
@@ -152,7 +159,7 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
 }
 
 store::Snapshot Service::snapshot() const {
-  store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}};
+  store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}, .transfers = {}};
   const auto add = [&](const Member& member) {
     wire::Reply& kept = *member.conversation.kept_reply();
     make_repeat(kept);
@@ -169,6 +176,7 @@ store::Snapshot Service::snapshot() const {
                               .node_steps = member.totals.node_steps,
                               .solver_ns = member.totals.solver_ns};
     if (member.shard) {
+      image.domain = member.domain;
       image.scene = wire::scene_to_toml(member.scene);
       image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();
@@ -181,6 +189,7 @@ store::Snapshot Service::snapshot() const {
   for (const wire::SessionId& id : closed_) add(*members_.at(id));
   for (const auto& [id, member] : members_)
     if (member->shard) add(*member);
+  for (const auto& [id, transfer] : transfers_) snapshot.transfers.push_back(transfer);
   return snapshot;
 }
 
@@ -217,16 +226,13 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
     member.epoch = epoch_ + ++claims_;
   }
   const shard::Shard& shard = *member.shard;
-  reply->body = wire::SessionResumed{.session = {.effective_scene = member.scene,
-                                                 .bytes_per_node = shard::Shard::bytes_per_node(shard.model()),
-                                                 .warnings = shard.model().warnings()},
+  reply->body = wire::SessionResumed{.session = opened(member),
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),
                                      .trial_stands = shard.has_trial(),
-                                     .claim = member.claim};
-  const std::array field = {wire::Field::kNodeId};
-  reply->batch = wire::Batch::of(field, shard.nodes().size());
-  std::copy(shard.nodes().ids().begin(), shard.nodes().ids().end(), reply->batch.u64(wire::Field::kNodeId).begin());
+                                     .claim = member.claim,
+                                     .offers = offers_of(member)};
+  reply->batch = node_column(shard.nodes().ids());
   if (resume.claim != 0) reply->epoch = member.epoch;
   return reply;
 }

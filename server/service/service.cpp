@@ -12,6 +12,7 @@
 #include "proto/wire/codec.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/strategy_columns.hpp"
+#include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
@@ -22,13 +23,10 @@ using wire::Code;
 using wire::Error;
 using wire::Field;
 
-namespace {
-
 std::string short_name(const wire::SessionId& id) {
   return fmt::format("{:02x}{:02x}{:02x}{:02x}", id[0], id[1], id[2], id[3]);
 }
 
-// A client's words, fit for one line of a log.
 std::string printable(const std::string& text) {
   constexpr std::size_t kLongest = 80;
   std::string shown = text.substr(0, kLongest);
@@ -36,43 +34,6 @@ std::string printable(const std::string& text) {
     if (c < ' ' || c > '~') c = '?';
   return shown;
 }
-
-// Memory of a mark: the states once, where a shard has them twice.
-std::uint64_t mark_bytes(const shard::Shard& shard) {
-  return shard.state_bytes() / 2;
-}
-
-shard::StepInputs inputs_of(const wire::Batch& batch) {
-  return {.velocity_jump = batch.f64(Field::kVelocityJump),
-          .second_velocity_jump = batch.f64(Field::kVelocityJump, 1),
-          .pressure = batch.f64(Field::kPressure),
-          .soft_shear_rate = batch.f64(Field::kSoftShearRate),
-          .stress_minus = batch.f64(Field::kStressMinus),
-          .second_stress_minus = batch.f64(Field::kStressMinus, 1),
-          .stress_plus = batch.f64(Field::kStressPlus),
-          .second_stress_plus = batch.f64(Field::kStressPlus, 1),
-          .mass_minus = batch.f64(Field::kMassMinus),
-          .mass_plus = batch.f64(Field::kMassPlus),
-          .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
-}
-
-shard::StepOutputs outputs_of(wire::Batch& batch) {
-  shard::StepOutputs outputs{.shear_stress = batch.f64(Field::kShearStress),
-                             .second_shear_stress = batch.f64(Field::kShearStress, 1),
-                             .sliding_velocity = batch.f64(Field::kSlidingVelocity),
-                             .second_sliding_velocity = batch.f64(Field::kSlidingVelocity, 1),
-                             .interface_temperature = batch.f64(Field::kInterfaceTemperature),
-                             .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
-                             .second_velocity_jump_new = batch.f64(Field::kVelocityJumpNew, 1),
-                             .friction_heat = batch.f64(Field::kFrictionHeat),
-                             .regime = batch.u8(Field::kRegime),
-                             .outcome = batch.u8(Field::kOutcome)};
-  static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
-  for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) outputs.ledger[i] = batch.f64(wire::kLedgerColumns[i]);
-  return outputs;
-}
-
-}  // namespace
 
 Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store)
     : options_(std::move(options)), pool_(pool), store_(store), epoch_(options_.epoch) {
@@ -201,7 +162,7 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark", "domains"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -233,32 +194,29 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
                  .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
                  .remedy = "Close sessions that are no longer used."});
 
-  const auto node_ids = check_opening_nodes(request.batch);
+  const auto node_ids = check_opening_nodes(request.batch, open.domain);
+  check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene);
   const std::vector<double> temperatures =
       check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
   physics::Model model(made.options);
   check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
 
-  wire::SessionOpened opened;
-  opened.effective_scene = made.effective;
-  opened.bytes_per_node = shard::Shard::bytes_per_node(model);
-  opened.warnings = model.warnings();
-  reply->body = std::move(opened);
-
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
   member->identity = arrival.caller.identity;
   member->resume_token = open.resume_token;
+  member->domain = open.domain;
   member->scene = std::move(made.effective);
-  member->shard = std::make_unique<shard::Shard>(
-      std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()), temperatures, pool_,
-      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  member->shard = std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
+                                                 shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  reply->body = opened(*member);
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
-      fmt::format("session {} opened by {}: \"{}\", {} nodes, {} B each", short_name(open.session_id), member->identity,
-                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
+      fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
+                  member->identity, printable(member->scene.name), open.domain.empty() ? "" : ", domain ",
+                  printable(open.domain), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));
@@ -269,6 +227,23 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   metrics_.state_bytes += state_bytes;
   log(line);
   return reply;
+}
+
+std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model,
+                                                  const std::vector<std::uint64_t>& node_ids) const {
+  const std::vector<double> temperatures(node_ids.size(), model.options().initial_temperature);
+  return std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
+                                        shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+}
+
+wire::SessionOpened Service::opened(const Member& member) const {
+  const physics::Model& model = member.shard->model();
+  std::uint64_t reply_row = 0;
+  for (const Field field : wire::columns_of(member.scene.strategy).reply)
+    reply_row += wire::size_of(wire::element_of(field));
+  return {.effective_scene = member.scene,
+          .bytes_per_node = shard::Shard::bytes_per_node(model) + reply_row,
+          .warnings = model.warnings()};
 }
 
 void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
@@ -312,6 +287,14 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
     rollback(member, *back, arrival, *reply);
   } else if (const auto* named = std::get_if<wire::Mark>(&request.body)) {
     mark(member, *named, arrival, *reply);
+  } else if (std::holds_alternative<wire::RegisterNodes>(request.body)) {
+    register_nodes(member, arrival, *reply);
+  } else if (std::holds_alternative<wire::RetireNodes>(request.body)) {
+    retire_nodes(member, arrival, *reply);
+  } else if (const auto* offer = std::get_if<wire::OfferNodes>(&request.body)) {
+    offer_nodes(member, *offer, arrival, *reply);
+  } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&request.body)) {
+    accept_nodes(member, *accept, arrival, *reply);
   } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
     close_session(member, *close, arrival, *reply);
   } else {
@@ -336,12 +319,32 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
   reply->batch = wire::Batch::of(wanted, num_rows, member.scene.tangential_components);
   auto& upscale = reply->body.emplace<wire::Upscale>();
+  const shard::StepInputs inputs = inputs_of(request.batch);
+  shard::StepOutputs outputs = outputs_of(reply->batch);
+  std::vector<std::uint8_t> outcomes(outputs.outcome.empty() ? num_rows : 0);  // where the host does not want them
+  if (outputs.outcome.empty()) outputs.outcome = outcomes;
+  std::uint64_t solver_started_ns = options_.now_ns();
+  std::optional<shard::Shard::Attempt> attempt;
+  if (step.policy == wire::Policy::kAllOrNothing) {
+    attempt = shard.attempt(rows, *operators, inputs, outputs, step.commit_previous);
+    if (attempt->count.failed != 0) {
+      leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, step.commit_previous});
+      refuse_failed_step(request.batch, shard.nodes(), outputs.outcome);
+    }
+  }
   keep(arrival, member.id, &member);
 
   // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
   if (step.commit_previous) shard.commit();
-  const std::uint64_t solver_started_ns = options_.now_ns();
-  upscale.flagged_nodes = shard.step(rows, *operators, inputs_of(request.batch), outputs_of(reply->batch));
+  if (attempt) {
+    shard.take(*attempt);
+    upscale.flagged_nodes = attempt->count.flagged;
+  } else {
+    solver_started_ns = options_.now_ns();
+    const shard::StepCount count = shard.step(rows, *operators, inputs, outputs);
+    upscale.flagged_nodes = count.flagged;
+    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, false});
+  }
   const std::uint64_t ended_ns = options_.now_ns();
   if (step.mode == wire::Mode::kAdvance) shard.commit();
   upscale.nodes = num_rows;
@@ -357,51 +360,6 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   metrics_.solver_ns += upscale.solver_ns;
 }
 
-void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply) {
-  if (mark.name.empty() || mark.name.size() > wire::kMaxMarkNameBytes)
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("the name of a mark has {} bytes; expected 1 to {}", mark.name.size(),
-                                     wire::kMaxMarkNameBytes),
-                 .field = "mark.name"});
-  const shard::Shard& shard = *member.shard;
-  member.marks.reserve(wire::kMaxMarks + 1);
-  auto gone =
-      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == mark.name; });
-  if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
-  const bool grows = gone == member.marks.end();
-  if (grows) check_memory(mark_bytes(shard), shard.nodes().size());
-  auto& answer = reply.body.emplace<wire::Marked>();
-  answer.state_version = shard.state_version();
-  for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
-    if (old != gone) answer.names.push_back(old->name);
-  answer.names.push_back(mark.name);
-  store::MarkImage made{.name = mark.name, .state_version = shard.state_version(), .states = shard.committed_states()};
-  keep(arrival, member.id, &member);
-
-  if (grows)
-    metrics_.state_bytes += mark_bytes(shard);
-  else
-    member.marks.erase(gone);
-  member.marks.push_back(std::move(made));
-}
-
-void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
-  const auto to =
-      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == rollback.to_mark; });
-  if (!rollback.to_mark.empty() && to == member.marks.end())
-    throw Error({.code = Code::kUnknownMark,
-                 .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
-                                     member.marks.size()),
-                 .remedy = "The oldest mark goes when a session has more than the limit.",
-                 .field = "rollback.to_mark"});
-  keep(arrival, member.id, &member);
-  if (rollback.to_mark.empty())
-    member.shard->rollback();
-  else
-    member.shard->restore(to->states, nullptr, to->state_version);
-  reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
-}
-
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
                             wire::Reply& reply) {
   keep(arrival, member.id, &member);
@@ -414,9 +372,10 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();
-  metrics_.state_bytes -= member.shard->state_bytes() + member.marks.size() * mark_bytes(*member.shard);
+  metrics_.state_bytes -= member.held_bytes();
   member.marks.clear();
   member.shard.reset();
+  forget_transfers_of(member.domain_it_is_in());
   if (closed_.size() > kClosedSessionsKept) {
     members_.erase(closed_.front());
     closed_.pop_front();

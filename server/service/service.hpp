@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -78,6 +79,12 @@ class Service : private store::Recovery {
   // late copy of its opening cannot bring it back.
   struct Member;
   struct Arrival;
+  // Sessions of one identity that named the same; without a name a session is alone.
+  struct Domain {
+    std::string_view identity;
+    std::string_view name;
+    bool operator==(const Domain&) const = default;
+  };
   using Members = std::map<wire::SessionId, std::unique_ptr<Member>>;
   using ReplyPtr = std::shared_ptr<wire::Reply>;
 
@@ -91,8 +98,34 @@ class Service : private store::Recovery {
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
+  wire::SessionOpened opened(const Member& member) const;
+  // At the model's initial temperature.
+  std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids) const;
+
+  // capsules.cpp: what nodes without an answer leave behind.
+  struct FailedStep {
+    const wire::Batch& answer;
+    std::span<const std::uint8_t> outcomes;
+    bool from_trial;  // the states it started from
+  };
+  void leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
+                      const shard::Rows& rows, const FailedStep& failed) noexcept;
+
+  // nodes.cpp: the set of a session's nodes, and the marks that keep it.
+  static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
+  void check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
+                    std::span<const std::uint64_t> node_ids) const;
+  void register_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
+  void retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
+  void offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply);
+  void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
+  void take(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
+  std::vector<wire::TransferId> offers_of(const Member& member) const;  // oldest first
+  void forget_transfers_of(const Domain& domain);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
   void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);
+  void rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival);
+  void withdraw_offers(Member& member, std::uint64_t after_sequence);
   void close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply);
 
   void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member);
@@ -115,8 +148,9 @@ class Service : private store::Recovery {
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
-  Members members_;                     // open and closed
-  std::deque<wire::SessionId> closed_;  // oldest first
+  Members members_;                                             // open and closed
+  std::deque<wire::SessionId> closed_;                          // oldest first
+  std::map<wire::TransferId, store::TransferImage> transfers_;  // nodes on their way, which no session has
   wire::ServerStatus metrics_;
 };
 

@@ -139,36 +139,89 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
     refuse(Code::kUnknownNode, wire::name(Field::kNodeId),
            fmt::format("node {} is not of this session ({} of {} rows at fault)", rows.unknown.front(),
                        rows.unknown.size(), expected),
-           "Open the session with every node it will ever step.", rows.unknown);
+           "Name nodes the session was opened with or that were registered since.", rows.unknown);
   if (!rows.duplicate.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
-           fmt::format("node {} is given more than once in the step", rows.duplicate.front()), "Send one row per node.",
-           rows.duplicate);
+           fmt::format("node {} is given more than once in the request", rows.duplicate.front()),
+           "Send one row per node.", rows.duplicate);
   return rows;
 }
 
-}  // namespace
-
-std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch) {
+// The node_id column of an opening or of a change of nodes; empty where `needed` is null and there is none.
+std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed) {
   check_components(batch, 1);
   for (const wire::Column& column : batch.columns())
     if (column.field != Field::kNodeId && column.field != Field::kInitialTemperature)
       refuse(Code::kShape, wire::name(column.field),
-             fmt::format("column {} does not belong to an opening", wire::name(column.field)),
-             "Send node_id and, where it differs from the scene's, initial_temperature_k.");
+             fmt::format("column {} does not belong to nodes that are named", wire::name(column.field)),
+             "Send node_id and, where new nodes differ from the scene's, initial_temperature_k.");
   const auto ids = batch.u64(Field::kNodeId);
-  if (ids.empty())
-    refuse(Code::kShape, wire::name(Field::kNodeId), "a session needs at least one node; none was given",
+  if (ids.empty() && needed != nullptr)
+    refuse(Code::kShape, wire::name(Field::kNodeId), fmt::format("{} needs at least one node; none was given", needed),
            "Send a node_id column.");
-  if (ids.size() > wire::kMaxNodesPerSession)
-    refuse(Code::kLimit, wire::name(Field::kNodeId),
-           fmt::format("{} nodes; a session holds at most {}", ids.size(), wire::kMaxNodesPerSession),
-           "Split the nodes over several sessions.");
   if (const auto repeated = shard::NodeTable::repeated(ids); !repeated.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
            fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
            repeated);
   return ids;
+}
+
+}  // namespace
+
+void check_session_size(std::size_t nodes) {
+  if (nodes > wire::kMaxNodesPerSession)
+    refuse(Code::kLimit, wire::name(Field::kNodeId),
+           fmt::format("{} nodes; a session holds at most {}", nodes, wire::kMaxNodesPerSession),
+           "Split the nodes over several sessions.");
+}
+
+std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain) {
+  if (!domain.empty()) check_name(domain, "open_session.domain");
+  const auto ids = check_node_column(batch, domain.empty() ? "a session without a domain" : nullptr);
+  check_session_size(ids.size());
+  return ids;
+}
+
+std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
+  const auto ids = check_node_column(batch, "the request");
+  check_session_size(nodes.size() + ids.size());
+  std::vector<std::uint64_t> sorted(ids.begin(), ids.end());
+  std::sort(sorted.begin(), sorted.end());
+  if (const auto there = nodes.common(sorted); !there.empty())
+    refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
+           fmt::format("node {} is of this session already ({} of {} rows at fault)", there.front(), there.size(),
+                       ids.size()),
+           "Retire a node before its id is used again.", there);
+  return ids;
+}
+
+shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
+  check_node_column(batch, "the request");
+  if (batch.has(Field::kInitialTemperature))
+    refuse(Code::kShape, wire::name(Field::kInitialTemperature), "nodes that leave have no initial temperature",
+           "Send node_id and nothing else.");
+  return locate_rows(batch, nodes);
+}
+
+void check_name(const std::string& name, const std::string& field) {
+  if (name.empty() || name.size() > wire::kMaxNameBytes)
+    refuse(Code::kInvalidValue, field,
+           fmt::format("{} has {} bytes; expected 1 to {}", field, name.size(), wire::kMaxNameBytes),
+           "Choose another name.");
+}
+
+void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
+                        std::span<const std::uint8_t> outcomes) {
+  const std::span<const std::uint64_t> row_ids = batch.has(Field::kNodeId) ? batch.u64(Field::kNodeId) : nodes.ids();
+  std::vector<std::uint64_t> ids;
+  for (std::size_t row = 0; row < outcomes.size(); ++row)
+    if ((outcomes[row] & wire::kFailed) != 0) ids.push_back(row_ids[row]);
+  const std::uint64_t first = ids.front();
+  const std::size_t failed = ids.size();
+  refuse(Code::kStepFailed, "downscale.policy",
+         fmt::format("node {} has no answer to this step ({} of {} rows)", first, failed, outcomes.size()),
+         "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which these nodes keep their states.",
+         std::move(ids));
 }
 
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const wire::Scene& effective,

@@ -21,6 +21,7 @@ class DamagedFile : public std::runtime_error {
 
 inline constexpr std::uint32_t kJournalVersion = 2;
 inline constexpr std::uint32_t kCheckpointVersion = 2;
+inline constexpr std::uint32_t kCapsuleVersion = 1;
 inline constexpr std::array<char, 8> kJournalMagic = {'S', 'H', 'B', 'J', 'R', 'N', 'L', '\n'};
 inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K', 'P', 'T', '\n'};
 
@@ -68,6 +69,7 @@ static_assert(sizeof(CheckpointFooter) == 56);
 
 inline std::string segment_name(std::uint64_t number);
 inline std::string checkpoint_name(std::uint64_t generation);
+inline std::string capsule_name(std::uint64_t number);
 
 namespace detail {
 inline std::string numbered(const char* prefix, std::uint64_t number, const char* suffix) {
@@ -81,6 +83,9 @@ inline std::string segment_name(std::uint64_t number) {
 }
 inline std::string checkpoint_name(std::uint64_t generation) {
   return detail::numbered("checkpoint-", generation, ".h5");
+}
+inline std::string capsule_name(std::uint64_t number) {
+  return detail::numbered("capsule-", number, ".h5");
 }
 
 }  // namespace shearbus::store

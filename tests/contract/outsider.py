@@ -134,12 +134,12 @@ class Connection:
 class Session:
     """Opens, then numbers its requests; a refused one leaves the number free."""
 
-    def __init__(self, connection, scene, node_ids, temperatures=None):
+    def __init__(self, connection, scene, node_ids, temperatures=None, domain=""):
         self.connection, self.id, self.sequence = connection, os.urandom(16), 0
-        columns = {NODE_ID: node_ids}
+        columns = {NODE_ID: node_ids} if node_ids else None
         if temperatures is not None:
             columns[INITIAL_TEMPERATURE] = temperatures
-        self.opening = connection.frames(columns, open_session={"scene": scene, "session_id": self.id})
+        self.opening = connection.frames(columns, open_session={"scene": scene, "session_id": self.id, "domain": domain})
         self.opened = connection.exchange(self.opening)
 
     def frames(self, columns=None, **body):
@@ -189,8 +189,8 @@ class Outsider(unittest.TestCase):
         if field is not None:
             self.assertEqual(reply.header.status.field, field)
 
-    def open(self, scene, node_ids, temperatures=None):
-        session = Session(self.bus, scene, node_ids, temperatures)
+    def open(self, scene, node_ids, temperatures=None, domain=""):
+        session = Session(self.bus, scene, node_ids, temperatures, domain)
         self.assertEqual(session.opened.code, pb.CODE_OK, session.opened.header.status.text)
         self.addCleanup(lambda: session.call(close_session={"reason": "test over"}))
         return session
@@ -301,6 +301,38 @@ class Outsider(unittest.TestCase):
         rode_along = session.step(drive([100.0]), mode=2, commit_previous=True)
         plain.step(drive([100.0]))
         self.assertEqual(rode_along.columns, plain.step(drive([100.0])).columns)
+
+    # -- nodes come, leave and move --
+
+    def test_nodes_move_between_sessions_of_a_domain_with_their_states(self):
+        domain = os.urandom(8).hex()
+        giver, taker = self.open(paper_scene(), [1, 2, 3], domain=domain), self.open(paper_scene(), [], domain=domain)
+        plain = self.open(paper_scene(), [1, 2, 3, 7])
+        giver.step(drive([100.0, 150.0, 50.0]))
+        plain.step(drive([100.0, 150.0, 50.0]) | {NODE_ID: [1, 2, 3]})
+        self.assert_refused(Session(self.bus, paper_scene(), [3], domain=domain).opened, pb.CODE_NODE_OWNED, "node_id")
+        transfer = {"transfer_id": os.urandom(16)}
+        self.assert_refused(taker.call(accept_nodes=transfer), pb.CODE_UNKNOWN_TRANSFER)
+        offer = giver.call({NODE_ID: [3, 1]}, offer_nodes=transfer)
+        self.assertEqual(offer.header.nodes_changed.nodes, 1)
+        accepted = taker.call(accept_nodes=transfer)
+        self.assertEqual(accepted.columns[NODE_ID], (3, 1))
+        self.assertEqual(taker.call({NODE_ID: [7]}, register_nodes={}).header.nodes_changed.nodes, 3)
+        moved = taker.step(drive([60.0, 70.0, 80.0]))
+        whole = plain.step(drive([70.0, 1.0, 60.0, 80.0]))
+        for field in (TEMPERATURE, STRESS):
+            self.assertEqual(moved.columns[field], tuple(whole.columns[field][row] for row in (2, 0, 3)))
+        self.assertEqual(taker.call({NODE_ID: [1]}, retire_nodes={}).header.nodes_changed.nodes, 2)
+        self.assertEqual(len(taker.step(drive([60.0, 70.0])).columns[TEMPERATURE]), 2)
+        taker.step(drive([60.0, 70.0]), mode=2)
+        self.assert_refused(taker.call({NODE_ID: [7]}, retire_nodes={}), pb.CODE_TRIAL_STANDS)
+
+    def test_a_mark_brings_its_nodes_back(self):
+        session = self.open(paper_scene(), [1, 2, 3])
+        session.call(mark={"name": "dump"})
+        session.call({NODE_ID: [2]}, retire_nodes={})
+        session.call({NODE_ID: [9]}, register_nodes={})
+        self.assertEqual(session.call(rollback={"to_mark": "dump"}).columns[NODE_ID], (1, 2, 3))
 
     # -- sequence numbers --
 

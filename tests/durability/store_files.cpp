@@ -19,8 +19,8 @@ std::vector<std::byte> some_bytes(std::size_t size, int seed) {
 }
 
 shard::States small_states(std::vector<std::uint32_t> slots, double first) {
-  shard::States states{.slots = std::move(slots), .columns = {}};
-  const std::size_t rows = states.slots.size();
+  shard::States states{.rows = std::move(slots), .columns = {}};
+  const std::size_t rows = states.rows.size();
   for (const auto& [name, units, width] : {std::tuple{"temperature_k", "K", 3}, {"shear_stress_pa", "Pa", 1}}) {
     std::vector<double> values(rows * static_cast<std::size_t>(width));
     std::iota(values.begin(), values.end(), first);
@@ -53,11 +53,11 @@ Snapshot small_snapshot() {
 }
 
 bool same(const shard::States& a, const shard::States& b) {
-  return a.slots == b.slots && std::equal(a.columns.begin(), a.columns.end(), b.columns.begin(), b.columns.end(),
-                                          [](const shard::StateColumn& x, const shard::StateColumn& y) {
-                                            return x.name == y.name && x.units == y.units && x.width == y.width &&
-                                                   x.values == y.values;
-                                          });
+  return a.rows == b.rows && std::equal(a.columns.begin(), a.columns.end(), b.columns.begin(), b.columns.end(),
+                                        [](const shard::StateColumn& x, const shard::StateColumn& y) {
+                                          return x.name == y.name && x.units == y.units && x.width == y.width &&
+                                                 x.values == y.values;
+                                        });
 }
 
 TEST(Checkpoint, ComesBackAsItWent) {

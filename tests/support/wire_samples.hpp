@@ -126,6 +126,18 @@ inline std::vector<std::pair<std::string, Request>> requests() {
   add("resume_session", ResumeSession{.resume_token = session_id(), .claim = 3, .claimant = 77});
   add("mark", Mark{.name = "dump 17"});
   add("rollback_to_mark", Rollback{.to_mark = "dump 17"});
+  const auto some_nodes = [&](std::span<const Field> fields) {
+    Batch batch = Batch::of(fields, 2);
+    batch.u64(Field::kNodeId)[1] = 1ULL << 63;
+    for (double& value : batch.f64(Field::kInitialTemperature)) value = 300.0;
+    return batch;
+  };
+  add("open_session_in_a_domain", OpenSession{.scene = scene(), .session_id = session_id(), .domain = "crash 7"});
+  add("downscale_all_or_nothing", Downscale{.dt_s = 1e-9, .policy = Policy::kAllOrNothing}, step_columns(2));
+  add("register_nodes", RegisterNodes{}, some_nodes(opening));
+  add("retire_nodes", RetireNodes{}, some_nodes(std::span(opening, 1)));
+  add("offer_nodes", OfferNodes{.transfer_id = session_id()}, some_nodes(std::span(opening, 1)));
+  add("accept_nodes", AcceptNodes{.transfer_id = session_id()});
   return all;
 }
 
@@ -157,9 +169,14 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
                                             .last_sequence = 14,
                                             .state_version = 15,
                                             .trial_stands = true,
-                                            .claim = 2});
+                                            .claim = 2,
+                                            .offers = {session_id(), session_id()}});
   const Field node_id[] = {Field::kNodeId};
   resumed.batch = Batch::of(node_id, 2);
+  Reply& accepted = add("nodes_changed", NodesChanged{.nodes = 17});
+  accepted.batch = Batch::of(node_id, 3);
+  Reply& back = add("rolled_back_to_mark", RolledBack{.state_version = 3});
+  back.batch = Batch::of(node_id, 1);
   add("marked", Marked{.state_version = 16, .names = {"dump 16", "dump 17"}});
   Reply& refusal = add("refusal", std::monostate{});
   refusal.status = {.code = Code::kInvalidValue,

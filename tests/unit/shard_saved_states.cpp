@@ -42,7 +42,7 @@ class SavedStates : public ::testing::TestWithParam<int> {
 Shard make_shard(const ModelOptions& options, TaskPool& pool) {
   std::vector<std::uint64_t> ids(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) ids[i] = i;
-  return {physics::Model(options), std::move(ids), std::vector<double>(kNodes, 300.0), pool, ShardOptions{}};
+  return {physics::Model(options), ids, std::vector<double>(kNodes, 300.0), pool, ShardOptions{}};
 }
 
 // Both strategies are told all they may want. The far stresses hold the bodies near the layer's flow stress, so that

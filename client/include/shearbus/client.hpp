@@ -36,8 +36,10 @@ using wire::Batch;
 using wire::Code;
 using wire::Error;
 using wire::Field;
+using wire::Policy;
 using wire::Scene;
 using wire::Status;
+using wire::TransferId;
 
 struct ClientOptions {
   std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
@@ -59,6 +61,9 @@ KeyPair make_key_pair();
 
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one per node; empty: the scene's
+  // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between them;
+  // only there may a session be opened without nodes. Empty: the session is alone.
+  std::string domain;
 };
 
 struct StepOptions {
@@ -67,6 +72,9 @@ struct StepOptions {
   std::uint64_t step = 0;  // the host's number, for records only
   std::uint32_t attempt = 0;
   bool commit_previous = false;  // trial(): accept the standing trial first
+  // What becomes of a step in which a node has no answer: by default it keeps its state and says so in its row.
+  // kAllOrNothing: the call throws kStepFailed, which names the nodes, and nothing was changed.
+  Policy policy = Policy::kAccept;
 };
 
 // The reply to a step; columns have one value per node, in the order of the request. Valid until the session's next
@@ -105,7 +113,7 @@ class Session {
   Session& operator=(Session&&) noexcept;
   ~Session();  // of a session that was not closed: says goodbye without waiting
 
-  // Columns for all nodes, in the order they were opened, zeroed; optional columns of the strategy only when asked for.
+  // Columns for all nodes, in the order of node_ids(), zeroed; optional columns of the strategy only when asked for.
   Batch request(std::span<const Field> optional_columns = {}) const;
   // The same for some nodes: rows in the order of `node_ids`.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
@@ -115,10 +123,18 @@ class Session {
   std::uint64_t commit();
   std::uint64_t rollback();
   // Keeps the committed states on the server under a name, such as that of the host's own restart dump; the server
-  // keeps the newest few (welcome().limits.max_marks). Going back to one makes its states the committed ones again, and
-  // drops a trial.
+  // keeps the newest few (welcome().limits.max_marks). Going back to one makes its nodes and their states the session's
+  // again, and drops a trial.
   wire::Marked mark(const std::string& name);
   std::uint64_t rollback_to(const std::string& mark);
+  // The set of nodes; not while a trial stands. New nodes follow those there are, which keep their order: node_ids().
+  void register_nodes(std::span<const std::uint64_t> node_ids,
+                      std::span<const double> initial_temperature_k = {});  // one per node; empty: the scene's
+  void retire_nodes(std::span<const std::uint64_t> node_ids);               // their states are freed
+  // Hands nodes with their states to another session of the domain, which accepts them with what is returned here. In
+  // between the server keeps them; the giver may take them back by accepting them itself.
+  TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
+  std::vector<std::uint64_t> accept_nodes(const TransferId& transfer);
   wire::SessionClosed close();
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
@@ -126,7 +142,7 @@ class Session {
   const Scene& effective_scene() const;  // every default and constant filled in, as the server understood it
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
-  const std::vector<std::uint64_t>& node_ids() const;
+  const std::vector<std::uint64_t>& node_ids() const;  // in the order of the rows
 
   // What another process needs to go on with this session when this one is gone. Whoever holds it has the session.
   struct Ticket {
@@ -134,6 +150,8 @@ class Session {
     wire::ResumeToken resume_token{};
   };
   Ticket ticket() const;
+  // Of the offers that waited when the session was resumed: what a client that has gone had not handed on.
+  const std::vector<TransferId>& offers() const;
   std::uint64_t last_sequence() const;  // of the last request that was answered; the opening is 0
   void leave();                         // ends without a goodbye: the server keeps the session for who resumes it
 

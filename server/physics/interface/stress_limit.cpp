@@ -79,7 +79,7 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
     a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
   }
-  return a;
+  return std::numeric_limits<double>::quiet_NaN();  // no root was found: no number
 }
 
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a) {

@@ -193,8 +193,10 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
     if (!(inputs.active >> lane & 1u)) {
       copy_lane(committed, trial, layout.doubles, lane);
     } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
-               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane])) {
-      // Inputs so extreme that the arithmetic left the range of a double: no answer, the old state stays.
+               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
+               !std::isfinite(outputs.friction_heat[lane])) {
+      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer, the
+      // old state stays.
       copy_lane(committed, trial, layout.doubles, lane);
       outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
       outputs.sliding_velocity[lane] = 0.0;

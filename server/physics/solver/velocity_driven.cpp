@@ -323,7 +323,9 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
-    const double s = lane.loaded ? lane.direction * lane.a : 0.0;
+    // Where no root was found there is no number, and so no answer.
+    const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
+    const double s = lane.loaded ? lane.direction * found : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
                                : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
