@@ -11,32 +11,37 @@ CommandLine parse_command_line(int argc, char** argv) {
   wire::InterfaceLaw law = wire::InterfaceLaw::kUnspecified;
 
   CLI::App app("Runs a scene's hydrodynamic problem and leaves histories, a summary and pictures.", "shearbus-hydro");
-  app.add_option("scene", options.scene, "scene to run (TOML)")->required();
-  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)");
+  CLI::Option* scene = app.add_option("scene", options.scene, "scene to run (TOML)");
+  CLI::Option* restart =
+      app.add_option("--restart", options.restart, "directory of a run that was stopped: go on from its last dump");
+  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)")->excludes(restart);
   app.add_option(
-      "--server", options.server.endpoint,
+      "--server", options.server,
       "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
-  std::filesystem::path server_key;
-  std::filesystem::path key;
-  app.add_option("--server-key", server_key, "by tcp: file of the server's public key");
-  app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen");
+  app.add_option("--server-key", options.server_key, "by tcp: file of the server's public key");
+  app.add_option("--key", options.key, "by tcp: file of one's own secret key, from shearbus-ctl keygen");
   app.add_option("--interface-law", law, "subgrid, coulomb_tresca, free_slip or stick, in place of the scene's")
       ->transform(CLI::Transformer(
           std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
                                                     {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
                                                     {"free_slip", wire::InterfaceLaw::kFreeSlip},
-                                                    {"stick", wire::InterfaceLaw::kStick}}));
+                                                    {"stick", wire::InterfaceLaw::kStick}}))
+      ->excludes(restart);
+  app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
+  app.add_option("--dump-interval", options.dumps.interval_s,
+                 "restart dump after every so many seconds (default: none)")
+      ->check(CLI::NonNegativeNumber);
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
                "show how far a long run is, on a terminal (default: yes)");
   try {
     app.parse(argc, argv);
+    if (scene->empty() == restart->empty()) throw CLI::RequiredError("a scene, or --restart DIR");
   } catch (const CLI::ParseError& error) {
     line.exit_code = app.exit(error) == 0 ? 0 : 2;
     return line;
   }
-  wire::read_keys_into(options.server, server_key, key);
   if (law != wire::InterfaceLaw::kUnspecified) options.interface_law = law;
   return line;
 }

@@ -5,23 +5,26 @@
 #include <optional>
 #include <string>
 
-#include "proto/wire/key_file.hpp"
+#include "hydro_stub/restart.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;
+  std::filesystem::path scene;                      // this, or
+  std::filesystem::path restart;                    // the directory of a run to go on with
   std::filesystem::path out;                        // empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;                       // no endpoint: in this process
+  std::string server;                               // endpoint; empty: in this process
+  std::filesystem::path server_key;                 // by tcp: file of the server's public key
+  std::filesystem::path key;                        // and of one's own secret one
   std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
+  DumpSchedule dumps;
   bool check = false;
   bool plot = true;
   bool progress = true;
 };
 
-// The options, or the exit code where there is nothing (more) to do: --help, or a faulty command line. Parsing throws
-// std::runtime_error for key files that cannot be used.
+// The options, or the exit code where there is nothing (more) to do: --help, or a faulty command line.
 struct CommandLine {
   Options options;
   std::optional<int> exit_code;

@@ -35,7 +35,7 @@ struct Options {
 
 shearbus::Client connect(const Options& options) {
   const auto deadline = std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * options.timeout_s));
-  shearbus::wire::ServerAddress server(options.server);
+  shearbus::wire::ServerAddress server{.endpoint = options.server};
   read_keys_into(server, options.server_key, options.key);
   return shearbus::Client({.endpoint = server.endpoint,
                            .server_key = server.server_key,
