@@ -108,7 +108,7 @@ bool may_carry_payload(const Header& header) {
   if constexpr (std::is_same_v<Header, v1::RequestHeader>)
     return header.has_open_session() || header.has_downscale();
   else
-    return header.has_upscale() || header.has_session_resumed();
+    return header.has_upscale() || header.has_session_resumed() || header.has_inspected();
 }
 
 // The payload frame, if there is one, is exactly what the header says of it.

@@ -375,7 +375,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(self.bus.exchange([b"GET / HTTP/1.1\r\n\r\n"]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b""]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([bytes(64 * 1024 + 1)]), pb.CODE_LIMIT)
-        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x01\x00"  # body 31
+        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x02\x00"  # body 47
         self.assert_refused(self.bus.exchange([later]), pb.CODE_UNSUPPORTED)
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
 
