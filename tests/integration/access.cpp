@@ -62,10 +62,11 @@ Status refusal_of(const ClientOptions& options) {
 }
 
 // A refusal is told long before the deadline, which a client without a monitor would wait for.
-Status prompt_refusal_of(const ClientOptions& options) {
+Status prompt_refusal_of(ClientOptions options) {
+  options.connect_deadline = 60s;
   const auto started = std::chrono::steady_clock::now();
   Status status = refusal_of(options);
-  EXPECT_LT(std::chrono::steady_clock::now() - started, 1500ms) << describe(status);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 10s) << describe(status);
   return status;
 }
 
@@ -279,8 +280,8 @@ TEST_F(Keys, ProgramsMakeAndUseKeys) {
     arguments.insert(arguments.end(), keys.begin(), keys.end());
     return run(arguments);
   };
-  EXPECT_EQ(with_keys({ctl, "ping"}).first, 0);
-  const auto keyless = run({ctl, "ping", "--server", endpoint});
+  EXPECT_EQ(with_keys({ctl, "ping", "--timeout", "20"}).first, 0);
+  const auto keyless = run({ctl, "ping", "--timeout", "20", "--server", endpoint});
   EXPECT_EQ(keyless.first, 1);
   EXPECT_THAT(keyless.second, HasSubstr("AUTH"));
   const auto hydro = with_keys({SHEARBUS_BINARY_DIR "/bin/shearbus-hydro",
