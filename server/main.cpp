@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/server.hpp"
 
@@ -23,6 +24,7 @@ namespace {
 
 using shearbus::server::Server;
 using shearbus::server::ServerOptions;
+using shearbus::server::ServiceManager;
 
 constexpr int kExitFault = 1;
 constexpr int kExitUsage = 2;
@@ -107,6 +109,7 @@ int block_stop_signals() {
 void run(const ServerOptions& options) {
   const int stop_fd = block_stop_signals();
   start_log(options);
+  ServiceManager manager;
   spdlog::info(
       "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, log "
       "level {}",
@@ -126,7 +129,8 @@ void run(const ServerOptions& options) {
     if (options.insecure_plaintext)
       spdlog::warn("INSECURE: whoever reaches a tcp address of this server is served, unknown and unencrypted");
     for (const std::string& endpoint : options.endpoints) spdlog::info("listening on {}", server.bind(endpoint));
-    server.run(stop_fd);
+    manager.ready(fmt::format("listening on {}", fmt::join(options.endpoints, ", ")));
+    server.run(stop_fd, &manager);
     const auto status = server.status();
     spdlog::info(
         "stopping: {} requests ({} refused, {} repeated), {} node-steps, {} sessions were open, {} answers "

@@ -440,12 +440,52 @@ Session Client::resume(const Session::Ticket& ticket) {
   return Session(std::move(impl));
 }
 
-wire::ServerStatus Client::server_status() {
+template <typename Answer, typename Question>
+Answer Client::ask(Question question) {
   wire::Request request;
   request.request_id = connection_->next_request_id();
-  request.body = wire::ServerStatusQuery{};
+  request.body = std::move(question);
   Received received = connection_->call(request, connection_->options().reply_deadline);
-  return body_of<wire::ServerStatus>(received);
+  return std::move(body_of<Answer>(received));
+}
+
+wire::ServerStatus Client::server_status() {
+  return ask<wire::ServerStatus>(wire::ServerStatusQuery{});
+}
+wire::Checkpointed Client::checkpoint() {
+  return ask<wire::Checkpointed>(wire::Checkpoint{});
+}
+wire::Draining Client::drain(bool exit) {
+  return ask<wire::Draining>(wire::Drain{.exit = exit});
+}
+
+std::vector<wire::SessionInfo> Client::sessions() {
+  std::vector<wire::SessionInfo> all;
+  for (bool more = true; more;) {
+    auto page = ask<wire::Inspected>(wire::Inspect{.after = all.empty() ? wire::SessionId{} : all.back().session_id});
+    more = page.more && !page.sessions.empty();
+    all.insert(all.end(), page.sessions.begin(), page.sessions.end());
+  }
+  return all;
+}
+
+TopNodes Client::top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count) {
+  wire::Request request;
+  request.request_id = connection_->next_request_id();
+  request.session_id = session;
+  request.body = wire::Inspect{.top = by, .count = count};
+  Received received = connection_->call(request, connection_->options().reply_deadline);
+  auto& inspected = body_of<wire::Inspected>(received);
+  const Batch& batch = received.reply.batch;
+  TopNodes top{.session = inspected.sessions.empty() ? wire::SessionInfo{} : std::move(inspected.sessions.front()),
+               .matching = inspected.matching};
+  const auto copy = [](const auto& column, auto& to) { to.assign(column.begin(), column.end()); };
+  copy(batch.u64(Field::kNodeId), top.node_ids);
+  copy(batch.f64(Field::kInterfaceTemperature), top.interface_temperature_k);
+  copy(batch.f64(Field::kShearStress), top.shear_stress_pa);
+  copy(batch.f64(Field::kSlidingVelocity), top.sliding_velocity_m_per_s);
+  copy(batch.u8(Field::kRegime), top.regime);
+  return top;
 }
 
 }  // namespace shearbus

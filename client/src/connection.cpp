@@ -198,8 +198,7 @@ void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
               (event == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL && ++silent_failures_ == kSilentFailures))) {
     // A server that cannot open what was sealed for another key says nothing.
     refused(
-        "the connection is broken off in the handshake: the server does not have the secret key to server_key, or no "
-        "keys",
+        "the connection is broken off in the handshake: the server has no keys, or not the secret one to server_key",
         "Take the server's public key from the line it logs at its start.");
   }
 }

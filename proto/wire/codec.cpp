@@ -110,7 +110,7 @@ bool may_carry_payload(const Header& header) {
            header.has_retire_nodes() || header.has_offer_nodes();
   else
     return header.has_upscale() || header.has_session_resumed() || header.has_nodes_changed() ||
-           header.has_rolled_back();
+           header.has_rolled_back() || header.has_inspected();
 }
 
 // The payload frame, if there is one, is exactly what the header says of it.

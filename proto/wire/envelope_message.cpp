@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/wire/scene_message.hpp"
+#include "proto/wire/status_message.hpp"
 #include "proto/wire/text.hpp"
 #include "shearbus/v1/envelope.pb.h"
 
@@ -77,7 +78,10 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kTrialStands, v1::CODE_TRIAL_STANDS) &&
               same(Code::kUnknownTransfer, v1::CODE_UNKNOWN_TRANSFER) && same(Code::kNodeOwned, v1::CODE_NODE_OWNED) &&
               same(Code::kOtherScene, v1::CODE_OTHER_SCENE) && same(Code::kStepFailed, v1::CODE_STEP_FAILED) &&
-              same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED));
+              same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED) && same(Code::kDraining, v1::CODE_DRAINING) &&
+              same(Code::kCheckpointFailed, v1::CODE_CHECKPOINT_FAILED));
+static_assert(same(Top::kHottest, v1::TOP_HOTTEST) && same(Top::kFastest, v1::TOP_FASTEST) &&
+              same(Top::kMolten, v1::TOP_MOLTEN));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -152,6 +156,17 @@ void put(const CloseSession& from, v1::RequestHeader& header) {
 void put(const ServerStatusQuery&, v1::RequestHeader& header) {
   header.mutable_server_status();
 }
+void put(const Checkpoint&, v1::RequestHeader& header) {
+  header.mutable_checkpoint();
+}
+void put(const Drain& from, v1::RequestHeader& header) {
+  header.mutable_drain()->set_exit(from.exit);
+}
+void put(const Inspect& from, v1::RequestHeader& header) {
+  header.mutable_inspect()->set_after(id_bytes(from.after));
+  header.mutable_inspect()->set_top(static_cast<v1::Top>(from.top));
+  header.mutable_inspect()->set_count(from.count);
+}
 void put(const ResumeSession& from, v1::RequestHeader& header) {
   v1::ResumeSession& to = *header.mutable_resume_session();
   to.set_resume_token(id_bytes(from.resume_token));
@@ -221,18 +236,17 @@ void put(const SessionClosed& from, v1::ReplyHeader& header) {
   to.set_solver_ns(from.solver_ns);
 }
 void put(const ServerStatus& from, v1::ReplyHeader& header) {
-  v1::ServerStatus& to = *header.mutable_server_status();
-  to.set_sessions(from.sessions);
-  to.set_nodes(from.nodes);
-  to.set_requests(from.requests);
-  to.set_refused(from.refused);
-  to.set_replayed(from.replayed);
-  to.set_node_steps(from.node_steps);
-  to.set_solver_ns(from.solver_ns);
-  to.set_state_bytes(from.state_bytes);
-  to.set_uptime_ns(from.uptime_ns);
-  to.set_threads(from.threads);
-  to.set_server_version(as_utf8(from.server_version, kMaxTextBytes));
+  to_message(from, *header.mutable_server_status());
+}
+void put(const Inspected& from, v1::ReplyHeader& header) {
+  to_message(from, *header.mutable_inspected());
+}
+void put(const Checkpointed& from, v1::ReplyHeader& header) {
+  header.mutable_checkpointed()->set_bytes(from.bytes);
+  header.mutable_checkpointed()->set_duration_ns(from.duration_ns);
+}
+void put(const Draining& from, v1::ReplyHeader& header) {
+  header.mutable_draining()->set_sessions(from.sessions);
 }
 template <typename Header>
 void put(const std::monostate&, Header&) {}
@@ -355,20 +369,11 @@ Upscale take(const v1::Upscale& from) {
 SessionClosed take(const v1::SessionClosed& from) {
   return {.requests = from.requests(), .node_steps = from.node_steps(), .solver_ns = from.solver_ns()};
 }
-ServerStatus take(const v1::ServerStatus& from) {
-  return {.sessions = from.sessions(),
-          .nodes = from.nodes(),
-          .requests = from.requests(),
-          .refused = from.refused(),
-          .replayed = from.replayed(),
-          .node_steps = from.node_steps(),
-          .solver_ns = from.solver_ns(),
-          .state_bytes = from.state_bytes(),
-          .uptime_ns = from.uptime_ns(),
-          .threads = from.threads(),
-          .server_version = from.server_version()};
+Inspect take(const v1::Inspect& from) {
+  return {.after = id_from(bytes_of(from.after()), "inspect.after"),
+          .top = static_cast<Top>(from.top()),
+          .count = from.count()};
 }
-
 void take_body(const v1::RequestHeader& header, Request& message) {
   switch (header.body_case()) {
     case v1::RequestHeader::kHello:
@@ -409,6 +414,15 @@ void take_body(const v1::RequestHeader& header, Request& message) {
       break;
     case v1::RequestHeader::kAcceptNodes:
       message.body = AcceptNodes{id_from(bytes_of(header.accept_nodes().transfer_id()), "accept_nodes.transfer_id")};
+      break;
+    case v1::RequestHeader::kCheckpoint:
+      message.body = Checkpoint{};
+      break;
+    case v1::RequestHeader::kDrain:
+      message.body = Drain{.exit = header.drain().exit()};
+      break;
+    case v1::RequestHeader::kInspect:
+      message.body = take(header.inspect());
       break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");
@@ -455,7 +469,7 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
       message.body = take(header.session_closed());
       break;
     case v1::ReplyHeader::kServerStatus:
-      message.body = take(header.server_status());
+      message.body = from_message(header.server_status());
       break;
     case v1::ReplyHeader::kMarked:
       message.body = Marked{.state_version = header.marked().state_version(),
@@ -466,6 +480,16 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
       break;
     case v1::ReplyHeader::kSessionResumed:
       message.body = take(header.session_resumed());
+      break;
+    case v1::ReplyHeader::kCheckpointed:
+      message.body =
+          Checkpointed{.bytes = header.checkpointed().bytes(), .duration_ns = header.checkpointed().duration_ns()};
+      break;
+    case v1::ReplyHeader::kDraining:
+      message.body = Draining{.sessions = header.draining().sessions()};
+      break;
+    case v1::ReplyHeader::kInspected:
+      message.body = from_message(header.inspected());
       break;
     case v1::ReplyHeader::BODY_NOT_SET:
       break;

@@ -5,7 +5,6 @@
 
 #include <filesystem>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace shearbus::wire {
@@ -14,10 +13,6 @@ inline constexpr std::size_t kKeyCharacters = 40;
 
 // Where a server is, and what a client shows it: what programs take as --server, --server-key and --key.
 struct ServerAddress {
-  ServerAddress() = default;
-  ServerAddress(const char* at) : endpoint(at) {}             // an endpoint is an address
-  ServerAddress(std::string at) : endpoint(std::move(at)) {}  // where no keys are needed
-
   std::string endpoint;    // tcp://host:port or ipc://path
   std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
   std::string secret_key;  // of the client, with server_key

@@ -69,6 +69,10 @@ const char* name(Code code) {
       return "INTERNAL";
     case Code::kNoSpace:
       return "NO_SPACE";
+    case Code::kDraining:
+      return "DRAINING";
+    case Code::kCheckpointFailed:
+      return "CHECKPOINT_FAILED";
     case Code::kUnreachable:
       return "UNREACHABLE";
     case Code::kUnknownOutcome:

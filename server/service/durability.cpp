@@ -70,12 +70,14 @@ void make_repeat(wire::Reply& reply) {
 void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member) {
   if (store_ == nullptr || replaying_) return;
   try {
-    store_->append({.session = session,
-                    .sequence = arrival.request.sequence,
-                    .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
-                    .header_frame = arrival.frames[0],
-                    .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>(),
-                    .identity = member != nullptr ? std::string_view() : arrival.caller.identity});
+    timed(options_.now_ns, times_.journal_append, [&] {
+      store_->append({.session = session,
+                      .sequence = arrival.request.sequence,
+                      .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
+                      .header_frame = arrival.frames[0],
+                      .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>(),
+                      .identity = member != nullptr ? std::string_view() : arrival.caller.identity});
+    });
   } catch (const store::StorageError& fault) {
     if (store_->failed()) throw;
     throw Error(
@@ -92,6 +94,7 @@ void Service::recover() {
   store_->recover(*this);
   replaying_ = false;
   epoch_ = options_.epoch;
+  times_ = {};
   metrics_.node_steps = metrics_.solver_ns = 0;  // what was replayed had been counted by the server that ran it
 }
 
@@ -107,6 +110,7 @@ void Service::restore(const store::Snapshot& snapshot) {
     auto member = std::make_unique<Member>();
     member->id = image.id;
     member->identity = image.identity;
+    member->opened_ns = member->last_request_ns = started_ns_;
     member->resume_token = image.resume_token;
     member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
     member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
@@ -195,7 +199,11 @@ store::Snapshot Service::snapshot() const {
 
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
-  return store_->checkpoint(snapshot());
+  if (options_.around_checkpoint) options_.around_checkpoint(true);
+  const bool written = timed(options_.now_ns, times_.checkpoint, [&] { return store_->checkpoint(snapshot()); });
+  if (options_.around_checkpoint) options_.around_checkpoint(false);
+  if (written) last_checkpoint_ns_ = options_.now_ns();
+  return written;
 }
 
 Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply) {

@@ -20,6 +20,8 @@ struct Service::Member {
   std::unique_ptr<shard::Shard> shard;  // null once closed
   std::string domain;                   // empty: none
   wire::Scene scene;                    // effective
+  std::uint64_t opened_ns = 0;          // by the service's clock; a recovered session: when it was taken up
+  std::uint64_t last_request_ns = 0;
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 

@@ -52,9 +52,10 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
   auto reply = std::make_shared<wire::Reply>();
   reply->epoch = epoch_;
   kept_ = false;
+  current_ = {};
   try {
     reply = answer(frames, caller, reply);
-    if (std::exchange(kept_, false)) store_->settle();
+    if (std::exchange(kept_, false)) settle();
   } catch (const Error& error) {
     reply->status = error.status();
   } catch (const std::exception& fault) {
@@ -69,6 +70,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
   }
   if (!reply->status.ok()) {
     ++metrics_.refused;
+    if (const auto code = static_cast<std::size_t>(reply->status.code); code < Metrics::kCodes) ++times_.refusals[code];
     reply->body = std::monostate{};
     reply->batch = wire::Batch();
   }
@@ -77,10 +79,18 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
   sent.has_payload = !reply->batch.columns().empty();
   sent.payload = reply->batch.bytes();
   sent.owner = std::move(reply);
+  if (current_.started_ns != 0) times_.requests[current_.verb].add(options_.now_ns() - current_.started_ns);
   return sent;
 } catch (const std::exception&) {
   failed_ = failed_ || kept_;
   return std::nullopt;
+}
+
+void Service::settle() {
+  if (store_->durability() == store::Durability::kPower)
+    timed(options_.now_ns, times_.journal_sync, [&] { store_->settle(); });
+  else
+    store_->settle();
 }
 
 // Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
@@ -100,6 +110,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   }
   address();
   arrival.started_ns = options_.now_ns();
+  current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns};
   if (shutting_down_)
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
@@ -110,6 +121,21 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   }
   if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
     reply->body = status();
+    return reply;
+  }
+  if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
+    check_operator(caller);
+    inspect(*look, request, *reply);
+    return reply;
+  }
+  if (const auto* end = std::get_if<wire::Drain>(&request.body)) {
+    check_operator(caller);
+    drain(*end, caller, *reply);
+    return reply;
+  }
+  if (std::holds_alternative<wire::Checkpoint>(request.body)) {
+    check_operator(caller);
+    checkpoint_now(*reply);
     return reply;
   }
   if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, arrival, reply);
@@ -189,6 +215,10 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
     throw Error({.code = Code::kSequenceGap,
                  .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
                  .remedy = "Send it with sequence 0."});
+  if (draining_ && !replaying_)
+    throw Error({.code = Code::kDraining,
+                 .text = "the server takes no new sessions: it will end when those it has are closed",
+                 .remedy = "Open the session on another server."});
   if (metrics_.sessions >= options_.max_sessions)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
@@ -205,6 +235,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
   member->identity = arrival.caller.identity;
+  member->opened_ns = member->last_request_ns = arrival.started_ns;
   member->resume_token = open.resume_token;
   member->domain = open.domain;
   member->scene = std::move(made.effective);
@@ -266,6 +297,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   Member& member = *found->second;
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
+  member.last_request_ns = arrival.started_ns;
   if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
   check_epoch(request, &member);
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
@@ -358,6 +390,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.totals.solver_ns += upscale.solver_ns;
   metrics_.node_steps += num_rows;
   metrics_.solver_ns += upscale.solver_ns;
+  times_.solver.add(upscale.solver_ns);
 }
 
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
@@ -387,6 +420,19 @@ wire::ServerStatus Service::status() const {
   status.uptime_ns = options_.now_ns() - started_ns_;
   status.threads = pool_.threads();
   status.server_version = options_.server_version;
+  status.draining = draining_;
+  times_.put_into(status);
+  if (store_ != nullptr) {
+    const store::StoreCounters& kept = store_->counters();
+    status.journal_records = kept.records;
+    status.journal_bytes = kept.record_bytes;
+    status.recovered_requests = kept.replayed;
+    status.checkpoints = kept.checkpoints;
+    status.checkpoints_failed = kept.checkpoints_failed;
+    status.checkpoint_bytes = kept.checkpoint_bytes;
+    if (last_checkpoint_ns_ != 0) status.checkpoint_age_ns = options_.now_ns() - last_checkpoint_ns_;
+  }
+  if (options_.complete_status) options_.complete_status(status);
   return status;
 }
 

@@ -16,6 +16,7 @@
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/messages.hpp"
+#include "server/service/metrics.hpp"
 #include "server/session/session.hpp"
 #include "server/shard/shard.hpp"
 #include "server/shard/task_pool.hpp"
@@ -45,8 +46,10 @@ struct ServiceOptions {
   std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // of all sessions' states together
   std::size_t max_sessions = wire::kMaxSessions;
   std::size_t nodes_per_task = 512;
-  std::function<std::uint64_t()> now_ns;        // a clock that never goes back
-  std::function<void(const std::string&)> log;  // a line when a session opens or closes; may be empty
+  std::function<std::uint64_t()> now_ns;                     // a clock that never goes back
+  std::function<void(const std::string&)> log;               // a line when a session opens or closes; may be empty
+  std::function<void(wire::ServerStatus&)> complete_status;  // with what others than the service count; may be empty
+  std::function<void(bool begins)> around_checkpoint;        // one begins, or has ended; may be empty
 };
 
 class Service : private store::Recovery {
@@ -68,6 +71,9 @@ class Service : private store::Recovery {
 
   // Writes the states of all sessions to the store. False where there is none or it could not be done.
   bool checkpoint();
+
+  // Drained, and no session is left: the server was asked to end then.
+  bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
   // From here on every request is refused with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }
@@ -94,6 +100,12 @@ class Service : private store::Recovery {
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply);
   void check_identity(const Member& member, const Caller& caller) const;
+  void check_operator(const Caller& caller) const;
+  void checkpoint_now(wire::Reply& reply);
+  void drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply);
+  void inspect(const wire::Inspect& inspect, const wire::Request& request, wire::Reply& reply) const;
+  void top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const;
+  wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
@@ -129,6 +141,7 @@ class Service : private store::Recovery {
   void close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply);
 
   void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member);
+  void settle();
   store::Snapshot snapshot() const;
   void restore(const store::Snapshot& snapshot) override;
   void replay(const store::Record& record, std::uint64_t epoch) override;
@@ -148,10 +161,18 @@ class Service : private store::Recovery {
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
+  bool draining_ = false;
+  bool exit_when_drained_ = false;
   Members members_;                                             // open and closed
   std::deque<wire::SessionId> closed_;                          // oldest first
   std::map<wire::TransferId, store::TransferImage> transfers_;  // nodes on their way, which no session has
   wire::ServerStatus metrics_;
+  Metrics times_;
+  struct Current {  // the request at hand
+    std::size_t verb = 0;
+    std::uint64_t started_ns = 0;
+  } current_;
+  std::uint64_t last_checkpoint_ns_ = 0;
 };
 
 }  // namespace shearbus::service

@@ -62,6 +62,14 @@ double* Shard::buffer(std::size_t tile, unsigned which) const {
          which * model_.layout().doubles;
 }
 
+NodeGlance Shard::glance(std::size_t slot) const {
+  const physics::TileLayout& layout = model_.layout();
+  const double* lane = committed_tile(slot).data() + slot % kLanes;
+  return {.interface_temperature = lane[layout.temperature],
+          .shear_stress = lane[layout.shear_stress],
+          .regime = static_cast<std::uint8_t>(lane[layout.regime])};
+}
+
 std::span<const double> Shard::committed_tile(std::size_t slot) const {
   return {committed(slot / kLanes), model_.layout().doubles};
 }

@@ -63,6 +63,13 @@ struct ShardOptions {
   std::size_t nodes_per_task = 512;  // fewer nodes than this are stepped on the calling thread
 };
 
+// A node's committed state, as far as people look at it.
+struct NodeGlance {
+  double interface_temperature;  // [K]
+  double shear_stress;           // [Pa]
+  std::uint8_t regime;
+};
+
 class Shard {
  public:
   // `initial_temperature` has one value per node [K]. Node ids are unique.
@@ -98,6 +105,8 @@ class Shard {
   bool has_trial() const { return has_trial_; }
   void commit();    // the trial becomes the committed states
   void rollback();  // the trial is forgotten
+
+  NodeGlance glance(std::size_t slot) const;
 
   // Committed states of one node's tile, for tests: [TileLayout::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;

@@ -3,6 +3,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdlib>
@@ -137,12 +138,25 @@ void AccessHandler::answer_one(zmq::socket_t& socket) {
     admission = judge(*peer);
   }
   ++(admission.admitted ? admitted_ : refused_);
-  if (!admission.admitted && log_) log_("REFUSED connection from " + who + ": " + admission.reason);
+  if (!admission.admitted) log_refusal("REFUSED connection from " + who + ": " + admission.reason);
   const std::string id = request.size() > 1 ? request[1].to_string() : std::string();
   const std::array<std::string, 6> reply = {
       "1.0", id, admission.admitted ? "200" : "400", admission.admitted ? "OK" : "refused", admission.user, ""};
   for (std::size_t i = 0; i < reply.size(); ++i)
     socket.send(zmq::buffer(reply[i]), i + 1 < reply.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
+}
+
+// Strangers must not be able to fill the log: after a burst, one line a second.
+void AccessHandler::log_refusal(const std::string& line) {
+  const auto now = std::chrono::steady_clock::now();
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(now - lines_since_).count();
+  if (seconds > 0) {
+    lines_left_ = std::min<std::int64_t>(kBurstOfLines, lines_left_ + seconds);
+    lines_since_ = now;
+  }
+  if (lines_left_ == 0 || !log_) return;
+  --lines_left_;
+  log_(line + " (" + std::to_string(refused_) + " refused so far)");
 }
 
 Admission AccessHandler::judge(const Peer& peer) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -44,13 +45,18 @@ class AccessHandler {
   bool alive() const { return alive_; }
 
  private:
+  static constexpr std::int64_t kBurstOfLines = 20;
+
   void run(zmq::socket_t socket);
   void answer_one(zmq::socket_t& socket);
   Admission judge(const Peer& peer);
+  void log_refusal(const std::string& line);
 
   Authorise authorise_;
   std::function<void(const std::string&)> log_;
   int stop_;
+  std::int64_t lines_left_ = kBurstOfLines;
+  std::chrono::steady_clock::time_point lines_since_ = std::chrono::steady_clock::now();
   std::atomic<std::uint64_t> admitted_{0};
   std::atomic<std::uint64_t> refused_{0};
   std::atomic<bool> alive_{true};

@@ -17,6 +17,8 @@ constexpr std::size_t kMaxFrames = 2;                        // of a request, af
 constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // below this a copy is cheaper than a counted reference
 constexpr int kAnswersBeforePoll = 8;                        // so that a busy bus cannot hide the stop signal
 
+constexpr int kBacklog =
+    4096;  // of connections the kernel holds for us: a full one makes it drop honest clients' first try
 constexpr int kHandshakeMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
@@ -59,6 +61,7 @@ Router::Router(RouterOptions options) : options_(std::move(options)), socket_(co
   socket_.set(zmq::sockopt::sndhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::rcvhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(options_.max_frame_bytes));
+  socket_.set(zmq::sockopt::backlog, kBacklog);
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
   socket_.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
   socket_.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);

@@ -203,7 +203,7 @@ class Outsider(unittest.TestCase):
         self.assertEqual(reply.header.request_id, self.bus.last_id)
         self.assertEqual((welcome.protocol_major, welcome.durability), (1, "none"))
         self.assertEqual(welcome.limits.max_header_bytes, 64 * 1024)
-        self.assertEqual(welcome.limits.max_payload_bytes, 24 * 1024 * 1024)
+        self.assertEqual(welcome.limits.max_payload_bytes, 32 * 1024 * 1024)
         self.assertEqual(welcome.limits.max_nodes_per_session, 200_000)
         self.assertLessEqual({"velocity_driven", "force_driven", "trial"}, set(welcome.capabilities))
         self.assertNotEqual(reply.header.epoch, 0)
@@ -407,7 +407,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(self.bus.exchange([b"GET / HTTP/1.1\r\n\r\n"]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b""]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([bytes(64 * 1024 + 1)]), pb.CODE_LIMIT)
-        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x01\x00"  # body 31
+        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x02\x00"  # body 47
         self.assert_refused(self.bus.exchange([later]), pb.CODE_UNSUPPORTED)
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
 

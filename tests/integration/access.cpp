@@ -63,10 +63,11 @@ Status refusal_of(const ClientOptions& options) {
 }
 
 // A refusal is told long before the deadline, which a client without a monitor would wait for.
-Status prompt_refusal_of(const ClientOptions& options) {
+Status prompt_refusal_of(ClientOptions options) {
+  options.connect_deadline = 60s;
   const auto started = std::chrono::steady_clock::now();
   Status status = refusal_of(options);
-  EXPECT_LT(std::chrono::steady_clock::now() - started, 1500ms) << describe(status);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 10s) << describe(status);
   return status;
 }
 
@@ -128,6 +129,30 @@ TEST_F(Keys, WhoIsOnTheListIsServedWhoIsNotIsToldAtOnceAndNeverHeard) {
     EXPECT_EQ(alice.server_status().requests, heard + 1);
     EXPECT_EQ(server.transport().without_user, 0u);
   }
+}
+
+TEST_F(Keys, StrayBytesNeverReachTheServer) {
+  RunningServer server(options());
+  const std::string& tcp = server.endpoint("tcp");
+  Client alice(client_options(tcp, alice_));
+  const std::uint64_t heard = alice.server_status().requests;
+  const std::vector<std::string> strays = {
+      "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // TLS hello
+      std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
+      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
+      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x03\x00"
+                  "CURVE",
+                  17) +
+          std::string(47, '\0') + std::string("\x04\xc8\x05HELLO", 8) + std::string(194, 'x'),
+      std::string(100'000, '\0')};
+  for (const std::string& stray : strays) {
+    support::RawStream stream(tcp);
+    stream.send(stray);
+    stream.closed_within(50ms);
+  }
+  std::this_thread::sleep_for(200ms);
+  EXPECT_EQ(alice.server_status().requests, heard + 1);
 }
 
 TEST_F(Keys, ASessionStepsEncryptedToTheSameBits) {
@@ -257,8 +282,8 @@ TEST_F(Keys, ProgramsMakeAndUseKeys) {
     arguments.insert(arguments.end(), keys.begin(), keys.end());
     return run(arguments);
   };
-  EXPECT_EQ(with_keys({ctl, "ping"}).first, 0);
-  const auto keyless = run({ctl, "ping", "--server", endpoint});
+  EXPECT_EQ(with_keys({ctl, "ping", "--timeout", "20"}).first, 0);
+  const auto keyless = run({ctl, "ping", "--timeout", "20", "--server", endpoint});
   EXPECT_EQ(keyless.first, 1);
   EXPECT_THAT(keyless.second, HasSubstr("AUTH"));
   const auto hydro = with_keys({SHEARBUS_BINARY_DIR "/bin/shearbus-hydro",

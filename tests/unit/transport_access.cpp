@@ -102,6 +102,31 @@ TEST(AccessHandler, RefusesWhomTheJudgeRefusesAndWhomItCannotJudge) {
   }
 }
 
+TEST(AccessHandler, StrangersCannotFillTheLog) {
+  zmq::context_t context;
+  std::atomic<int> lines{0};
+  {
+    AccessHandler handler(
+        context, [](const Peer&) -> Admission { return {.reason = "no"}; }, [&](const std::string&) { ++lines; });
+    zmq::socket_t asker(context, zmq::socket_type::req);
+    asker.connect("inproc://zeromq.zap.01");
+    for (int i = 0; i < 500; ++i) {
+      for (const char* frame : {"1.0", "1", "plaintext", "10.0.0.1", ""})
+        asker.send(zmq::message_t(std::string(frame)), zmq::send_flags::sndmore);
+      asker.send(zmq::message_t(std::string("NULL")), zmq::send_flags::none);
+      std::vector<std::string> reply;
+      for (zmq::message_t frame; static_cast<void>(asker.recv(frame)), true;) {
+        reply.push_back(frame.to_string());
+        if (!frame.more()) break;
+      }
+      ASSERT_EQ(reply.at(2), "400");
+    }
+    EXPECT_EQ(handler.refused(), 500u);
+  }
+  EXPECT_GE(lines, 20);
+  EXPECT_LT(lines, 100);
+}
+
 // The thread is really gone: what it held is unwound, as where a fault ends it.
 TEST(AccessHandler, WhenItsThreadDiesNobodyNewIsLetInAndTheOthersStay) {
   std::atomic<bool> dying{false};

@@ -84,7 +84,7 @@ TEST_F(KeyFiles, AreWrittenOnceAndTheSecretOneIsItsOwnersAlone) {
   EXPECT_THAT(fault_of([&] { write_secret_key(scratch_ / "a.secret", kKey); }), HasSubstr("never written over"));
   EXPECT_THAT(fault_of([&] { write_public_key(scratch_ / "a.public", {kKey, ""}); }), HasSubstr("never written over"));
   EXPECT_EQ(read_secret_key(scratch_ / "a.secret"), pair.secret_key);
-  ServerAddress address("tcp://127.0.0.1:1");
+  ServerAddress address{.endpoint = "tcp://127.0.0.1:1"};
   EXPECT_THAT(fault_of([&] { read_keys_into(address, scratch_ / "a.public", ""); }), HasSubstr("go together"));
   read_keys_into(address, scratch_ / "a.public", scratch_ / "a.secret");
   EXPECT_EQ(address.server_key, pair.public_key);

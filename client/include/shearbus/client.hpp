@@ -162,6 +162,17 @@ class Session {
   std::unique_ptr<Impl> impl_;
 };
 
+// Of the committed states; sliding_velocity_m_per_s by sliding velocity only.
+struct TopNodes {
+  wire::SessionInfo session;
+  std::uint64_t matching = 0;  // of the session's nodes
+  std::vector<std::uint64_t> node_ids;
+  std::vector<double> interface_temperature_k;
+  std::vector<double> shear_stress_pa;
+  std::vector<double> sliding_velocity_m_per_s;
+  std::vector<std::uint8_t> regime;
+};
+
 class Client {
  public:
   explicit Client(ClientOptions options);                   // connects and says hello
@@ -176,7 +187,16 @@ class Client {
   Session resume(const Session::Ticket& ticket);
   wire::ServerStatus server_status();
 
+  // An operator's. top_nodes: at most `count` nodes of a session, the top one first.
+  wire::Checkpointed checkpoint();
+  wire::Draining drain(bool exit);
+  std::vector<wire::SessionInfo> sessions();
+  TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
+
  private:
+  template <typename Answer, typename Question>
+  Answer ask(Question question);
+
   std::shared_ptr<Connection> connection_;
   wire::Welcome welcome_;
 };
