@@ -18,12 +18,14 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_option(
       "--server", options.server,
       "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
-  app.add_option("--interface-law", law, "subgrid, coulomb_tresca, free_slip or stick, in place of the scene's")
+  app.add_option("--interface-law", law,
+                 "subgrid, coulomb_tresca, free_slip, stick or constant, in place of the scene's")
       ->transform(CLI::Transformer(
           std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
                                                     {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
                                                     {"free_slip", wire::InterfaceLaw::kFreeSlip},
-                                                    {"stick", wire::InterfaceLaw::kStick}}))
+                                                    {"stick", wire::InterfaceLaw::kStick},
+                                                    {"constant", wire::InterfaceLaw::kConstant}}))
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
