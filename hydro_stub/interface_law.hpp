@@ -35,6 +35,7 @@ struct InterfaceInputs {
   // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
+  std::vector<double> zone_plastic_rate;  // of the shear along the interface, not negative  [1/s]
 };
 
 // What the law answers.

@@ -75,6 +75,7 @@ struct SubgridLaw::Impl {
       : embedded(embed(where)),
         client(client_options(where, embedded)),
         session(enter(client)),
+        wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
         request(session.request()),
         server(embedded ? "in this process" : where.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {}
@@ -87,7 +88,8 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  Batch request;  // filled anew each step
+  bool wants_plastic_rate;  // of hosts that compute it
+  Batch request;            // filled anew each step
   std::string server;
   bool outlives_process;
   LawTime time;
@@ -112,7 +114,13 @@ SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
 SubgridLaw::~SubgridLaw() = default;
 
 void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
+  if (impl_->wants_plastic_rate && !in.zone_plastic_rate.empty()) {
+    impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
+    impl_->wants_plastic_rate = false;
+  }
   Batch& request = impl_->request;
+  if (request.has(Field::kSoftPlasticStrainRate))
+    copy(in.zone_plastic_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
   copy(in.stress_minus, request.f64(Field::kStressMinus));

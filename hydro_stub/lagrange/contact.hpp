@@ -49,12 +49,18 @@ class Contact {
   const hydro::InterfaceAnswer& answer() const { return answer_; }
   double friction_heat() const { return heat_[kFriction]; }  // since the start  [J]
   double closing_heat() const { return heat_[kClosing]; }
-  std::span<double> heat() { return heat_; }  // all that one step hands to the next
+
+  // What one step hands to the next.
+  std::span<double> heat() { return heat_; }
+  std::span<double> plastic_strain() { return inputs_.zone_plastic_strain; }
+  std::span<double> plastic_rate() { return inputs_.zone_plastic_rate; }
+  double& plastic_time() { return plastic_time_; }
 
  private:
   void press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   void ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                const std::vector<Vec2>& velocity);
+  void find_plastic_rates(const State& state);
   void rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   double opening_rate(int i, const std::vector<Vec2>& velocity) const;
   double jump(int i, const std::vector<Vec2>& velocity) const;
@@ -66,6 +72,7 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // p_i dt of the step  [Pa s]
   std::vector<Vec2> impulse_;
+  double plastic_time_ = 0.0;  // of the inputs' plastic strain  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};
 };

@@ -6,6 +6,7 @@
 
 #include "hydro_stub/verification/exact.hpp"
 #include "tests/support/hydro2d.hpp"
+#include "tests/support/hydro2d_plates.hpp"
 #include "tests/support/hydro_laws.hpp"
 
 namespace shearbus {
@@ -180,6 +181,35 @@ TEST(Hydro2dSlideLine, BodiesThatFlyApartDoNotKnowEachOther) {
   for (int i = 0; i < 20; ++i) {
     cycle.advance(1.0);
     for (const double p : cycle.contact().inputs().pressure) ASSERT_EQ(p, 0.0);
+  }
+}
+
+// Friction beyond what the soft zones carry makes them flow in shear: the rate that the law is told adds up to their
+// plastic strain. Turned lines must say the same.
+TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
+  for (const double angle : {0.0, 0.7}) {
+    Plates p;
+    p.length = 1e-3;
+    p.width = 50e-6;
+    p.angle = angle;
+    Bodies bodies = plates(p);
+    bodies.materials[0].strength->yield_strength = 60e6;
+    ConstantFrictionLaw law(50e6);
+    Cycle cycle(std::move(bodies), &law);
+    const auto middle = static_cast<std::size_t>(cycle.contact().size() / 2);
+    double sum = 0.0, time = 0.0;
+    for (int n = 0; n < 40; ++n) {
+      cycle.advance(1.0);
+      const hydro::InterfaceInputs& in = cycle.contact().inputs();
+      ASSERT_GE(in.zone_plastic_rate[middle], 0.0);
+      const double begin = in.time - in.dt;
+      sum += in.zone_plastic_rate[middle] * (begin - time);  // of the step before
+      time = begin;
+    }
+    const double strain = cycle.contact().inputs().zone_plastic_strain[middle];
+    EXPECT_GT(strain, 1e-3);
+    EXPECT_LE(sum, strain * (1.0 + 1e-12));
+    EXPECT_GT(sum, 0.9 * strain) << "angle " << angle;
   }
 }
 
