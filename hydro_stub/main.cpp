@@ -56,6 +56,7 @@ void carry_out_2d(const Options& options, const wire::SceneFile& file, const wir
   if (wire::Status fault = wire::check_scene(scene); !fault.ok()) throw wire::Error(std::move(fault));
   const bool cone = scene.hydro->cone_target.has_value();
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
+  problem.bodies.contact.overlap = options.overlap;
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
                  .progress = options.progress,
                  .dumps = options.dumps,

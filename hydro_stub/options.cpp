@@ -31,6 +31,8 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_option("--dump-interval", options.dumps.interval_s,
                  "restart dump after every so many seconds (default: none)")
       ->check(CLI::NonNegativeNumber);
+  app.add_flag("--overlap,!--no-overlap", options.overlap,
+               "go on with zones off the interface while the law answers, in two dimensions (default: yes; same bits)");
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,

@@ -17,6 +17,7 @@ struct Options {
   std::string server;                               // endpoint; empty: in this process
   std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
   DumpSchedule dumps;
+  bool overlap = true;
   bool check = false;
   bool plot = true;
   bool progress = true;

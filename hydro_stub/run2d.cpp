@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <functional>
 #include <map>
@@ -188,14 +189,16 @@ class Run {
       if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
-    const Summary2d summary{
-        .scene = scene_.name,
-        .interface_law = name(scene_.hydro->interface_law),
-        .cycle = cycle_,
-        .start = start_,
-        .interface = interface_,
-        .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
-        .time = {.total = seconds(Clock::now() - begun_), .output = seconds(output_), .law = law_.time_spent()}};
+    const Summary2d summary{.scene = scene_.name,
+                            .interface_law = name(scene_.hydro->interface_law),
+                            .cycle = cycle_,
+                            .start = start_,
+                            .interface = interface_,
+                            .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
+                            .time = {.total = seconds(Clock::now() - begun_),
+                                     .output = seconds(output_),
+                                     .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
+                                     .law = law_.time_spent()}};
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();

@@ -49,7 +49,9 @@ class Summary {
   std::size_t soft_zones_, hard_zones_;
   double soft_length_, hard_length_;  // [m]
 
-  double melting_threshold_;  // [K]
+  double melting_threshold(double pressure) const;  // [K]
+
+  physics::Material soft_;
   double heat_share_;         // beta_T
   Peak peak_;
   std::vector<double> melting_time_;  // first time at or above the threshold, negative: not yet  [s]

@@ -66,11 +66,12 @@ std::string Summary2d::text() const {
   }
   out += fmt::format("  ledger residuals        energy {:.1e}, {}momentum {:.1e}\n", energy, has_axis ? "axial " : "",
                      momentum);
-  out += fmt::format("  run time                {:.2f} s", time.total);
+  out += fmt::format("  run time                {:.2f} s, {:.2f} of the processor", time.total, time.cpu);
   if (interface.nodes() > 0) {
-    out += fmt::format(": law's solver {:.2f}, bus {:.2f} ({:.1f} % together)",
-                       std::chrono::duration<double>(time.law.solver).count(),
-                       std::chrono::duration<double>(time.law.bus).count(), 100.0 * time.service_share());
+    const auto seconds = [](std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); };
+    out += fmt::format(": law's solver {:.2f}, bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
+                       seconds(time.law.solver), seconds(time.law.bus), seconds(time.law.waited),
+                       100.0 * time.waiting_share(), seconds(time.law.cpu), 100.0 * time.cpu_share());
   }
   return out + fmt::format(", output {:.2f}\n", time.output);
 }
@@ -100,7 +101,8 @@ std::string Summary2d::json() const {
     field("peak_interface_temperature_k", number(interface.hottest()));
     field("peak_pressure_pa", number(interface.highest_pressure()));
     field(has_axis ? "friction_heat_j" : "friction_heat_j_per_m", number(turn * end.friction_heat));
-    field("service_share", number(time.service_share()));
+    field("waiting_share", number(time.waiting_share()));
+    field("cpu_share", number(time.cpu_share()));
   }
   std::string list;
   for (const Comparison& c : comparisons) {

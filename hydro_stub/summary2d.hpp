@@ -14,8 +14,10 @@ namespace shearbus::hydro {
 struct RunTime2d {
   double total = 0.0;   // [s], of the clock on the wall
   double output = 0.0;  // [s]
+  double cpu = 0.0;     // of all threads of the process  [s]
   LawTime law;
-  double service_share() const { return std::chrono::duration<double>(law.solver + law.bus).count() / total; }
+  double waiting_share() const { return std::chrono::duration<double>(law.waited).count() / total; }
+  double cpu_share() const { return std::chrono::duration<double>(law.cpu).count() / cpu; }
 };
 
 struct Summary2d {
