@@ -52,7 +52,7 @@ class Summary {
   double melting_threshold(double pressure) const;  // [K]
 
   physics::Material soft_;
-  double heat_share_;         // beta_T
+  double heat_share_;  // beta_T
   Peak peak_;
   std::vector<double> melting_time_;  // first time at or above the threshold, negative: not yet  [s]
   std::vector<double> slip_;          // integral of |[v]|  [m]

@@ -50,7 +50,7 @@ TEST(Hydro2dSliding, FinitePlateWithFreeBack) {
   p.width = 50e-6;
   ConstantFrictionLaw law(kFriction);
   Cycle cycle(plates(p), &law);
-  const double round_trip = 2.0 * p.soft_depth * 2703.0 / shear_impedance(p.soft.strength);
+  const double round_trip = 2.0 * p.soft_depth * 2703.0 / hydro::shear_impedance(p.soft.strength);
   for (const auto& [returns, exact] : {std::pair{0, 94.211}, std::pair{1, 82.633}}) {
     cycle.run_to((returns + 0.5) * round_trip);
     const hydro::Comparison face = compare(p, cycle, kFriction).front();
