@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::hydro {
@@ -54,6 +55,7 @@ struct InterfaceAnswer {
   std::vector<double> interface_temperature;  // at n+1/2                         [K]
   std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
+  wire::EnergyTotals energy;                  // of the layers in the step; empty: of laws without layers
   std::uint64_t flagged = 0;  // nodes whose answer came with a remark (substepped, several roots, failed)
 };
 

@@ -104,7 +104,9 @@ struct SubgridLaw::Impl {
         wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
         request(session.request()),
         server(embedded ? "in this process" : where.address.endpoint),
-        outlives_process(!embedded || !where.state_dir.empty()) {}
+        outlives_process(!embedded || !where.state_dir.empty()) {
+    session.want_energy_ledger();
+  }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   ~Impl() {
@@ -194,6 +196,8 @@ void SubgridLaw::finish() {
   copy(result.interface_temperature_k(), answer.interface_temperature);
   copy(result.friction_heat_j_per_m2(), answer.friction_heat);
   std::ranges::copy(result.regime(), answer.regime.begin());
+  answer.energy = {};
+  answer.energy.add(result.batch());
   answer.flagged = result.upscale().flagged_nodes;
 }
 

@@ -71,6 +71,7 @@ void Summary::observe(const ShearColumn& column) {
     ++regime_count_[answer.regime[i]];
     heat_ += answer.friction_heat[i];
   }
+  energy_.add(answer.energy);
   flagged_ += answer.flagged;
 }
 
@@ -125,6 +126,8 @@ std::string Summary::text() const {
   line("friction work",
        fmt::format("{:.6g} kJ/m2, heat into the soft body {:.6g} kJ/m2 (heat partition {:.4f}), all columns",
                    friction_work_ * 1e-3, heat_ * 1e-3, heat_share_));
+  if (!energy_.empty())
+    for (const auto& [label, value] : energy_.lines()) line(label.c_str(), value);
   line("momentum ledger", fmt::format("closed to {:.1e}", momentum_residual_));
   line("energy ledger", fmt::format("closed to {:.1e} (kinetic + elastic + friction + far ends)", energy_residual_));
   if (flagged_ > 0) line("remarks", fmt::format("{} node-steps were substepped or had several answers", flagged_));
@@ -174,6 +177,7 @@ std::string Summary::json() const {
   field("friction_work_j_per_m2", number(friction_work_));
   field("heat_into_soft_body_j_per_m2", number(heat_));
   field("heat_partition", number(heat_share_));
+  if (!energy_.empty()) field("layer_energy", energy_.json());
   field("momentum_residual", number(momentum_residual_));
   field("energy_residual", number(energy_residual_));
   field("flagged_node_steps", number(flagged_));

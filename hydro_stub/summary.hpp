@@ -58,6 +58,7 @@ class Summary {
   std::vector<double> slip_;          // integral of |[v]|  [m]
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // sum over nodes  [J/m2]
+  wire::EnergyTotals energy_;
   std::uint64_t flagged_ = 0;
 
   double friction_work_ = 0.0;      // sum over nodes  [J/m2]

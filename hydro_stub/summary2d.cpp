@@ -61,6 +61,8 @@ std::string Summary2d::text() const {
         1e3 * interface.longest_slip(), interface.hottest(), 1e-9 * interface.highest_pressure(),
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
   }
+  if (!interface.energy().empty())
+    for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
   for (const Comparison& c : comparisons) {
     out += fmt::format("  {:<36}{:.6g} {}, should be {:.6g}  {}\n", c.what, c.found, c.units, c.exact, error_text(c));
   }
@@ -101,6 +103,7 @@ std::string Summary2d::json() const {
     field("peak_interface_temperature_k", number(interface.hottest()));
     field("peak_pressure_pa", number(interface.highest_pressure()));
     field(has_axis ? "friction_heat_j" : "friction_heat_j_per_m", number(turn * end.friction_heat));
+    field("layer_energy", interface.energy().json());
     field("waiting_share", number(time.waiting_share()));
     field("cpu_share", number(time.cpu_share()));
   }

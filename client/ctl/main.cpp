@@ -16,6 +16,8 @@
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/material/material.hpp"
 
 namespace {
 
@@ -31,6 +33,7 @@ struct Options {
   std::filesystem::path scene;
   std::string key_name;
   bool key_of_operator = false;
+  std::string material;
 };
 
 shearbus::Client connect(const Options& options) {
@@ -119,6 +122,21 @@ void keygen(const Options& options) {
              pair.public_key);
 }
 
+// Every material a scene can name, with what scenes call its constants.
+void materials(const Options& options) {
+  for (const auto& entry : shearbus::physics::catalog()) {
+    if (!options.material.empty() && options.material != entry.name) continue;
+    fmt::print("{}\n  {}\n", entry.name, entry.source);
+    if (options.material.empty()) continue;
+    fmt::print("  flow_law = \"{}\"\n", shearbus::physics::FlowLaws::name_of(entry.material.flow_law));
+    for (const auto& [name, value] : constants_of(entry.material)) fmt::print("  {} = {:.15g}\n", name, value);
+  }
+  if (options.material.empty()) return;
+  // An unknown name is told as a scene would be told.
+  const auto known = shearbus::physics::make_material(options.material, {});
+  if (!known.fault.empty()) throw std::runtime_error(known.fault);
+}
+
 void reference() {
   fmt::print("{}", shearbus::wire::scene_reference());
 }
@@ -156,6 +174,11 @@ int main(int argc, char** argv) {
   keygen_command->add_flag("--operator", options.key_of_operator,
                            "Whoever has it may operate the server: see every session, checkpoint, drain");
   keygen_command->callback([&] { run = [&] { keygen(options); }; });
+  auto* materials_command =
+      app.add_subcommand("materials", "The catalog of materials and where each number comes from");
+  materials_command->add_option("MATERIAL", options.material,
+                                "One of them, with its constants as a scene would give them");
+  materials_command->callback([&] { run = [&] { materials(options); }; });
   app.add_subcommand("reference", "Every key of a scene, as Markdown")->callback([&] { run = reference; });
 
   try {

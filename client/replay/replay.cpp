@@ -146,6 +146,7 @@ void run(const Options& options) {
 
   Service service(options.server);
   Session session = open(service.client, scene, history, input);
+  session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),

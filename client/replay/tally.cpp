@@ -46,6 +46,7 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
     flagged_ += outcome[node] != wire::kOutcomeOk;
     for (std::size_t bit = 0; bit < outcomes_.size(); ++bit) outcomes_[bit] += (outcome[node] >> bit) & 1u;
   }
+  energy_.add(result.batch());
   node_steps_ += node_ids_.size();
 }
 
@@ -82,6 +83,7 @@ std::string Tally::text(const RunTime& time) const {
                       id(static_cast<std::size_t>(most_slip - slip_.begin())));
   text += fmt::format("  friction heat in the layer  {:.6g} J/m2 mean, {:.6g} J/m2 most\n", mean(heat_),
                       *std::max_element(heat_.begin(), heat_.end()));
+  for (const auto& [label, value] : energy_.lines()) text += fmt::format("  {:<28}{}\n", label, value);
   text += fmt::format("  regimes                     {}\n", regimes_text());
   text += fmt::format("  flagged                     {}\n", outcomes_text());
   text += fmt::format(

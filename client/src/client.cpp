@@ -284,6 +284,12 @@ wire::SessionClosed Session::close() {
 void Session::want(std::vector<Field> columns) {
   impl_->wanted = std::move(columns);
 }
+void Session::want_energy_ledger() {
+  if (impl_->opened.effective_scene.layer.inertia) return;
+  const auto columns = wire::columns_of(impl_->opened.effective_scene.strategy).reply;
+  impl_->wanted.assign(columns.begin(), columns.end());
+  impl_->wanted.insert(impl_->wanted.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
+}
 const Scene& Session::effective_scene() const {
   return impl_->opened.effective_scene;
 }

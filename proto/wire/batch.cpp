@@ -38,6 +38,15 @@ constexpr std::array kFields = {
     FieldInfo{Field::kRegime, Element::kUint8, "regime"},
     FieldInfo{Field::kOutcome, Element::kUint8, "outcome"},
     FieldInfo{Field::kFrictionHeat, Element::kFloat64, "friction_heat_j_per_m2"},
+    FieldInfo{Field::kInterfaceWork, Element::kFloat64, "interface_work_j_per_m2"},
+    FieldInfo{Field::kHeatToSoft, Element::kFloat64, "heat_to_soft_j_per_m2"},
+    FieldInfo{Field::kHeatToHard, Element::kFloat64, "heat_to_hard_j_per_m2"},
+    FieldInfo{Field::kPlasticWork, Element::kFloat64, "plastic_work_j_per_m2"},
+    FieldInfo{Field::kStoredHeatSoft, Element::kFloat64, "stored_heat_soft_j_per_m2"},
+    FieldInfo{Field::kStoredHeatHard, Element::kFloat64, "stored_heat_hard_j_per_m2"},
+    FieldInfo{Field::kElasticEnergy, Element::kFloat64, "elastic_energy_j_per_m2"},
+    FieldInfo{Field::kHeatResidual, Element::kFloat64, "heat_residual_j_per_m2"},
+    FieldInfo{Field::kEnergyResidual, Element::kFloat64, "energy_residual_j_per_m2"},
 };
 
 const FieldInfo* info(Field field) {

@@ -31,6 +31,15 @@ enum class Field : std::uint32_t {
   kRegime = 34,
   kOutcome = 35,
   kFrictionHeat = 36,
+  kInterfaceWork = 40,
+  kHeatToSoft = 41,
+  kHeatToHard = 42,
+  kPlasticWork = 43,
+  kStoredHeatSoft = 44,
+  kStoredHeatHard = 45,
+  kElasticEnergy = 46,
+  kHeatResidual = 47,
+  kEnergyResidual = 48,
 };
 
 enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };

@@ -15,6 +15,8 @@ enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
 enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
 enum class MeltingCurve { kUnspecified = 0, kConstant = 1, kLindemann = 2 };
 enum class PressureTerm { kUnspecified = 0, kLinear = 1, kCompressed = 2 };
+enum class FlowLaw { kUnspecified = 0, kSteinbergCochranGuinan = 1, kJohnsonCook = 2 };
+enum class FrictionLaw { kUnspecified = 0, kConstant = 1, kVelocityWeakening = 2 };
 enum class InterfaceLaw {
   kUnspecified = 0,
   kSubgrid = 1,
@@ -36,6 +38,7 @@ struct Body {
   std::vector<std::pair<std::string, double>> given;
   MeltingCurve melting_curve = MeltingCurve::kConstant;  // the soft body's
   PressureTerm pressure_term = PressureTerm::kLinear;    // the soft body's
+  FlowLaw flow_law = FlowLaw::kUnspecified;              // the catalog's
 
   bool given_at_all() const { return !material.empty() || !given.empty(); }
 };
@@ -46,6 +49,7 @@ struct Layer {
   double grading = 1.0;
   FarBoundary far_boundary = FarBoundary::kInsulated;
   double initial_temperature_k = 300.0;
+  bool inertia = false;
 };
 
 struct HardLayer {
@@ -65,6 +69,9 @@ struct Interface {
   double friction_coefficient = 0.0;
   double yield_strength_pa = 0.0;
   bool plastic_layer = false;
+  FrictionLaw friction_law = FrictionLaw::kConstant;
+  double friction_coefficient_fast = 0.0;  // of velocity_weakening, as is the next
+  double velocity_decay_s_per_m = 0.0;
 };
 
 struct Junctions {

@@ -61,12 +61,14 @@ void body_to_message(const Body& body, const std::string& table, v1::Body& messa
     message.set_melting_curve(static_cast<v1::MeltingCurve>(body.melting_curve));
   if (body.pressure_term != PressureTerm::kLinear)
     message.set_pressure_term(static_cast<v1::PressureTerm>(body.pressure_term));
+  message.set_flow_law(static_cast<v1::FlowLaw>(body.flow_law));
 }
 
 Body body_from_message(const v1::Body& message) {
   Body body{.material = message.material(), .given = {}};
   body.melting_curve = enum_or(message.melting_curve(), body.melting_curve);
   body.pressure_term = enum_or(message.pressure_term(), body.pressure_term);
+  body.flow_law = static_cast<FlowLaw>(message.flow_law());
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* field = message.GetDescriptor()->field(i);
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && message.GetReflection()->HasField(message, field))
@@ -106,6 +108,26 @@ Junctions junctions_from_message(const v1::Junctions& message) {
   return junctions;
 }
 
+void interface_to_message(const Interface& law, v1::Interface& message) {
+  message.set_friction_coefficient(law.friction_coefficient);
+  message.set_yield_strength_pa(law.yield_strength_pa);
+  if (law.plastic_layer) message.set_plastic_layer(true);
+  if (law.friction_law == FrictionLaw::kConstant) return;  // the default is not sent
+  message.set_friction_law(static_cast<v1::FrictionLaw>(law.friction_law));
+  message.set_friction_coefficient_fast(law.friction_coefficient_fast);
+  message.set_velocity_decay_s_per_m(law.velocity_decay_s_per_m);
+}
+
+Interface interface_from_message(const v1::Interface& message) {
+  Interface law{.friction_coefficient = message.friction_coefficient(),
+                .yield_strength_pa = message.yield_strength_pa(),
+                .plastic_layer = message.plastic_layer()};
+  law.friction_law = enum_or(message.friction_law(), law.friction_law);
+  law.friction_coefficient_fast = message.friction_coefficient_fast();
+  law.velocity_decay_s_per_m = message.velocity_decay_s_per_m();
+  return law;
+}
+
 }  // namespace
 
 void to_message(const Scene& scene, v1::Scene& message) {
@@ -121,6 +143,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
   layer.set_grading(scene.layer.grading);
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
+  if (scene.layer.inertia) layer.set_inertia(true);
   if (scene.hard_layer) hard_layer_to_message(*scene.hard_layer, *message.mutable_hard_layer());
   v1::VelocityDriven& driven = *message.mutable_velocity_driven();
   driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
@@ -128,11 +151,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
     driven.set_friction_coefficient(*scene.velocity_driven.friction_coefficient);
   if (scene.velocity_driven.taylor_quinney_factor)
     driven.set_taylor_quinney_factor(*scene.velocity_driven.taylor_quinney_factor);
-  if (scene.interface) {
-    message.mutable_interface()->set_friction_coefficient(scene.interface->friction_coefficient);
-    message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
-    if (scene.interface->plastic_layer) message.mutable_interface()->set_plastic_layer(true);
-  }
+  if (scene.interface) interface_to_message(*scene.interface, *message.mutable_interface());
   if (scene.junctions) junctions_to_message(*scene.junctions, *message.mutable_junctions());
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
@@ -157,17 +176,15 @@ Scene from_message(const v1::Scene& given) {
                  .cells = message.layer().cells(),
                  .grading = message.layer().grading(),
                  .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
-                 .initial_temperature_k = message.layer().initial_temperature_k()};
+                 .initial_temperature_k = message.layer().initial_temperature_k(),
+                 .inertia = message.layer().inertia()};
   if (message.has_hard_layer()) scene.hard_layer = hard_layer_from_message(message.hard_layer());
   scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
   if (message.velocity_driven().has_friction_coefficient())
     scene.velocity_driven.friction_coefficient = message.velocity_driven().friction_coefficient();
   if (message.velocity_driven().has_taylor_quinney_factor())
     scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
-  if (message.has_interface())
-    scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
-                                .yield_strength_pa = message.interface().yield_strength_pa(),
-                                .plastic_layer = message.interface().plastic_layer()};
+  if (message.has_interface()) scene.interface = interface_from_message(message.interface());
   if (message.has_junctions()) scene.junctions = junctions_from_message(message.junctions());
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;

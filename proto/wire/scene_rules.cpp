@@ -39,6 +39,7 @@ class Checker {
     for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
       const FieldDescriptor& field = *message.GetDescriptor()->field(i);
       const std::string name = path.empty() ? field.name() : path + "." + field.name();
+      if (unused(message, field, name)) continue;
       if (field.is_repeated())
         list(message, field, path, name);
       else if (!message.GetReflection()->HasField(message, &field))
@@ -52,6 +53,31 @@ class Checker {
 
  private:
   void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text)}); }
+
+  // A field that another's choice makes meaningless: refused where it is given, not missed where it is not.
+  bool unused(const Message& message, const FieldDescriptor& field, const std::string& name) {
+    const std::string& condition = rule_of(field).used_with();
+    if (condition.empty()) return false;
+    const std::size_t equals = condition.find('=');
+    const FieldDescriptor& other = *message.GetDescriptor()->FindFieldByName(condition.substr(0, equals));
+    const std::vector<std::string> choices = choices_of(other);
+    const int chosen = message.GetReflection()->GetEnumValue(message, &other);
+    // Where nothing is chosen and no default said, what is named elsewhere (a catalog) may choose: only absence is
+    // judged, as if by the first choice.
+    const bool open = chosen == 0 && rule_of(other).default_text().empty();
+    const auto* value = other.enum_type()->FindValueByNumber(chosen);
+    if (!value) return false;  // at fault itself
+    const std::string& choice = chosen != 0 ? choices[static_cast<std::size_t>(value->index()) - 1]
+                                : open      ? choices.front()
+                                            : rule_of(other).default_text();
+    if (choice == condition.substr(equals + 1)) return false;
+    const bool present = message.GetReflection()->HasField(message, &field);
+    if (present && open) return false;
+    if (present)
+      add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", name, other.name(),
+                            condition.substr(equals + 1), choice));
+    return true;
+  }
 
   void absent(const Message& message, const FieldDescriptor& field, const std::string& table_path,
               const std::string& name) {
@@ -179,6 +205,37 @@ class Together {
                     "z = 0, not inside the layer");
   }
 
+  // Beside a flowing layer the slip depends on the layer's flow, and friction on both.
+  void friction() {
+    const std::string path = "interface.friction_law";
+    if (scene_.interface().friction_law() != v1::FRICTION_LAW_VELOCITY_WEAKENING || !scene_.interface().plastic_layer())
+      return;
+    add(path, path +
+                  " = \"velocity_weakening\" does not go with plastic_layer: with the layer's flow beside it the slip "
+                  "of a step has no friction of its own to solve for first; leave one of them out");
+  }
+
+  // Waves in the layer: where the layer carries the jump, and nothing else wants its stress to be one number.
+  void inertia() {
+    const std::string path = "layer.inertia";
+    if (!scene_.layer().inertia()) return;
+    if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
+      add(path, path +
+                    " needs strategy velocity_driven: the masses that force_driven exchanges momentum of (DLP 61) are "
+                    "those of whole zones, the layer's among them, which would then count twice");
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " needs drive = \"layer_shear\": with \"interface_slip\" the jump is slip at z = 0 and crosses no "
+                    "layer");
+    if (scene_.velocity_driven().has_taylor_quinney_factor())
+      add(path, path +
+                    " cannot be combined with velocity_driven.taylor_quinney_factor: that shares out the work of one "
+                    "stress, and with inertia the stress varies across the layer");
+    if (scene_.layer().cells() > kMaxInertiaCells)
+      add(path, fmt::format("{} works with at most {} cells, found layer.cells = {}: grade them (layer.grading)", path,
+                            kMaxInertiaCells, scene_.layer().cells()));
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -224,6 +281,10 @@ class Together {
           "[junctions] and interface.plastic_layer exclude each other: junctions harden with all the slip there is, "
           "and "
           "a layer that flows beside them takes part of it; leave one of them out");
+    if (scene_.interface().friction_law() == v1::FRICTION_LAW_VELOCITY_WEAKENING)
+      add("junctions",
+          "[junctions] and interface.friction_law = \"velocity_weakening\" exclude each other: with slip one limit "
+          "rises and the other falls, and an answer would not be found for sure; leave one of them out");
   }
 
   // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.
@@ -309,9 +370,11 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.strategy();
   together.layers();
   together.plastic_heating();
+  together.inertia();
   together.hard_strength();
   if (scene.has_hydro()) together.hydro();
   together.junctions();
+  together.friction();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

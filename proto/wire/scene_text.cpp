@@ -108,6 +108,10 @@ std::string type_text(const FieldDescriptor& field) {
 
 std::string default_text(const FieldDescriptor& field) {
   const v1::Rule& rule = rule_of(field);
+  if (!rule.used_with().empty()) {
+    const bool needed = rule.required() || !rule.required_without().empty();
+    return fmt::format("{} `{}`", needed ? "required with" : "only with", rule.used_with());
+  }
   if (rule.required()) return "required";
   if (rule.has_default_number()) return number_text(rule.default_number());
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_BOOL) return "false";

@@ -11,6 +11,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/strategy_columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
@@ -53,13 +54,16 @@ shard::StepInputs inputs_of(const wire::Batch& batch) {
 }
 
 shard::StepOutputs outputs_of(wire::Batch& batch) {
-  return {.shear_stress = batch.f64(Field::kShearStress),
-          .sliding_velocity = batch.f64(Field::kSlidingVelocity),
-          .interface_temperature = batch.f64(Field::kInterfaceTemperature),
-          .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
-          .friction_heat = batch.f64(Field::kFrictionHeat),
-          .regime = batch.u8(Field::kRegime),
-          .outcome = batch.u8(Field::kOutcome)};
+  shard::StepOutputs outputs{.shear_stress = batch.f64(Field::kShearStress),
+                             .sliding_velocity = batch.f64(Field::kSlidingVelocity),
+                             .interface_temperature = batch.f64(Field::kInterfaceTemperature),
+                             .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
+                             .friction_heat = batch.f64(Field::kFrictionHeat),
+                             .regime = batch.u8(Field::kRegime),
+                             .outcome = batch.u8(Field::kOutcome)};
+  static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
+  for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) outputs.ledger[i] = batch.f64(wire::kLedgerColumns[i]);
+  return outputs;
 }
 
 }  // namespace
@@ -316,7 +320,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
   // 1. everything that can fail: checks, factorisation, memory, the journal
-  const std::vector<Field> wanted = check_wanted(step, member.scene.strategy);
+  const std::vector<Field> wanted = check_wanted(step, member.scene);
   const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
     throw Error({.code = Code::kNothingToCommit,

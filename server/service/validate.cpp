@@ -212,16 +212,20 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, wire::Strategy strategy) {
-  const auto all = wire::columns_of(strategy).reply;
+std::vector<Field> check_wanted(const wire::Downscale& step, const wire::Scene& scene) {
+  const auto all = wire::columns_of(scene.strategy).reply;
   if (step.wanted.empty()) return {all.begin(), all.end()};
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
-    if (!contains(all, field))
+    if (!contains(all, field) && !contains(std::span(wire::kLedgerColumns), field))
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all}) + ".");
+             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kLedgerColumns)}) + ".");
+    if (scene.layer.inertia && contains(std::span(wire::kLedgerColumns), field))
+      refuse(Code::kUnsupported, "wanted",
+             fmt::format("{} is of layers with one stress, and with layer.inertia it varies", wire::name(field)),
+             "Leave out the columns of the energy ledger.");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

@@ -25,6 +25,6 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
                        const shard::NodeTable& nodes);
 
 // The reply's columns: those wanted, or all of the strategy's.
-std::vector<wire::Field> check_wanted(const wire::Downscale& step, wire::Strategy strategy);
+std::vector<wire::Field> check_wanted(const wire::Downscale& step, const wire::Scene& scene);
 
 }  // namespace shearbus::service

@@ -152,6 +152,11 @@ std::uint64_t Shard::step_tile(std::size_t tile, bool all_rows, const physics::S
   scatter(out.friction_heat, lanes, outputs.friction_heat);
   scatter(out.regime, lanes, outputs.regime);
   scatter(out.outcome, lanes, outputs.outcome);
+  if (outputs.wants_ledger()) {
+    physics::TileLedger ledger;
+    model_.book(operators, in, out, buffer(tile, committed), buffer(tile, 1 - committed), ledger);
+    for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, outputs.ledger[i]);
+  }
 
   std::uint64_t flagged = 0;
   for (int lane = 0; lane < kLanes; ++lane)

@@ -2,6 +2,7 @@
 // it knows no bytes, no sessions and no clock.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -40,6 +41,11 @@ struct StepOutputs {
   std::span<double> friction_heat;          // [J/m2]
   std::span<std::uint8_t> regime;
   std::span<std::uint8_t> outcome;
+  std::array<std::span<double>, physics::kLedgerTerms> ledger{};  // [J/m2], in the order of physics::LedgerTerm
+
+  bool wants_ledger() const {
+    return std::any_of(ledger.begin(), ledger.end(), [](const auto& column) { return !column.empty(); });
+  }
 };
 
 struct ShardOptions {

@@ -15,7 +15,8 @@ std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
                              {"temperature_k", "K", layout.temperature, layout.num_vertices},
                              {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
                              {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
-                             {"shear_stress_pa", "Pa", layout.shear_stress, 1},
+                             {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
+                             {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
                              {"regime", "1", layout.regime, 1},
                              {"sticking", "1", layout.sticking, 1},
                              {"junction_strain", "1", layout.junction_strain, 1}};

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"
@@ -133,6 +134,11 @@ class Rig {
     if (model.layout().heat_shape != TileLayout::kAbsent) {
       for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }
+    const TileLayout& layout = model.layout();
+    for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
+      state.layer_velocity.push_back(committed[layout.layer_velocity + i * kLanes + lane]);
+    for (std::size_t i = 0; i < layout.num_stress_vertices && layout.num_velocity_cells > 0; ++i)
+      state.stress_field.push_back(committed[layout.shear_stress + i * kLanes + lane]);
     state.shear_stress = stress(lane);
     state.regime = static_cast<Regime>(static_cast<int>(committed[model.layout().regime + lane]));
     return state;

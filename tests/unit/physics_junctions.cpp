@@ -38,6 +38,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     options.junctions.reset();
     ModelOptions junctions = options;
     junctions.junctions = {1.0, 1e-7, options.soft};
+    junctions.junctions->metal.flow_law = {};
     junctions.junctions->metal.yield_strength = options.interface.yield_strength;
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;
@@ -127,46 +128,49 @@ TEST(PhysicsJunctions, OnlySlipWorksThem) {
   EXPECT_EQ(rig.junction_strain(), worked);
 }
 
-// Where the step may have several answers (MODEL.md section 6's example, with junctions that harden within it) the
-// search must end at the one with the most slip: the first zero of the stress a scan meets.
+// Near melting the step may have several answers. The search must end at the one with the most slip, the first zero a
+// scan of the stress meets, however steeply slip hardens the junctions; the criterion must not miss a step with two.
 TEST(PhysicsJunctions, TheSearchForTheMostSlipFindsTheFirstZero) {
   const ModelOptions paper = paper_options(Strategy::kForceDriven);
-  const double beta_T = heat_partition(paper.soft, paper.hard);
-  const double B0 = std::sqrt(paper.soft.diffusivity * 1e-9) / paper.soft.conductivity;
-  const double per_stress = 1e-9 * (1.0 / (2703 * 2.5e-6) + 1.0 / (7900 * 2.5e-6));
-  int several = 0, found = 0;
-  for (double height : {3e-8, 1e-7, 1e-6}) {
-    JunctionOptions options{1.0, height, paper.soft};
-    options.metal.yield_strength = 660e6;
-    options.metal.yield_strength_max = 0.8e9;
-    options.metal.hardening_coefficient = 0.5;
-    options.metal.hardening_exponent = 0.5;
-    for (double c = 26.0; c < 46.0; c += 0.1) {
-      const StressLimit limit{0.3 * 11.2e9, 0.0, 11.2e9, &paper.soft, junctions_of(&options, 0.0, 1e-9)};
-      const FrictionHeating heating{1215.0, beta_T * B0, c, 0.5 * per_stress};
-      const double a_stick = 2.0 * c / per_stress;
+  const double rise =
+      heat_partition(paper.soft, paper.hard) * std::sqrt(paper.soft.diffusivity * 1e-9) / paper.soft.conductivity;
+  Draw draw(32);
+  constexpr int kPoints = 3000;
+  int several = 0, searched = 0;
+  for (int n = 0; n < 6000; ++n) {
+    JunctionOptions options{1.0, draw.log_uniform(1e-10, 1e-6), paper.soft};
+    options.metal.yield_strength = draw.uniform(100e6, 700e6);
+    options.metal.yield_strength_max = options.metal.yield_strength * draw.uniform(1.0, 3.0);
+    options.metal.hardening_coefficient = draw.log_uniform(0.01, 100.0);
+    options.metal.hardening_exponent = draw.uniform(0.1, 1.0);
+    const double per_stress = draw.log_uniform(5e-8, 8e-7);
+    const StressLimit limit{0.3 * 11.2e9, 0.0, 11.2e9, &paper.soft, junctions_of(&options, 0.0, 1e-9)};
+    const FrictionHeating heating{draw.uniform(1205.0, 1219.5), rise, draw.log_uniform(5.0, 80.0), 0.5 * per_stress};
+    const double a_stick = 2.0 * heating.c / per_stress;
+    const bool unique = slip_is_unique(limit, heating, a_stick);
+    if (unique && n % 10 != 0) continue;
+    double first = 0.0;
+    int zeros = 0;
+    bool spare = true;
+    for (int i = 1; i <= kPoints; ++i) {
+      const double a = a_stick * i / kPoints;
+      if ((spare_strength(limit, heating, a) > 0.0) == spare) continue;
+      spare = !spare;
+      if (zeros++ == 0) first = a;
+    }
+    if (unique) {
+      ASSERT_LE(zeros, 1) << n;
+    } else if (zeros > 0) {
       const SlipSearch search = most_slip_stress(limit, heating, a_stick);
-      const int points = 4000;
-      double first = -1.0;
-      int zeros = 0;
-      for (int i = 0; i < points; ++i) {
-        const double lo = a_stick * i / points, hi = a_stick * (i + 1) / points;
-        if ((spare_strength(limit, heating, lo) > 0.0) == (spare_strength(limit, heating, hi) > 0.0)) continue;
-        if (zeros++ == 0) first = hi;
-      }
-      if (slip_is_unique(limit, heating, a_stick)) {
-        EXPECT_LE(zeros, 1) << height << " " << c;
-      }
-      if (zeros == 0) continue;
-      ++found;
+      ASSERT_TRUE(search.found) << n;
+      ASSERT_NEAR(search.stress, first, 1.01 * a_stick / kPoints) << n;
+      ASSERT_NEAR(spare_strength(limit, heating, search.stress) / search.stress, 0.0, 1e-7) << n;
+      ++searched;
       several += zeros > 1;
-      ASSERT_TRUE(search.found) << height << " " << c;
-      ASSERT_NEAR(search.stress, first, 1.01 * a_stick / points) << height << " " << c;
-      ASSERT_NEAR(spare_strength(limit, heating, search.stress) / search.stress, 0.0, 1e-8);
     }
   }
-  EXPECT_GT(found, 100);
-  EXPECT_GT(several, 3);
+  EXPECT_GT(searched, 300);
+  EXPECT_GT(several, 50);
 }
 
 TEST(PhysicsJunctions, StateIsThereOnlyWhenAskedFor) {

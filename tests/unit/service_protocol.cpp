@@ -214,6 +214,32 @@ TEST_P(ServiceOf, OnlyWantedColumnsAreSent) {
   EXPECT_TRUE(std::ranges::equal(some.reply.batch.u8(Field::kRegime), all.reply.batch.u8(Field::kRegime)));
 }
 
+TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
+  ServiceHarness plain, asking;
+  for (ServiceHarness* h : {&plain, &asking}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  double work = 0.0;
+  for (int step = 1; step <= 5; ++step) {
+    const auto sequence = static_cast<std::uint64_t>(step);
+    wire::Request wanting = ServiceHarness::step(sequence, columns(step));
+    std::vector<Field>& wanted = std::get<wire::Downscale>(wanting.body).wanted;
+    wanted = {Field::kShearStress, Field::kFrictionHeat};
+    wanted.insert(wanted.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
+    const Answer without = plain.ask(ServiceHarness::step(sequence, columns(step)));
+    const Answer with = asking.ask(wanting);
+    ASSERT_TRUE(with.reply.status.ok()) << describe(with.reply.status);
+    for (const Field term : wire::kLedgerColumns) EXPECT_FALSE(without.reply.batch.has(term));
+    EXPECT_TRUE(
+        std::ranges::equal(with.reply.batch.f64(Field::kShearStress), without.reply.batch.f64(Field::kShearStress)));
+    for (std::size_t row = 0; row < kNodes.size(); ++row) {
+      const auto of = [&](Field field) { return with.reply.batch.f64(field)[row]; };
+      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: its share enters at once
+      ASSERT_NEAR(of(Field::kHeatResidual), 0.0, 1e-9 * (of(Field::kFrictionHeat) + 1.0));
+      work += of(Field::kInterfaceWork);
+    }
+  }
+  EXPECT_GT(work, 0.0);
+}
+
 TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene(), kNodes));

@@ -4,9 +4,13 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/service/scene_model.hpp"
 #include "tests/support/scenes.hpp"
 
@@ -109,6 +113,30 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
 }
 
+TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
+  wire::Scene scene = support::velocity_scene();
+  EXPECT_FALSE(scene_model(scene).options.inertia);
+  scene.layer.inertia = true;
+  EXPECT_TRUE(scene_model(scene).options.inertia);
+  EXPECT_TRUE(scene_model(scene_model(scene).effective).options.inertia);
+  scene.hard_layer.emplace();
+  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  EXPECT_TRUE(scene_model(scene).options.inertia);
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_EQ(refusal_of(scene).field, "layer.inertia");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("the stress varies across the layer"));
+  scene.velocity_driven.taylor_quinney_factor.reset();
+  scene.velocity_driven.drive = wire::Drive::kInterfaceSlip;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs drive = \"layer_shear\""));
+  scene.velocity_driven.drive = wire::Drive::kLayerShear;
+  scene.layer.grading = 1.0;
+  scene.layer.cells = 1001;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 1000 cells, found layer.cells = 1001"));
+  scene = support::force_scene();
+  scene.layer.inertia = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("would then count twice"));
+}
+
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.soft.varies_with_compression());
@@ -131,6 +159,62 @@ TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   scene.hard.melting_curve = wire::MeltingCurve::kLindemann;
   EXPECT_EQ(refusal_of(scene).field, "hard.melting_curve");
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("only the soft body's is computed"));
+}
+
+const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
+    {"yield_strength_pa", 90e6},        {"hardening_modulus_pa", 292e6},      {"hardening_exponent", 0.31},
+    {"rate_coefficient", 0.025},        {"reference_strain_rate_per_s", 1.0}, {"thermal_softening_exponent", 1.09},
+    {"reference_temperature_k", 298.0},
+};
+
+TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
+  wire::Scene scene = support::velocity_scene();
+  scene.soft.flow_law = wire::FlowLaw::kJohnsonCook;
+  EXPECT_EQ(refusal_of(scene).field, "soft.yield_strength_pa");  // the catalog's belongs to another law
+  scene.soft.given = kJohnsonCookCopper;
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.soft.flow_law, physics::FlowLaws::place<physics::JohnsonCook>());
+  EXPECT_EQ(made.options.soft.hardening_modulus, 292e6);
+  const std::string text = wire::scene_to_toml(made.effective);
+  EXPECT_THAT(text, HasSubstr("flow_law = \"johnson_cook\""));
+  EXPECT_THAT(text.substr(0, text.find("[hard]")), ::testing::Not(HasSubstr("hardening_coefficient")));
+  const SceneModel again = scene_model(wire::parse_scene(text, "effective").scene);
+  EXPECT_EQ(wire::scene_to_toml(again.effective), text);
+
+  scene.soft.pressure_term = wire::PressureTerm::kCompressed;
+  EXPECT_EQ(refusal_of(scene).field, "soft.pressure_term");
+  scene.soft.pressure_term = wire::PressureTerm::kLinear;
+  scene.soft.melting_curve = wire::MeltingCurve::kLindemann;
+  EXPECT_EQ(refusal_of(scene).text, "");
+}
+
+TEST(SceneOptions, AFrictionLawComesWithItsOwnConstantsAndComesBack) {
+  wire::Scene scene = support::force_scene();
+  EXPECT_EQ(scene_model(scene).options.interface.friction_law, physics::FrictionLaw{});
+  scene.interface->friction_law = wire::FrictionLaw::kVelocityWeakening;
+  scene.interface->friction_coefficient_fast = 0.02;
+  scene.interface->velocity_decay_s_per_m = 0.01;
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.interface.friction_law, physics::FrictionLaws::place<physics::VelocityWeakening>());
+  EXPECT_EQ(made.options.interface.friction_coefficient_fast, 0.02);
+  EXPECT_EQ(made.options.interface.velocity_decay, 0.01);
+  scene.interface->plastic_layer = true;
+  EXPECT_EQ(refusal_of(scene).field, "interface.friction_law");
+  const std::string text = wire::scene_to_toml(made.effective);
+  EXPECT_THAT(text, HasSubstr("friction_law = \"velocity_weakening\""));
+  EXPECT_EQ(wire::scene_to_toml(scene_model(wire::parse_scene(text, "effective").scene).effective), text);
+}
+
+// The scene's choices are the registered laws, in their order.
+TEST(SceneOptions, EveryRegisteredLawHasItsWord) {
+  const std::string reference = wire::scene_reference();
+  std::string flow, friction;
+  for (int n = 1; const auto law = physics::FlowLaws::numbered(n); ++n)
+    flow.append(n > 1 ? " or " : "").append("\"").append(physics::FlowLaws::name_of(*law)).append("\"");
+  for (int n = 1; const auto law = physics::FrictionLaws::numbered(n); ++n)
+    friction.append(n > 1 ? " or " : "").append("\"").append(physics::FrictionLaws::name_of(*law)).append("\"");
+  EXPECT_THAT(reference, HasSubstr("| `flow_law` | " + flow + " |"));
+  EXPECT_THAT(reference, HasSubstr("| `friction_law` | " + friction + " |"));
 }
 
 }  // namespace

@@ -33,6 +33,7 @@ class SavedStates : public ::testing::TestWithParam<int> {
       options.strategy = physics::Strategy::kForceDriven;
       options.junctions = {.contact_fraction = 0.5, .height = 1e-6, .metal = options.soft};
     }
+    if (GetParam() == 5) options.inertia = true;
     return options;
   }
 };
@@ -79,10 +80,10 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided", "TwoSided", "PlasticWorkHeats", "PlasticLayer", "Junctions"};
+  constexpr const char* kNames[] = {"OneSided", "TwoSided", "PlasticWorkHeats", "PlasticLayer", "Junctions", "Inertia"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 5), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 6), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

@@ -251,6 +251,9 @@ class RandomScene {
     if (scene.strategy == Strategy::kVelocityDriven && scene.hard_layer &&
         scene.velocity_driven.drive == Drive::kLayerShear)
       scene.velocity_driven.taylor_quinney_factor = number(1e-3, 1);
+    scene.layer.inertia = scene.strategy == Strategy::kVelocityDriven && flip() &&
+                          scene.velocity_driven.drive == Drive::kLayerShear &&
+                          !scene.velocity_driven.taylor_quinney_factor;
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
     if (scene.strategy == Strategy::kForceDriven) scene.interface->plastic_layer = flip();
@@ -281,6 +284,7 @@ class RandomScene {
     if (flip()) body.given.emplace_back("density_kg_per_m3", number(1, 1e5));
     if (flip()) body.given.emplace_back("hardening_coefficient", flip() ? 0.0 : number(1e-5, 1e6));
     if (flip()) body.given.emplace_back("pressure_coefficient_per_pa", number(1e-13, 1e-6));
+    if (flip()) body.flow_law = FlowLaw::kSteinbergCochranGuinan;
     return body;
   }
   Junctions junctions() {
@@ -340,6 +344,7 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.soft.pressure_term, scene.soft.pressure_term);
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
+    ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
     ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
     if (scene.interface) {
       ASSERT_EQ(again.interface->friction_coefficient, scene.interface->friction_coefficient);

@@ -78,6 +78,7 @@ class StepResult {
   std::span<const double> interface_temperature_k() const { return reply_.batch.f64(Field::kInterfaceTemperature); }
   std::span<const double> velocity_jump_new_m_per_s() const { return reply_.batch.f64(Field::kVelocityJumpNew); }
   std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
+  const Batch& batch() const { return reply_.batch; }  // all columns, others that were wanted among them
   std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
   std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
   const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
@@ -121,7 +122,8 @@ class Session {
   wire::SessionClosed close();
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
-  const Scene& effective_scene() const;   // every default and constant filled in, as the server understood it
+  void want_energy_ledger();  // wire::kLedgerColumns beside all of the strategy's, where the scene has a ledger
+  const Scene& effective_scene() const;  // every default and constant filled in, as the server understood it
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;

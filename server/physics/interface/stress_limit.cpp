@@ -25,9 +25,11 @@ Carried carried(const StressLimit& limit, const FrictionHeating& heating, double
   return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
 }
 
-// One Newton step on H itself from next to its zero takes out what the iteration's tolerance left.
-double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max) {
+// One Newton step on H itself from next to its zero takes out what the iteration's tolerance left. `cold`: where the
+// interface would be molten at `a`.
+double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
   const Carried s = carried(limit, heating, a);
+  if (s.limit.stress <= 0.0) return cold;
   const double step = -(s.limit.stress - a) / (s.slope - 1.0);
   const double better = a + step;
   return std::abs(step) < kConverged * a && better <= a_max ? better : a;
@@ -36,18 +38,10 @@ double polished(const StressLimit& limit, const FrictionHeating& heating, double
 }  // namespace
 
 double StressLimit::steepest(double coldest, double hottest, double most_slip) const {
-  const Material& m = *soft;
-  const double c = kMeltingFactor * m.melting_temperature;
-  const double nearest = std::max(0.0, m.melting_temperature - hottest);
-  const double farthest = m.melting_temperature - coldest;
-  if (farthest <= 0.0) return 0.0;
-  const double x = std::clamp(0.5 * c, nearest, farthest);
-  const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
-  const double bracket =
-      1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kSofteningReference);
-  if (bracket <= 0.0) return 0.0;
   const double strength = junctions.options ? junctions.at(most_slip).strength : tresca;
-  return strength * (m.temperature_coefficient + bracket * melting * c / (x * x));
+  return strength * FlowLaws::with(soft->flow_law, [&](auto law) {
+           return decltype(law)::type::steepest_softening(*soft, pressure, coldest, hottest);
+         });
 }
 
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a) {
@@ -73,12 +67,35 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     double next = 0.0;
     if (stress > 0.0 && a > 0.0) {
       next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
-      if (std::abs(next - a) <= kConverged * a) return polished(limit, heating, std::clamp(next, lo, hi), a_max);
+      if (std::abs(next - a) <= kConverged * a) {
+        // A short step of the logarithm may only say that melting is near: then the step on H itself is not short.
+        const double straight = a + (stress - a) / (1.0 - s.slope);
+        if (std::abs(straight - a) <= kConverged * a) {
+          return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));
+        }
+        next = straight;
+      }
     }
     const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
     a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
   }
   return a;
+}
+
+double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a) {
+  const double T_melt = limit.soft->melting_temperature;
+  // The temperature as the state will have it, and as the limit sees it: they may differ in the last digit.
+  const auto melts = [&](double stress) {
+    return heating.T_ad + partition * (stress * heating.slip(stress)) * B0 >= T_melt ||
+           heating.temperature(stress) >= T_melt;
+  };
+  if (heating.T_ad >= T_melt || !melts(a)) return a;
+  double solid = 0.0;
+  for (;;) {
+    const double mid = 0.5 * (solid + a);
+    if (mid <= solid || mid >= a) return solid;
+    (melts(mid) ? a : solid) = mid;
+  }
 }
 
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max) {

@@ -8,7 +8,7 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  double coulomb;   // mu P; infinity: no such limit   [Pa]
+  double coulomb;   // what friction carries; infinity: no such limit          [Pa]
   double tresca;    // yield strength / sqrt(3), where there are no junctions  [Pa]
   double pressure;  // P                               [Pa]
   const Material* soft;
@@ -28,8 +28,10 @@ struct StressLimit {
     return {yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
-  // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`. As exp(-c/x)/x^2 in the
-  // distance x from melting the steep part of g' has its only maximum at x = c/2.
+  // The same under this friction.
+  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions}; }
+
+  // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
   double steepest(double coldest, double hottest, double most_slip) const;
 };
 
@@ -49,6 +51,10 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 
 // The stress in [0, a_max] with H = 0 where H has one zero there (or none: then a_max, which the interface carries).
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
+
+// `a`, or the last stress below it under which the interface, heated by partition * work, stays below T_melt, where it
+// was below: an ulp of temperature can be more than all that is left to melting.
+double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
 // Whether H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0| (2 b a - c) < 1.
 // (Junctions only make it fall faster: less slip hardens them less.)

@@ -2,7 +2,9 @@
 // stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/rigid_slip.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -28,8 +30,8 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
-    StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
-                      inputs.pressure[lane], &soft};
+    StressLimit yield{std::numeric_limits<double>::infinity(), law.yield_strength / kSqrt3, inputs.pressure[lane],
+                      &soft};
     const Forcing forcing = forcing_of(inputs, lane);
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     const LaneStep before{committed[layout.shear_stress + lane],
@@ -43,12 +45,16 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     const double junction_strain_old = junctions != nullptr ? committed[layout.junction_strain + lane] : 0.0;
     double junction_strain = junction_strain_old;
     const auto step_from = [&](const HeatOperator& heat, const LaneStep& last) {
-      if (limit.pressure <= 0.0) return open_step(forcing, heat.dt, last.jump_new);
-      limit.junctions = junctions_of(junctions, junction_strain, heat.dt);
-      const LaneStep step =
-          rigid_slip(limit, TrialSlip(forcing, heat.dt, last.jump_new, last.stress), problem.heat_partition,
-                     *heat.layer_response(), T0[lane], std::abs(last.stress), last.sticks);
-      junction_strain = limit.junctions.strain(std::abs(step.slip));
+      if (yield.pressure <= 0.0) return open_step(forcing, heat.dt, last.jump_new);
+      yield.junctions = junctions_of(junctions, junction_strain, heat.dt);
+      const TrialSlip trial_slip(forcing, heat.dt, last.jump_new, last.stress);
+      const FrictionHeating slip = trial_slip.slipping(0.0, 0.0);
+      const Friction friction = FrictionLaws::with(law.friction_law, [&](auto own) {
+        return decltype(own)::type::friction(law, yield.pressure, slip.c, slip.b, trial_slip.stress_stick);
+      });
+      const LaneStep step = rigid_slip(yield, friction, trial_slip, problem.heat_partition, *heat.layer_response(),
+                                       T0[lane], std::abs(last.stress), last.sticks);
+      junction_strain = yield.junctions.strain(std::abs(step.slip));
       return step;
     };
 

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/ledger.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -31,9 +32,18 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
     layout.heat_shape = layout.doubles;
     layout.doubles += layout.num_strain_vertices * kLanes;
   }
+  if (options.inertia) {
+    layout.num_stress_vertices = static_cast<std::size_t>(layer_vertices);
+    layout.num_velocity_cells = layout.num_stress_vertices - 1;
+  }
   layout.shear_stress = layout.doubles;
-  layout.regime = layout.shear_stress + kLanes;
-  layout.doubles = layout.regime + kLanes;
+  layout.doubles += layout.num_stress_vertices * kLanes;
+  if (options.inertia) {
+    layout.layer_velocity = layout.doubles;
+    layout.doubles += layout.num_velocity_cells * kLanes;
+  }
+  layout.regime = layout.doubles;
+  layout.doubles += kLanes;
   if (options.plastic_layer) {
     layout.sticking = layout.doubles;
     layout.doubles += kLanes;
@@ -135,7 +145,7 @@ std::vector<std::string> Model::warnings() const {
                 o.junctions->metal.yield_strength_max, o.junctions->metal.yield_strength));
   }
   if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
-      o.soft.yield_strength_max < o.soft.yield_strength) {
+      strength_ceiling(o.soft) < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));
@@ -166,7 +176,9 @@ std::shared_ptr<const StepOperators> Model::operators(double dt) const {
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
   const TileLayout& layout = impl_->layout;
-  if (impl_->options.strategy == Strategy::kVelocityDriven) {
+  if (impl_->options.inertia) {
+    advance_with_inertia(*impl_, operators, inputs, committed, trial, outputs);
+  } else if (impl_->options.strategy == Strategy::kVelocityDriven) {
     advance_velocity_driven(*impl_, operators, inputs, committed, trial, outputs);
   } else if (impl_->options.plastic_layer) {
     advance_force_driven_flowing(*impl_, operators, inputs, committed, trial, outputs);
@@ -189,6 +201,11 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
       outputs.outcome[lane] = kFailed;
     }
   }
+}
+
+void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                 const double* committed, const double* trial, TileLedger& ledger) const {
+  book_step(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

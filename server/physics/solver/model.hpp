@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
@@ -16,11 +17,7 @@ namespace shearbus::physics {
 enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 
-// The interface law of the force-driven strategy (DLP 65): s_lim = min(mu P, yield_strength g(P, T0) / sqrt(3)).
-struct InterfaceOptions {
-  double friction_coefficient = 0.0;  // mu
-  double yield_strength = 0.0;        // [Pa]
-};
+inline constexpr int kMaxInertiaCells = 1000;  // of a layer with inertia: its step works on the stack
 
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
@@ -34,6 +31,10 @@ struct ModelOptions {
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
+
+  // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
+  // and the layer's mass is accelerated (DLP 36).
+  bool inertia = false;
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
@@ -66,6 +67,10 @@ class Model {
   // active lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
+
+  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing.
+  void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+            const double* committed, const double* trial, TileLedger& ledger) const;
 
  private:
   struct Impl;

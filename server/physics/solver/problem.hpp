@@ -18,9 +18,13 @@ struct Problem {
   double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
 
+inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an imposed jump by this much of it
+
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs);
+void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

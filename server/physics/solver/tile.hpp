@@ -24,11 +24,14 @@ struct TileLayout {
   std::size_t num_vertices = 0;  // of temperature: the layer's and, for a half-space, those of the soft body behind it
   std::size_t num_hard_vertices = 0;    // of the hard body's temperature, z = 0 apart; none where it does not conduct
   std::size_t num_strain_vertices = 0;  // of plastic strain: the layer's, or none
+  std::size_t num_stress_vertices = 1;  // of shear stress: z = 0, or all of the layer's where it has inertia
+  std::size_t num_velocity_cells = 0;   // of velocity: the layer's where it has inertia
   std::size_t hard_temperature = kAbsent;  // [num_hard_vertices][kLanes]  K, the outermost first; `temperature` follows
   std::size_t temperature = 0;             // [num_vertices][kLanes]  K
   std::size_t plastic_strain = kAbsent;    // [num_strain_vertices][kLanes]  1
   std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
-  std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
+  std::size_t shear_stress = 0;            // [num_stress_vertices][kLanes]  Pa, signed
+  std::size_t layer_velocity = kAbsent;    // [num_velocity_cells][kLanes]  against the hard body  m/s
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
@@ -59,6 +62,25 @@ struct TileOutputs {
   alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
+};
+
+// Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
+enum class LedgerTerm : std::uint8_t {
+  kWork,
+  kHeatToSoft,
+  kHeatToHard,
+  kPlasticWork,
+  kStoredSoft,
+  kStoredHard,
+  kElastic,
+  kHeatResidual,
+  kEnergyResidual
+};
+inline constexpr std::size_t kLedgerTerms = 9;
+
+struct TileLedger {
+  alignas(64) double term[kLedgerTerms][kLanes] = {};
+  double& operator()(LedgerTerm t, int lane) { return term[static_cast<std::size_t>(t)][lane]; }
 };
 
 }  // namespace shearbus::physics

@@ -15,12 +15,12 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
-constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
-constexpr double kFarAbove = 100.0;          // flow against the trial stress: Newton changes its function here
-constexpr double kLeastGuess = 1e-12;        // of the upper end: a start below it says nothing
-constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
-constexpr int kMaxIterations = 300;          // bisection alone, from 1e300 to rounding, needs fewer
+constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
+constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kFarAbove = 100.0;      // flow against the trial stress: Newton changes its function here
+constexpr double kLeastGuess = 1e-12;    // of the upper end: a start below it says nothing
+constexpr int kNewtonIterations = 16;    // far more than it takes; from then on every second step bisects
+constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 
 // What holds the stress where the balance alone would let it be larger.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
@@ -57,7 +57,7 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
 
 // Trial stress, direction, heating and the bracket of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
-             const Heated& heated, double s_start, double ep0) {
+             const Heated& heated, double s_start, const double* strain) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
   const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
@@ -91,17 +91,16 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = *problem.options.friction_coefficient * pressure;
     state.bound = Bound::kCoulomb;
   }
-  // Not answers, only bounds: a vertex would be molten; the first one alone would carry more than all the slip.
-  const double most_slip = h * state.a_trial / (kSqrt3 * soft.shear_modulus);
-  const double hardened =
-      power(1.0 + soft.hardening_coefficient * (ep0 + most_slip / problem.grid.weight[0]), soft.hardening_exponent);
-  const double g_0 = hottest_ad == 0 ? g_ad : softening(soft, pressure, heated.T(0, 0.0)).g;
-  const double all_at_vertex_0 = soft.yield_strength * hardened * g_0 / kSqrt3;
-  double beyond = all_at_vertex_0 * (1.0 + kConverged);
+  // Not answers, only bounds: a vertex would be molten; the hottest one alone would carry more than all the slip.
+  const double most_strain =
+      h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
+  const double all_at_hottest =
+      hardened_strength(soft, strain[hottest_ad * kLanes] + most_strain, most_strain / dt) * g_ad / kSqrt3;
+  double beyond = all_at_hottest * (1.0 + kConverged);
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
     beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
   }
-  if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
+  if (g_ad > 0.0 && hardens(soft) && beyond < state.hi) {
     state.hi = beyond;
     state.bound = Bound::kNotAnAnswer;
   }
@@ -147,7 +146,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
-    if (std::abs(step) <= kConverged * lane.a) {
+    // Very near melting a short step may still be a long way in the flow.
+    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= kFlowConverged * lane.a_trial) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
       return;
@@ -222,7 +222,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   const double dt = operators.dt();
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
-  const bool hardens = soft.hardening_coefficient > 0.0;
+  const bool layer_hardens = hardens(soft);
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
@@ -256,10 +256,10 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
                                    committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain[l]);
+      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain + l);
     }
     lanes[l].done = !lanes[l].loaded;
-    if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;
@@ -269,8 +269,8 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
 
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
-  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), B_spread};
-  if (hardens) {
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
+  if (layer_hardens) {
     flow_thresholds(flow, load, strain_new);
     int num_rows = grid.num_vertices();
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
