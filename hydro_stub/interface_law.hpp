@@ -62,7 +62,9 @@ struct InterfaceAnswer {
 // Where the time of a law went; a law that computes in place spends it all in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  std::chrono::nanoseconds bus{0};
+  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
+  std::chrono::nanoseconds waited{0};  // in which the host could do nothing else
+  std::chrono::nanoseconds cpu{0};     // of the host's own thread, spent on asking
 };
 
 class InterfaceLaw {
@@ -73,6 +75,10 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
+  // The same in two halves, for a host that has other work meanwhile: the answer is there after finish(), and until
+  // then inputs and answer stay where they are.
+  virtual void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) { advance(inputs, answer); }
+  virtual void finish() {}
   // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;

@@ -22,17 +22,21 @@ CommandLine parse_command_line(int argc, char** argv) {
   std::filesystem::path key;
   app.add_option("--server-key", server_key, "by tcp: file of the server's public key");
   app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen");
-  app.add_option("--interface-law", law, "subgrid, coulomb_tresca, free_slip or stick, in place of the scene's")
+  app.add_option("--interface-law", law,
+                 "subgrid, coulomb_tresca, free_slip, stick or constant, in place of the scene's")
       ->transform(CLI::Transformer(
           std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
                                                     {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
                                                     {"free_slip", wire::InterfaceLaw::kFreeSlip},
-                                                    {"stick", wire::InterfaceLaw::kStick}}))
+                                                    {"stick", wire::InterfaceLaw::kStick},
+                                                    {"constant", wire::InterfaceLaw::kConstant}}))
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
                  "restart dump after every so many seconds (default: none)")
       ->check(CLI::NonNegativeNumber);
+  app.add_flag("--overlap,!--no-overlap", options.overlap,
+               "go on with zones off the interface while the law answers, in two dimensions (default: yes; same bits)");
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,

@@ -18,6 +18,7 @@ struct Options {
   wire::ServerAddress server;                       // no endpoint: in this process
   std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
   DumpSchedule dumps;
+  bool overlap = true;
   bool check = false;
   bool plot = true;
   bool progress = true;

@@ -32,6 +32,8 @@ class SubgridLaw : public InterfaceLaw {
 
   // A step is a trial until the next one, which commits it in the same round trip, or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
+  void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends
+  void finish() override;                                                       // waits
   void take_back() override;
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;

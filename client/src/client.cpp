@@ -99,6 +99,7 @@ struct Session::Impl {
   std::optional<InDoubt> in_doubt;
   std::vector<TransferId> offers;
   TransferId offered{};  // of the last offer: that one's as long as it is in doubt
+  std::optional<wire::Request> posted;  // a trial that was sent and not yet asked for
   bool closed = false;
   StepResult result;
 
@@ -211,7 +212,7 @@ struct Session::Impl {
     epoch = request.epoch = where.reply.epoch;
   }
 
-  const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+  wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const {
     wire::Request request = next_request();
     request.body = wire::Downscale{.dt_s = options.dt_s,
                                    .time_s = options.time_s,
@@ -222,12 +223,20 @@ struct Session::Impl {
                                    .wanted = wanted,
                                    .policy = options.policy};
     request.batch = view_of(columns);
+    return request;
+  }
+
+  const StepResult& take(wire::Request request) {
     Received received = exchange(std::move(request));
     body_of<wire::Upscale>(received);
     result.payload_frame_ = std::move(received.payload_frame);
     result.reply_ = std::move(received.reply);
     result.round_trip_ = received.round_trip;
     return result;
+  }
+
+  const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+    return take(step_request(columns, options, mode));
   }
 
   Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
@@ -249,6 +258,7 @@ Session& Session::operator=(Session&& other) noexcept {
 Session::~Session() {
   if (!impl_ || impl_->closed) return;
   wire::Request request = impl_->next_request();
+  if (impl_->posted) ++request.sequence;  // it has run, or will have when the goodbye arrives
   if (request.request_id == 0) request.request_id = impl_->connection->next_request_id();
   request.body = wire::CloseSession{.reason = "the client has gone"};
   impl_->connection->say(request);
@@ -270,6 +280,23 @@ const StepResult& Session::advance(const Batch& request, const StepOptions& step
 
 const StepResult& Session::trial(const Batch& request, const StepOptions& step) {
   return impl_->step(request, step, wire::Mode::kTrial);
+}
+
+void Session::start_trial(const Batch& request, const StepOptions& step) {
+  wire::Request started = impl_->step_request(request, step, wire::Mode::kTrial);
+  if (started.request_id == 0) started.request_id = impl_->connection->next_request_id();
+  impl_->connection->post(started);
+  impl_->posted.emplace(std::move(started));
+}
+
+const StepResult& Session::finish_trial() {
+  if (!impl_->posted)
+    throw Error({.code = Code::kInvalidValue,
+                 .text = "finish_trial() without start_trial()",
+                 .remedy = "Start a trial first, and finish it once."});
+  wire::Request request = std::move(*impl_->posted);
+  impl_->posted.reset();
+  return impl_->take(std::move(request));
 }
 
 std::uint64_t Session::commit() {

@@ -278,22 +278,33 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
   return false;
 }
 
+void SocketConnection::post(const wire::Request& request) {
+  posted_.reset();
+  if (!socket_) connect();
+  const auto now = Clock::now();
+  if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
+}
+
 Received SocketConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
   const auto last_moment = started + deadline;
   const std::string header = wire::encode_header(request);
-  bool sent = false;
+  bool under_way = posted_ && posted_->request_id == request.request_id;
+  const auto asked = under_way ? posted_->at : started;
+  posted_.reset();
+  bool sent = under_way;
   for (;;) {
     if (!socket_) connect();
-    while (!send(header, request.batch)) {
+    while (!under_way && !send(header, request.batch)) {
       if (wait(ZMQ_POLLOUT, last_moment)) continue;
       if (!refusal_.ok()) refused(sent);
       give_up(sent, Clock::now() - started);
     }
+    under_way = false;
     sent = true;
     Received received;
     if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
-      received.round_trip = Clock::now() - started;
+      received.round_trip = Clock::now() - asked;
       if (!received.reply.status.ok()) throw Error(received.reply.status);
       return received;
     }

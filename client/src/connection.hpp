@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -34,6 +35,10 @@ class Connection {
   // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left, kAuth as soon
   // as the server refuses the connection, kUnknownOutcome where it left and nothing came back before the deadline.
   virtual Received call(const wire::Request& request, std::chrono::milliseconds deadline) = 0;
+
+  // Sends `request` now, if that can be done without waiting; the call() of the same request that must follow then only
+  // waits for its reply.
+  virtual void post(const wire::Request& /*request*/) {}
 
   // Sends without waiting for anything, if that can be done now.
   virtual void say(const wire::Request& request) noexcept = 0;
@@ -66,9 +71,14 @@ class SocketConnection final : public Connection {
   ~SocketConnection() override;
 
   Received call(const wire::Request& request, std::chrono::milliseconds deadline) override;
+  void post(const wire::Request& request) override;
   void say(const wire::Request& request) noexcept override;
 
  private:
+  struct Posted {
+    std::uint64_t request_id;
+    Clock::time_point at;
+  };
   struct CloseSocket {
     void operator()(void* socket) const;
   };
@@ -88,6 +98,7 @@ class SocketConnection final : public Connection {
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
+  std::optional<Posted> posted_;
   std::unique_ptr<void, CloseSocket> monitor_;       // libzmq's word on the handshakes of socket_
   std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
   wire::Status refusal_;                       // the server has refused the connection; OK: not so far

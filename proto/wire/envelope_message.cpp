@@ -61,6 +61,10 @@ static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
               same(InterfaceLaw::kCoulombTresca, v1::INTERFACE_LAW_COULOMB_TRESCA) &&
               same(InterfaceLaw::kFreeSlip, v1::INTERFACE_LAW_FREE_SLIP) &&
               same(InterfaceLaw::kStick, v1::INTERFACE_LAW_STICK) &&
+              same(InterfaceLaw::kConstant, v1::INTERFACE_LAW_CONSTANT) && same(Symmetry::kPlane, v1::SYMMETRY_PLANE) &&
+              same(Symmetry::kAxisymmetric, v1::SYMMETRY_AXISYMMETRIC) && same(Shell::kCylinder, v1::SHELL_CYLINDER) &&
+              same(Shell::kSphere, v1::SHELL_SPHERE) && same(GasTest::kNoh, v1::GAS_TEST_NOH) &&
+              same(GasTest::kSedov, v1::GAS_TEST_SEDOV) && same(GasTest::kSaltzman, v1::GAS_TEST_SALTZMAN) &&
               same(FarEnd::kTransmitting, v1::FAR_END_TRANSMITTING) && same(FarEnd::kFree, v1::FAR_END_FREE));
 static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_BAD_FRAMING) &&
               same(Code::kMalformed, v1::CODE_MALFORMED) && same(Code::kVersion, v1::CODE_VERSION) &&

@@ -5,6 +5,7 @@
 
 #include <string_view>
 
+#include "proto/wire/scene_message_hydro.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
 #include "shearbus/v1/scene.pb.h"
@@ -63,12 +64,6 @@ void body_to_message(const Body& body, const std::string& table, v1::Body& messa
   message.set_flow_law(static_cast<v1::FlowLaw>(body.flow_law));
 }
 
-// An enum of the message as a value; `fallback` is what its rule calls the default.
-template <typename Enum, typename Wire>
-Enum enum_or(Wire wire, Enum fallback) {
-  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
-}
-
 Body body_from_message(const v1::Body& message) {
   Body body{.material = message.material(), .given = {}};
   body.melting_curve = enum_or(message.melting_curve(), body.melting_curve);
@@ -80,51 +75,6 @@ Body body_from_message(const v1::Body& message) {
       body.given.emplace_back(field->name(), message.GetReflection()->GetDouble(message, field));
   }
   return body;
-}
-
-void eos_to_message(const MieGrueneisen& eos, v1::MieGrueneisen& message) {
-  message.set_sound_speed_m_per_s(eos.sound_speed_m_per_s);
-  message.set_hugoniot_slope(eos.hugoniot_slope);
-  message.set_grueneisen_coefficient(eos.grueneisen_coefficient);
-  if (eos.tension_limit_pa) message.set_tension_limit_pa(*eos.tension_limit_pa);
-}
-
-MieGrueneisen eos_from_message(const v1::MieGrueneisen& message) {
-  MieGrueneisen eos = {.sound_speed_m_per_s = message.sound_speed_m_per_s(),
-                       .hugoniot_slope = message.hugoniot_slope(),
-                       .grueneisen_coefficient = message.grueneisen_coefficient()};
-  if (message.has_tension_limit_pa()) eos.tension_limit_pa = message.tension_limit_pa();
-  return eos;
-}
-
-void cone_to_message(const ConeTarget& cone, v1::ConeTarget& message) {
-  message.set_length_m(cone.length_m);
-  message.set_front_radius_m(cone.front_radius_m);
-  message.set_back_radius_m(cone.back_radius_m);
-  message.set_confinement_radius_m(cone.confinement_radius_m);
-  message.set_flyer_thickness_m(cone.flyer_thickness_m);
-  message.set_flyer_speed_m_per_s(cone.flyer_speed_m_per_s);
-  message.set_zone_width_m(cone.zone_width_m);
-  message.set_courant(cone.courant);
-  message.set_history_interval_s(cone.history_interval_s);
-  message.set_frames(cone.frames);
-  eos_to_message(cone.soft_eos, *message.mutable_soft_eos());
-  eos_to_message(cone.hard_eos, *message.mutable_hard_eos());
-}
-
-ConeTarget cone_from_message(const v1::ConeTarget& message) {
-  return {.length_m = message.length_m(),
-          .front_radius_m = message.front_radius_m(),
-          .back_radius_m = message.back_radius_m(),
-          .confinement_radius_m = message.confinement_radius_m(),
-          .flyer_thickness_m = message.flyer_thickness_m(),
-          .flyer_speed_m_per_s = message.flyer_speed_m_per_s(),
-          .zone_width_m = message.zone_width_m(),
-          .courant = message.courant(),
-          .history_interval_s = message.history_interval_s(),
-          .frames = message.frames(),
-          .soft_eos = eos_from_message(message.soft_eos()),
-          .hard_eos = eos_from_message(message.hard_eos())};
 }
 
 void hard_layer_to_message(const HardLayer& layer, v1::HardLayer& message) {
@@ -178,58 +128,6 @@ Interface interface_from_message(const v1::Interface& message) {
   return law;
 }
 
-void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
-  message.set_interface_law(static_cast<v1::InterfaceLaw>(hydro.interface_law));
-  message.set_end_time_s(hydro.end_time_s);
-  if (hydro.dt_s) message.set_dt_s(*hydro.dt_s);
-  message.set_cfl(hydro.cfl);
-  if (hydro.shear_column) {
-    const ShearColumn& column = *hydro.shear_column;
-    v1::ShearColumn& to = *message.mutable_shear_column();
-    to.set_length_m(column.length_m);
-    to.set_zones(column.zones);
-    to.set_far_end(static_cast<v1::FarEnd>(column.far_end));
-    const auto copy = [](const std::vector<double>& from, auto* list) { list->Add(from.begin(), from.end()); };
-    copy(column.velocity_jump_m_per_s, to.mutable_velocity_jump_m_per_s());
-    copy(column.initial_temperature_k, to.mutable_initial_temperature_k());
-    copy(column.pressure_pa, to.mutable_pressure_pa());
-    copy(column.pressure_time_s, to.mutable_pressure_time_s());
-    to.set_lists(static_cast<v1::Lists>(column.lists));
-  }
-  v1::CoulombTresca& law = *message.mutable_coulomb_tresca();
-  law.set_friction_coefficient_at_rest(hydro.coulomb_tresca.friction_coefficient_at_rest);
-  law.set_friction_coefficient_fast(hydro.coulomb_tresca.friction_coefficient_fast);
-  law.set_velocity_decay_s_per_m(hydro.coulomb_tresca.velocity_decay_s_per_m);
-  law.set_yield_fraction(hydro.coulomb_tresca.yield_fraction);
-  if (hydro.cone_target) cone_to_message(*hydro.cone_target, *message.mutable_cone_target());
-}
-
-Hydro hydro_from_message(const v1::Hydro& message) {
-  Hydro hydro;
-  hydro.interface_law = enum_or(message.interface_law(), hydro.interface_law);
-  hydro.end_time_s = message.end_time_s();
-  if (message.has_dt_s()) hydro.dt_s = message.dt_s();
-  hydro.cfl = message.cfl();
-  if (message.has_shear_column()) {
-    const v1::ShearColumn& from = message.shear_column();
-    ShearColumn& column = hydro.shear_column.emplace();
-    column.length_m = from.length_m();
-    column.zones = from.zones();
-    column.far_end = enum_or(from.far_end(), column.far_end);
-    column.velocity_jump_m_per_s.assign(from.velocity_jump_m_per_s().begin(), from.velocity_jump_m_per_s().end());
-    column.initial_temperature_k.assign(from.initial_temperature_k().begin(), from.initial_temperature_k().end());
-    column.pressure_pa.assign(from.pressure_pa().begin(), from.pressure_pa().end());
-    column.pressure_time_s.assign(from.pressure_time_s().begin(), from.pressure_time_s().end());
-    column.lists = enum_or(from.lists(), column.lists);
-  }
-  hydro.coulomb_tresca = {.friction_coefficient_at_rest = message.coulomb_tresca().friction_coefficient_at_rest(),
-                          .friction_coefficient_fast = message.coulomb_tresca().friction_coefficient_fast(),
-                          .velocity_decay_s_per_m = message.coulomb_tresca().velocity_decay_s_per_m(),
-                          .yield_fraction = message.coulomb_tresca().yield_fraction()};
-  if (message.has_cone_target()) hydro.cone_target = cone_from_message(message.cone_target());
-  return hydro;
-}
-
 }  // namespace
 
 void to_message(const Scene& scene, v1::Scene& message) {
@@ -237,8 +135,8 @@ void to_message(const Scene& scene, v1::Scene& message) {
   message.set_name(checked(scene.name, "name"));
   message.set_source(checked(scene.source, "source"));
   message.set_strategy(static_cast<v1::Strategy>(scene.strategy));
-  body_to_message(scene.soft, "soft", *message.mutable_soft());
-  body_to_message(scene.hard, "hard", *message.mutable_hard());
+  if (scene.soft.given_at_all()) body_to_message(scene.soft, "soft", *message.mutable_soft());
+  if (scene.hard.given_at_all()) body_to_message(scene.hard, "hard", *message.mutable_hard());
   v1::Layer& layer = *message.mutable_layer();
   layer.set_thickness_m(scene.layer.thickness_m);
   layer.set_cells(scene.layer.cells);

@@ -89,9 +89,12 @@ class Checker {
       add(table_path, fmt::format("{} is missing{}", is_table ? "[" + name + "]" : name, meaning));
     } else if (!rule.required_without().empty()) {
       const FieldDescriptor* other = message.GetDescriptor()->FindFieldByName(rule.required_without());
-      const std::string other_name = table_path + "." + other->name();
-      if (!message.GetReflection()->HasField(message, other) && !given_(other_name))
-        add(table_path, fmt::format("{} is missing{}: it must be given where {} is not", name, meaning, other_name));
+      const std::string other_name = table_path.empty() ? other->name() : table_path + "." + other->name();
+      if (message.GetReflection()->HasField(message, other) || given_(other_name)) return;
+      const bool of_the_scene = table_path.empty();  // where a reader knows that a scene has bodies and a strategy
+      const bool is_table = field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
+      add(table_path, fmt::format("{} is missing{}{}", is_table ? "[" + name + "]" : name, meaning,
+                                  of_the_scene ? "" : fmt::format(": it must be given where {} is not", other_name)));
     }
   }
 
@@ -254,6 +257,33 @@ class Together {
           "interface.plastic_layer is an option of strategy force_driven; a velocity-driven layer always flows");
   }
 
+  // One problem, and the bodies it is about.
+  void hydro() {
+    const v1::Hydro& hydro = scene_.hydro();
+    const auto needs = [&](const char* problem, bool present, const char* key) {
+      if (!present && !given_(key)) add("", fmt::format("[{}] is missing: hydro.{} needs it", key, problem));
+    };
+    int problems = 0;
+    const auto problem = [&](const char* name, bool present, bool soft, bool hard) {
+      if (!present) return;
+      ++problems;
+      if (soft) needs(name, scene_.has_soft(), "soft");
+      if (hard) needs(name, scene_.has_hard(), "hard");
+    };
+    problem("shear_column", hydro.has_shear_column(), true, true);
+    problem("cone_target", hydro.has_cone_target(), true, true);
+    problem("piston", hydro.has_piston(), true, false);
+    problem("flyer_impact", hydro.has_flyer_impact(), true, true);
+    problem("implosion", hydro.has_implosion(), true, false);
+    problem("gas_flow", hydro.has_gas_flow(), false, false);
+    problem("taylor_bar", hydro.has_taylor_bar(), true, false);
+    problem("sliding_plates", hydro.has_sliding_plates(), true, true);
+    if (problems > 1) add("hydro", fmt::format("[hydro] names {} problems, expected one", problems));
+    if (hydro.interface_law() == v1::INTERFACE_LAW_CONSTANT && !hydro.has_constant_shear_stress_pa() &&
+        !given_("hydro.constant_shear_stress_pa"))
+      add("hydro.interface_law", "interface_law constant needs hydro.constant_shear_stress_pa, which is missing");
+  }
+
   void junctions() {
     if (!scene_.has_junctions()) return;
     if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN)
@@ -356,6 +386,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.inertia();
   together.components();
   together.hard_strength();
+  if (scene.has_hydro()) together.hydro();
   together.junctions();
   together.friction();
   if (scene.hydro().has_shear_column()) together.shear_column();

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <random>
 
+#include "hydro_stub/verification/exact.hpp"
 #include "tests/support/hydro2d.hpp"
 #include "tests/support/hydro2d_plates.hpp"
 #include "tests/support/hydro_laws.hpp"
@@ -39,10 +40,6 @@ Bodies two_blocks(Symmetry symmetry, int soft_across, int hard_across, double sl
   return bodies;
 }
 
-double density_at(const MieGrueneisen& m, double pressure) {
-  return root(0.9 * m.density, 1.5 * m.density, [&](double rho) { return Eos(m).at(rho, 0.0).pressure - pressure; });
-}
-
 TEST(Hydro2dSlideLine, BothSidesOfEveryWeightCancel) {
   for (const Symmetry symmetry : kBoth) {
     const Bodies bodies = two_blocks(symmetry, 7, 5, 0.4);
@@ -75,8 +72,8 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
     for (const double slope : {0.0, 0.4}) {
       Bodies bodies = two_blocks(symmetry, 7, 5, slope);
       const lagrange::Block soft = bodies.mesh.blocks()[0], hard = bodies.mesh.blocks()[1];
-      fill(bodies, 0, density_at(aluminium_6061(), kPressure), 0.0, {});
-      fill(bodies, 1, density_at(steel_304(), kPressure), 0.0, {});
+      fill(bodies, 0, hydro::density_at(aluminium_6061(), kPressure), 0.0, {});
+      fill(bodies, 1, hydro::density_at(steel_304(), kPressure), 0.0, {});
       for (const Side side : {Side::kLeft, Side::kRight, Side::kTop})
         bodies.loads.push_back({soft.side(side), kPressure});
       for (const Side side : {Side::kLeft, Side::kRight, Side::kBottom})

@@ -120,6 +120,12 @@ class Session {
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // step and accept
   const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
+  // trial() in two halves, for a host that has other work while the layers are computed: start_trial() sends the
+  // request and returns, finish_trial() waits for the reply with the deadline and the retries of any call. In between
+  // `request` stays as it is and the session makes no other call. Where finish_trial() throws, trial() with the same
+  // values is the same request.
+  void start_trial(const Batch& request, const StepOptions& step);
+  const StepResult& finish_trial();
   std::uint64_t commit();
   std::uint64_t rollback();
   // Keeps the committed states on the server under a name, such as that of the host's own restart dump; the server
