@@ -181,7 +181,12 @@ store::Snapshot Service::snapshot() const {
 
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
-  return store_->checkpoint(snapshot());
+  try {
+    return store_->checkpoint(snapshot());
+  } catch (const std::bad_alloc&) {
+    log("the checkpoint found no memory; the ones before and the journal hold everything");
+    return false;
+  }
 }
 
 Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request,

@@ -1,6 +1,7 @@
 #include "server/shard/states.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <stdexcept>
 #include <utility>
 
@@ -94,6 +95,8 @@ void Shard::restore(const States& committed, const States* trial, std::uint64_t 
   put_states(committed, false);
   state_version_ = state_version;
   if (trial == nullptr) return;
+  if (std::adjacent_find(trial->slots.begin(), trial->slots.end(), std::greater_equal<>()) != trial->slots.end())
+    throw std::invalid_argument("a trial of slots that do not ascend");
   for (const std::uint32_t slot : trial->slots) {
     if (slot >= nodes_.size())
       throw std::invalid_argument("a trial of slot " + std::to_string(slot) + ", which does not exist");
