@@ -81,6 +81,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   if (scene.interface)
     made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
                               .yield_strength = scene.interface->yield_strength_pa};
+  made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;
   if (scene.hard_layer) {

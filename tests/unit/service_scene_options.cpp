@@ -82,7 +82,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   scene = support::force_scene();
   scene.hard_layer.emplace();
   scene.velocity_driven.taylor_quinney_factor = 0.9;
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("force_driven has no flow in the layer"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
 }
 
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {

@@ -4,19 +4,15 @@
 #include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <numeric>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
 
 namespace shearbus::physics::reference {
-namespace {
 
-constexpr int kScan = 4000;  // points in the search for sign changes
-
-// The only zero of f in [lo, hi], f rising from negative. No tolerance: until no number lies between.
 double bisect(const std::function<double(double)>& f, double lo, double hi) {
   for (;;) {
     const double mid = 0.5 * (lo + hi);
@@ -25,23 +21,19 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
+namespace {
+
 HeatGrid heat_grid_of(const ModelOptions& options) {
   const Grid layer(options.grid);
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// Share of the friction power that heats what conducts.
+}  // namespace
+
 double conducted_share(const ModelOptions& options) {
   return options.hard_grid ? 1.0 : heat_partition(options.soft, options.hard);
 }
-
-// One value per row of the heat grid, read from z = 0 into the soft body.
-struct Profile {
-  std::vector<double> rows;
-  std::size_t interface = 0;
-  double operator[](std::size_t vertex) const { return rows[interface + vertex]; }
-};
 
 Profile profile_of(const NodeState& state) {
   Profile profile{state.hard_temperature, state.hard_temperature.size()};
@@ -49,7 +41,6 @@ Profile profile_of(const NodeState& state) {
   return profile;
 }
 
-// T = T_ad + q B, kept.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B) {
   std::vector<double> T = T_ad.rows;
   for (std::size_t i = 0; i < T.size(); ++i) T[i] += flux * B.rows[i];
@@ -58,8 +49,6 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
   state.temperature.assign(at_interface, T.end());
 }
 
-// Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
-// body and insulated far ends: DLP (20-31).
 Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
@@ -89,13 +78,11 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
 }
 
-// To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
   return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
                  {std::vector<double>(like.rows.size(), 0.0), like.interface});
 }
 
-// dep of one vertex under a stress magnitude, DLP (48) as printed.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old) {
   const double g = softening(m, pressure, T).g;
   if (a <= 0.0) return 0.0;
@@ -103,6 +90,8 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
   const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
   return std::min(1e100, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));
 }
+
+namespace {
 
 NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
@@ -294,8 +283,9 @@ NodeState initial_state(const ModelOptions& options) {
 }
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
-  return options.strategy == Strategy::kVelocityDriven ? velocity_driven(options, dt, inputs, state)
-                                                       : force_driven(options, dt, inputs, state);
+  if (options.strategy == Strategy::kVelocityDriven) return velocity_driven(options, dt, inputs, state);
+  return options.plastic_layer ? flowing_force_driven(options, dt, inputs, state)
+                               : force_driven(options, dt, inputs, state);
 }
 
 }  // namespace shearbus::physics::reference

@@ -16,6 +16,7 @@ struct NodeState {
   std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
+  bool sticking = false;  // plastic layer
 };
 
 struct NodeInputs {
@@ -26,6 +27,7 @@ struct NodeInputs {
   double stress_plus = 0.0;
   double mass_minus = 1.0;
   double mass_plus = 1.0;
+  double soft_plastic_rate = 0.0;
 };
 
 struct NodeOutputs {
@@ -35,7 +37,8 @@ struct NodeOutputs {
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
-  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan)
+  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan); with a plastic layer
+                    // only those that its rule does not tell apart
 };
 
 NodeState initial_state(const ModelOptions& options);

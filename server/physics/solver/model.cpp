@@ -22,7 +22,7 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
   if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
   layout.temperature = layout.num_hard_vertices * kLanes;
   layout.doubles = layout.temperature + layout.num_vertices * kLanes;
-  if (options.strategy == Strategy::kVelocityDriven) {
+  if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
     layout.plastic_strain = layout.doubles;
     layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
     layout.doubles += layout.num_strain_vertices * kLanes;
@@ -34,6 +34,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
   layout.shear_stress = layout.doubles;
   layout.regime = layout.shear_stress + kLanes;
   layout.doubles = layout.regime + kLanes;
+  if (options.plastic_layer) {
+    layout.sticking = layout.doubles;
+    layout.doubles += kLanes;
+  }
   return layout;
 }
 
@@ -120,7 +124,8 @@ std::vector<std::string> Model::warnings() const {
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
   }
-  if (o.strategy == Strategy::kVelocityDriven && o.soft.yield_strength_max < o.soft.yield_strength) {
+  if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
+      o.soft.yield_strength_max < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));
@@ -153,6 +158,8 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
   const TileLayout& layout = impl_->layout;
   if (impl_->options.strategy == Strategy::kVelocityDriven) {
     advance_velocity_driven(*impl_, operators, inputs, committed, trial, outputs);
+  } else if (impl_->options.plastic_layer) {
+    advance_force_driven_flowing(*impl_, operators, inputs, committed, trial, outputs);
   } else {
     advance_force_driven(*impl_, operators, inputs, committed, trial, outputs);
   }

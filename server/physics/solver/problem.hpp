@@ -23,5 +23,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
                              const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics
