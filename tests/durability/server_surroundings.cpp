@@ -326,6 +326,7 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
     const std::string part =
         std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(64 * 1024, 'x');  // more to come, long
     ASSERT_TRUE(peer.send(greeting) && peer.send(ready));
+    ASSERT_FALSE(peer.closed_within(500ms)) << "its side of the handshake, which must be over before the first part";
     while (sent < 2 * kLimit && peer.send(part)) {
       sent += part.size();
       if (sent / part.size() % 64 == 0) most = std::max(most, resident_kb(server->process().id()));
