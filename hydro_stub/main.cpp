@@ -39,9 +39,10 @@ void carry_out_cone_target(const Options& options, const wire::SceneFile& file, 
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
                  .progress = options.progress,
                  .dumps = options.dumps,
-                 .server = options.server};
+                 .server = options.server.endpoint};
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
-  SubgridServer server{.endpoint = run.server, .state_dir = {}};
+  SubgridServer server{.address = options.server, .state_dir = {}};
+  server.address.endpoint = run.server;
   if (!options.check) {
     if (from == nullptr) make_room_for_dumps(run.out);
     // A server in this process outlives it by its journal, beside the dumps.
@@ -71,7 +72,7 @@ void carry_out(const Options& options, wire::SceneFile& file) {
   const Problem problem = make_problem(scene);
   const std::unique_ptr<InterfaceLaw> law =
       make_law(scene, problem.soft_material, problem.hard_material, problem.initial_temperature,
-               {.endpoint = options.server, .state_dir = {}});
+               {.address = options.server, .state_dir = {}});
   if (options.check) {
     fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.file, problem.columns,
                problem.steps, problem.dt * 1e9, name(scene.hydro->interface_law));
@@ -90,10 +91,10 @@ void go_on(const Options& options, wire::SceneFile& file) {
 }
 
 int shearbus_hydro(int argc, char** argv) {
-  const CommandLine line = parse_command_line(argc, argv);
-  if (line.exit_code) return *line.exit_code;
   wire::SceneFile file;
   try {
+    const CommandLine line = parse_command_line(argc, argv);
+    if (line.exit_code) return *line.exit_code;
     if (!line.options.restart.empty()) {
       go_on(line.options, file);
     } else {

@@ -16,16 +16,18 @@
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
+ClientOptions client_options(const wire::ServerAddress& address, const std::optional<server::Embedded>& embedded) {
   ClientOptions options;
   options.name = "shearbus-hydro";
-  options.endpoint = embedded ? embedded->endpoint() : server.endpoint;
+  options.endpoint = embedded ? embedded->endpoint() : address.endpoint;
+  options.server_key = address.server_key;
+  options.secret_key = address.secret_key;
   options.context = embedded ? embedded->context() : nullptr;
   return options;
 }
 
 std::optional<server::Embedded> embed(const SubgridServer& server) {
-  if (!server.endpoint.empty()) return std::nullopt;
+  if (!server.address.endpoint.empty()) return std::nullopt;
   server::ServerOptions options;
   options.state_dir = server.state_dir.string();
   return std::optional<server::Embedded>(std::in_place, options);
@@ -73,11 +75,11 @@ void copy(std::span<const double> from, std::span<double> to) {
 struct SubgridLaw::Impl {
   Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
       : embedded(embed(where)),
-        client(client_options(where, embedded)),
+        client(client_options(where.address, embedded)),
         session(enter(client)),
         wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
         request(session.request()),
-        server(embedded ? "in this process" : where.endpoint),
+        server(embedded ? "in this process" : where.address.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {}
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <random>
 #include <stdexcept>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -72,9 +73,14 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
       store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
       service_(service_options(options, epoch, log), pool_, store_.get()),
+      access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
+               .authorise = [this](const transport::Peer& peer) { return access_.judge(peer); },
+               .ipc_for_others = access_.for_other_users(),
+               .curve_secret_key = access_.secret_key(),
                .insecure_plaintext = options.insecure_plaintext,
-               .log = log.debug}),
+               .log = log.debug,
+               .log_access = log.info}),
       checkpoint_every_ns_(static_cast<std::uint64_t>(1e9 * options.checkpoint_every_s)),
       last_checkpoint_ns_(monotonic_ns()) {
   service_.recover();
@@ -90,10 +96,10 @@ void Server::checkpoint_if_due() {
 }
 
 void Server::run(int stop_fd) {
-  const transport::Handler handler = [this](transport::Frames frames) {
+  const transport::Handler handler = [this](transport::Frames frames, std::string_view user) {
     checkpoint_if_due();
     std::vector<transport::OutFrame> sent;
-    if (auto reply = service_.handle(frames)) {
+    if (auto reply = service_.handle(frames, Access::caller(user))) {
       auto header = std::make_shared<const std::string>(std::move(reply->header));
       sent.push_back({std::as_bytes(std::span(*header)), header});
       if (reply->has_payload) sent.push_back({reply->payload, std::move(reply->owner)});

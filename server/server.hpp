@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "server/access.hpp"
 #include "server/options.hpp"
 #include "server/service/service.hpp"
 #include "server/shard/task_pool.hpp"
@@ -35,6 +36,7 @@ class Server {
 
   void* context() { return router_.context(); }
   wire::ServerStatus status() const { return service_.status(); }
+  const Access& access() const { return access_; }
   const transport::RouterCounters& transport() const { return router_.counters(); }
 
  private:
@@ -45,6 +47,7 @@ class Server {
   std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
   std::unique_ptr<store::Store> store_;
   service::Service service_;
+  Access access_;
   transport::Router router_;
   std::uint64_t checkpoint_every_ns_;
   std::uint64_t last_checkpoint_ns_;

@@ -9,9 +9,11 @@
 #include <exception>
 #include <filesystem>
 #include <functional>
+#include <stdexcept>
 #include <string>
 
 #include "client/include/shearbus/client.hpp"
+#include "proto/wire/key_file.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
 
@@ -22,15 +24,25 @@ constexpr int kExitUsage = 2;
 
 struct Options {
   std::string server;
+  std::filesystem::path server_key;
+  std::filesystem::path key;
   double timeout_s = 5.0;
   bool json = false;
   std::filesystem::path scene;
+  std::string key_name;
+  bool key_of_operator = false;
 };
 
 shearbus::Client connect(const Options& options) {
   const auto deadline = std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * options.timeout_s));
-  return shearbus::Client(
-      {.endpoint = options.server, .name = "shearbus-ctl", .connect_deadline = deadline, .reply_deadline = deadline});
+  shearbus::wire::ServerAddress server(options.server);
+  read_keys_into(server, options.server_key, options.key);
+  return shearbus::Client({.endpoint = server.endpoint,
+                           .server_key = server.server_key,
+                           .secret_key = server.secret_key,
+                           .name = "shearbus-ctl",
+                           .connect_deadline = deadline,
+                           .reply_deadline = deadline});
 }
 
 void ping(const Options& options) {
@@ -92,6 +104,21 @@ void check(const Options& options) {
   }
 }
 
+// The public file is a line for a server's --authorized-keys.
+void keygen(const Options& options) {
+  const shearbus::KeyPair pair = shearbus::make_key_pair();
+  const std::filesystem::path secret_file = options.key_name + ".secret";
+  const std::filesystem::path public_file = options.key_name + ".public";
+  if (std::filesystem::exists(public_file))  // before a secret key without it is left behind
+    throw std::runtime_error(public_file.string() + ": exists already, and keys are never written over");
+  shearbus::wire::write_secret_key(secret_file, pair.secret_key);
+  const std::string name = std::filesystem::path(options.key_name).filename().string();
+  shearbus::wire::write_public_key(
+      public_file, {.key = pair.public_key, .words = (options.key_of_operator ? "operator " : "") + name});
+  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", secret_file.string(), public_file.string(),
+             pair.public_key);
+}
+
 void reference() {
   fmt::print("{}", shearbus::wire::scene_reference());
 }
@@ -109,6 +136,9 @@ int main(int argc, char** argv) {
     command->add_option("--server", options.server, "Where the server listens, e.g. ipc:///run/user/1000/shearbus/bus")
         ->type_name("ENDPOINT")
         ->required();
+    command->add_option("--server-key", options.server_key, "By tcp: file of the server's public key")
+        ->type_name("FILE");
+    command->add_option("--key", options.key, "By tcp: file of one's own secret key")->type_name("FILE");
     command->add_option("--timeout", options.timeout_s, "How long to wait for an answer, in seconds")
         ->check(CLI::Range(1e-3, 1e6))
         ->capture_default_str();
@@ -121,6 +151,11 @@ int main(int argc, char** argv) {
   auto* check_command = app.add_subcommand("check", "Is a scene valid? Prints it with every default filled in");
   check_command->add_option("SCENE", options.scene, "A TOML file")->required();
   check_command->callback([&] { run = [&] { check(options); }; });
+  auto* keygen_command = app.add_subcommand("keygen", "Makes a pair of keys, NAME.public and NAME.secret");
+  keygen_command->add_option("NAME", options.key_name, "Where, without the ending")->required();
+  keygen_command->add_flag("--operator", options.key_of_operator,
+                           "Whoever has it may operate the server: see every session, checkpoint, drain");
+  keygen_command->callback([&] { run = [&] { keygen(options); }; });
   app.add_subcommand("reference", "Every key of a scene, as Markdown")->callback([&] { run = reference; });
 
   try {

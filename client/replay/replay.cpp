@@ -24,11 +24,14 @@ using Clock = std::chrono::steady_clock;
 
 // The named server, or one on a thread of this process.
 struct Service {
-  explicit Service(const std::string& endpoint)
-      : embedded(endpoint.empty() ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
-                                  : std::nullopt),
-        client({.endpoint = embedded ? embedded->endpoint() : endpoint,
+  explicit Service(const wire::ServerAddress& server)
+      : embedded(server.endpoint.empty()
+                     ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
+                     : std::nullopt),
+        client({.endpoint = embedded ? embedded->endpoint() : server.endpoint,
                 .context = embedded ? embedded->context() : nullptr,
+                .server_key = server.server_key,
+                .secret_key = server.secret_key,
                 .name = "shearbus-replay"}) {}
   std::optional<server::Embedded> embedded;
   Client client;

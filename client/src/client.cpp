@@ -108,7 +108,7 @@ struct Session::Impl {
       const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
       if (fault.status().code == Code::kUnknownOutcome || not_now)
         in_doubt = InDoubt{request.request_id, request.epoch};
-      else if (fault.status().code != Code::kUnreachable)
+      else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
         in_doubt.reset();
       if (fault.status().code == Code::kSequenceReused) last_sequence = fault.status().last_sequence;
       throw;

@@ -31,8 +31,8 @@ class Connection {
   virtual ~Connection() = default;
 
   // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without
-  // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left,
-  // kUnknownOutcome where it left and nothing came back before the deadline.
+  // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left, kAuth as soon
+  // as the server refuses the connection, kUnknownOutcome where it left and nothing came back before the deadline.
   virtual Received call(const wire::Request& request, std::chrono::milliseconds deadline) = 0;
 
   // Sends without waiting for anything, if that can be done now.
@@ -77,13 +77,21 @@ class SocketConnection final : public Connection {
   };
 
   void connect();
+  void watch_handshakes();
+  std::string own_public_key() const;
   bool wait(short events, Clock::time_point until);
   bool send(const std::string& header, const wire::Batch& batch);
+  void read_handshakes();
   bool receive(std::uint64_t request_id, Clock::time_point until, Received& received);
+  void handshake_failed(int event, std::uint32_t detail);
+  [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
+  std::unique_ptr<void, CloseSocket> monitor_;       // libzmq's word on the handshakes of socket_
   std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
+  wire::Status refusal_;                       // the server has refused the connection; OK: not so far
+  int silent_failures_ = 0;                    // handshakes in a row that were broken off without a reason
 };
 
 }  // namespace shearbus

@@ -150,7 +150,7 @@ Batch take_payload(const Header& header, Frames frames) {
 }
 
 void check_frames(Frames frames) {
-  if (frames.empty() || frames.size() > 2)
+  if (frames.empty() || frames.size() > kMaxFrames)
     refuse(Code::kBadFraming, fmt::format("{} frames, expected a header and at most one payload", frames.size()));
   if (frames[0].size() > kMaxHeaderBytes)
     refuse(Code::kLimit,

@@ -63,7 +63,8 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
               same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
               same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
-              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
+              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE) &&
+              same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -141,8 +142,11 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   to.mutable_limits()->set_max_nodes_per_session(from.limits.max_nodes_per_session);
   to.mutable_limits()->set_max_sessions(from.limits.max_sessions);
   to.mutable_limits()->set_max_marks(from.limits.max_marks);
+  to.mutable_limits()->set_max_frames(from.limits.max_frames);
+  to.mutable_limits()->set_max_state_bytes(from.limits.max_state_bytes);
   for (const std::string& capability : from.capabilities) to.add_capabilities(as_utf8(capability, kMaxTextBytes));
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
+  to.set_access(as_utf8(from.access, kMaxTextBytes));
 }
 void put(const SessionOpened& from, v1::SessionOpened& to) {
   put_scene(from.effective_scene, *to.mutable_effective_scene());
@@ -280,9 +284,12 @@ Welcome take(const v1::Welcome& from) {
                      .max_payload_bytes = from.limits().max_payload_bytes(),
                      .max_nodes_per_session = from.limits().max_nodes_per_session(),
                      .max_sessions = from.limits().max_sessions(),
-                     .max_marks = from.limits().max_marks()},
+                     .max_marks = from.limits().max_marks(),
+                     .max_frames = from.limits().max_frames(),
+                     .max_state_bytes = from.limits().max_state_bytes()},
           .capabilities = {from.capabilities().begin(), from.capabilities().end()},
-          .durability = from.durability()};
+          .durability = from.durability(),
+          .access = from.access()};
 }
 SessionOpened take(const v1::SessionOpened& from) {
   if (!from.has_effective_scene())

@@ -84,6 +84,8 @@ struct Limits {
   std::uint64_t max_nodes_per_session = kMaxNodesPerSession;
   std::uint64_t max_sessions = kMaxSessions;
   std::uint64_t max_marks = kMaxMarks;
+  std::uint64_t max_frames = kMaxFrames;
+  std::uint64_t max_state_bytes = 0;
 };
 struct Welcome {
   std::uint32_t protocol_major = kProtocolMajor;
@@ -92,6 +94,7 @@ struct Welcome {
   Limits limits;
   std::vector<std::string> capabilities;
   std::string durability = "none";
+  std::string access;
 };
 struct SessionOpened {
   Scene effective_scene;

@@ -55,6 +55,14 @@ struct Interface {
   bool plastic_layer = false;
 };
 
+struct Junctions {
+  double contact_fraction = 1.0;
+  double height_m = 0.0;
+  std::optional<double> yield_strength_max_pa;  // these three: absent is as the soft body
+  std::optional<double> hardening_coefficient;
+  std::optional<double> hardening_exponent;
+};
+
 struct ShearColumn {
   double length_m = 0.0;
   std::uint32_t zones = 0;
@@ -115,6 +123,7 @@ struct Scene {
   std::optional<HardLayer> hard_layer;  // present: the hard body conducts
   VelocityDriven velocity_driven;
   std::optional<Interface> interface;  // force-driven only
+  std::optional<Junctions> junctions;  // force-driven only
   std::optional<Hydro> hydro;          // the guest's; never sent
 };
 

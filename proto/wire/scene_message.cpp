@@ -141,6 +141,22 @@ HardLayer hard_layer_from_message(const v1::HardLayer& message) {
   return layer;
 }
 
+void junctions_to_message(const Junctions& junctions, v1::Junctions& message) {
+  message.set_contact_fraction(junctions.contact_fraction);
+  message.set_height_m(junctions.height_m);
+  if (junctions.yield_strength_max_pa) message.set_yield_strength_max_pa(*junctions.yield_strength_max_pa);
+  if (junctions.hardening_coefficient) message.set_hardening_coefficient(*junctions.hardening_coefficient);
+  if (junctions.hardening_exponent) message.set_hardening_exponent(*junctions.hardening_exponent);
+}
+
+Junctions junctions_from_message(const v1::Junctions& message) {
+  Junctions junctions{.contact_fraction = message.contact_fraction(), .height_m = message.height_m()};
+  if (message.has_yield_strength_max_pa()) junctions.yield_strength_max_pa = message.yield_strength_max_pa();
+  if (message.has_hardening_coefficient()) junctions.hardening_coefficient = message.hardening_coefficient();
+  if (message.has_hardening_exponent()) junctions.hardening_exponent = message.hardening_exponent();
+  return junctions;
+}
+
 void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
   message.set_interface_law(static_cast<v1::InterfaceLaw>(hydro.interface_law));
   message.set_end_time_s(hydro.end_time_s);
@@ -220,6 +236,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
     message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
     if (scene.interface->plastic_layer) message.mutable_interface()->set_plastic_layer(true);
   }
+  if (scene.junctions) junctions_to_message(*scene.junctions, *message.mutable_junctions());
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
@@ -253,6 +270,7 @@ Scene from_filled(const v1::Scene& message) {
     scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
                                 .yield_strength_pa = message.interface().yield_strength_pa(),
                                 .plastic_layer = message.interface().plastic_layer()};
+  if (message.has_junctions()) scene.junctions = junctions_from_message(message.junctions());
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
 }

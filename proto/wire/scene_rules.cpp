@@ -190,6 +190,18 @@ class Together {
           "interface.plastic_layer is an option of strategy force_driven; a velocity-driven layer always flows");
   }
 
+  void junctions() {
+    if (!scene_.has_junctions()) return;
+    if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN)
+      add("junctions",
+          "[junctions] is an option of strategy force_driven: the velocity-driven layer's stress is that of its flow");
+    if (scene_.interface().plastic_layer())
+      add("junctions",
+          "[junctions] and interface.plastic_layer exclude each other: junctions harden with all the slip there is, "
+          "and "
+          "a layer that flows beside them takes part of it; leave one of them out");
+  }
+
   // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.
   void shear_column() {
     const v1::ShearColumn& column = scene_.hydro().shear_column();
@@ -274,6 +286,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.layers();
   together.plastic_heating();
   together.hard_strength();
+  together.junctions();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

@@ -43,6 +43,8 @@ const char* name(Code code) {
       return "SUPERSEDED";
     case Code::kUnknownMark:
       return "UNKNOWN_MARK";
+    case Code::kNotPermitted:
+      return "NOT_PERMITTED";
     case Code::kInvalidScene:
       return "INVALID_SCENE";
     case Code::kInvalidValue:
@@ -63,6 +65,8 @@ const char* name(Code code) {
       return "UNKNOWN_OUTCOME";
     case Code::kUnexpectedReply:
       return "UNEXPECTED_REPLY";
+    case Code::kAuth:
+      return "AUTH";
   }
   return "?";
 }

@@ -29,6 +29,7 @@ enum class Code : std::uint16_t {
   kResumeRefused = 206,
   kSuperseded = 207,
   kUnknownMark = 208,
+  kNotPermitted = 220,
   kInvalidScene = 300,
   kInvalidValue = 301,
   kUnknownNode = 302,
@@ -39,6 +40,7 @@ enum class Code : std::uint16_t {
   kUnreachable = 500,      // no connection to the endpoint before the deadline
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request
+  kAuth = 503,             // the server does not let this client in, or is not the one it has the key of
 };
 
 // The name users see, e.g. "SEQUENCE_GAP".

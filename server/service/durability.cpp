@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string_view>
 #include <utility>
 #include <variant>
 
@@ -71,7 +72,8 @@ void Service::keep(const Arrival& arrival, const wire::SessionId& session, const
                     .sequence = arrival.request.sequence,
                     .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
                     .header_frame = arrival.frames[0],
-                    .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>()});
+                    .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>(),
+                    .identity = member != nullptr ? std::string_view() : arrival.caller.identity});
   } catch (const store::StorageError& fault) {
     if (store_->failed()) throw;
     throw Error(
@@ -101,6 +103,7 @@ void Service::restore(const store::Snapshot& snapshot) {
   for (const store::SessionImage& image : snapshot.sessions) {
     auto member = std::make_unique<Member>();
     member->id = image.id;
+    member->identity = image.identity;
     member->resume_token = image.resume_token;
     member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
     member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
@@ -140,7 +143,8 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
   auto fresh = std::make_shared<wire::Reply>();
   fresh->epoch = epoch;
   try {
-    if (answer(std::span(frames).first(record.payload_frame.empty() ? 1 : 2), fresh) != fresh)
+    if (answer(std::span(frames).first(record.payload_frame.empty() ? 1 : 2), {.identity = record.identity}, fresh) !=
+        fresh)
       refuse("it stands in the journal twice");
   } catch (const Error& fault) {
     refuse(std::string("it is refused now: ") + fault.what());
@@ -155,6 +159,7 @@ store::Snapshot Service::snapshot() const {
     const std::string header = wire::encode_header(kept);
     store::SessionImage image{.id = member.id,
                               .open = member.shard != nullptr,
+                              .identity = member.identity,
                               .resume_token = member.resume_token,
                               .last_sequence = member.conversation.last_sequence(),
                               .last_hash = member.conversation.last_hash(),
@@ -189,14 +194,15 @@ bool Service::checkpoint() {
   }
 }
 
-Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request,
-                                  const ReplyPtr& reply) {
+Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end() || !found->second->shard)
     throw Error({.code = Code::kUnknownSession,
                  .text = "no open session has this id",
                  .remedy = "Open a new session and start again from the host's last restart point."});
   Member& member = *found->second;
+  check_identity(member, arrival.caller);
   if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
     throw Error({.code = Code::kResumeRefused,
                  .text = "the resume token is not the one the session was opened with",

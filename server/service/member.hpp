@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "server/service/service.hpp"
@@ -10,6 +11,7 @@ namespace shearbus::service {
 
 struct Service::Member {
   wire::SessionId id{};
+  std::string identity;              // of who opened it: nobody else may use it
   wire::ResumeToken resume_token{};  // all zero: nobody may resume the session
   std::uint64_t claim = 0;           // the last one granted, to whom,
   std::uint64_t claimant = 0;
@@ -24,6 +26,7 @@ struct Service::Member {
 // A request being answered.
 struct Service::Arrival {
   Frames frames;
+  Caller caller;
   wire::Request request;
   std::uint64_t hash = 0;  // of the frames
   std::uint64_t started_ns = 0;

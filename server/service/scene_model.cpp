@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -49,6 +50,24 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
   return hard;
 }
 
+// Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
+wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
+  if (!junctions.yield_strength_max_pa && std::isfinite(soft.yield_strength_max))
+    junctions.yield_strength_max_pa = soft.yield_strength_max;
+  if (!junctions.hardening_coefficient) junctions.hardening_coefficient = soft.hardening_coefficient;
+  if (!junctions.hardening_exponent) junctions.hardening_exponent = soft.hardening_exponent;
+  return junctions;
+}
+
+physics::JunctionOptions junctions_of(const wire::Junctions& junctions, const physics::ModelOptions& options) {
+  physics::Material metal = options.soft;
+  metal.yield_strength = options.interface.yield_strength;
+  metal.yield_strength_max = junctions.yield_strength_max_pa.value_or(std::numeric_limits<double>::infinity());
+  metal.hardening_coefficient = *junctions.hardening_coefficient;
+  metal.hardening_exponent = *junctions.hardening_exponent;
+  return {.contact_fraction = junctions.contact_fraction, .height = junctions.height_m, .metal = metal};
+}
+
 physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
   return {.thickness = *hard.thickness_m,
           .cells = static_cast<int>(*hard.cells),
@@ -87,6 +106,10 @@ SceneModel scene_model(const wire::Scene& scene) {
   if (scene.hard_layer) {
     made.effective.hard_layer = filled(*scene.hard_layer, scene, made.options);
     made.options.hard_grid = hard_grid_of(*made.effective.hard_layer);
+  }
+  if (scene.junctions) {
+    made.effective.junctions = filled(*scene.junctions, made.options.soft);
+    made.options.junctions = junctions_of(*made.effective.junctions, made.options);
   }
   made.effective.hydro.reset();
   made.effective.soft.given = physics::constants_of(made.options.soft);

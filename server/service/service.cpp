@@ -77,14 +77,14 @@ void Service::log(const std::string& line) const noexcept try {
 } catch (const std::exception&) {
 }
 
-std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
+std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) noexcept try {
   if (failed()) return std::nullopt;
   ++metrics_.requests;
   auto reply = std::make_shared<wire::Reply>();
   reply->epoch = epoch_;
   kept_ = false;
   try {
-    reply = answer(frames, reply);
+    reply = answer(frames, caller, reply);
     if (std::exchange(kept_, false)) store_->settle();
   } catch (const Error& error) {
     reply->status = error.status();
@@ -115,8 +115,8 @@ std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
 }
 
 // Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
-Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
-  Arrival arrival{.frames = frames, .request = {}, .hash = 0, .started_ns = 0};
+Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const ReplyPtr& reply) {
+  Arrival arrival{.frames = frames, .caller = caller, .request = {}, .hash = 0, .started_ns = 0};
   wire::Request& request = arrival.request;
   const auto address = [&] {
     reply->request_id = request.request_id;
@@ -136,14 +136,14 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
 
   if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
-    hello(*greeting, *reply);
+    hello(*greeting, caller, *reply);
     return reply;
   }
   if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
     reply->body = status();
     return reply;
   }
-  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, request, reply);
+  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, arrival, reply);
   // The header holds the checksum of the payload, which decode() has compared: the header's bytes stand for all of
   // them.
   arrival.hash = wire::hash_of(frames.first(1));
@@ -173,7 +173,16 @@ Service::ReplyPtr Service::repeat(const Member& member) {
   return member.conversation.kept_reply();
 }
 
-void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
+// A session id and a resume token are secrets, but secrets travel; a key or a uid has been proven.
+void Service::check_identity(const Member& member, const Caller& caller) const {
+  if (caller.identity == member.identity || caller.is_operator || replaying_) return;
+  log(fmt::format("REFUSED: {} asked for session {} of {}", caller.identity, short_name(member.id), member.identity));
+  throw Error({.code = Code::kNotPermitted,
+               .text = fmt::format("the session was opened by another than {}", caller.identity),
+               .remedy = "Use the key, or the user, that opened it, or ask an operator."});
+}
+
+void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const {
   if (hello.oldest_major > wire::kProtocolMajor || hello.newest_major < wire::kProtocolMajor)
     throw Error({.code = Code::kVersion,
                  .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
@@ -182,7 +191,10 @@ void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
+  welcome.limits.max_state_bytes = options_.max_state_bytes;
+  welcome.access = caller.identity.substr(0, caller.identity.find(' '));
   welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark"};
+  if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
 }
@@ -196,6 +208,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
                  .remedy = "Draw them from the system's random source.",
                  .field = "session_id"});
   if (const auto known = members_.find(open.session_id); known != members_.end()) {
+    check_identity(*known->second, arrival.caller);
     session::Verdict verdict = known->second->conversation.triage(request.sequence, arrival.hash);
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
@@ -227,6 +240,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
+  member->identity = arrival.caller.identity;
   member->resume_token = open.resume_token;
   member->scene = std::move(made.effective);
   member->shard = std::make_unique<shard::Shard>(
@@ -235,7 +249,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
-      fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
+      fmt::format("session {} opened by {}: \"{}\", {} nodes, {} B each", short_name(open.session_id), member->identity,
                   printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
@@ -267,6 +281,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
                  .remedy = "Open a session first."});
   }
   Member& member = *found->second;
+  check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
   check_epoch(request, &member);

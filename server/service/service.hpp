@@ -11,6 +11,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/messages.hpp"
@@ -29,6 +30,12 @@ struct ReplyFrames {
   bool has_payload = false;
   std::span<const std::byte> payload;
   std::shared_ptr<const void> owner;
+};
+
+// Who a request is from, as the server's door has made sure. A session belongs to the identity that opened it.
+struct Caller {
+  std::string_view identity;  // "uid 1000", "key ...", "anonymous" or "process"
+  bool is_operator = false;   // may act for every identity, and on the server itself
 };
 
 struct ServiceOptions {
@@ -52,7 +59,7 @@ class Service : private store::Recovery {
 
   // The answer to one request. Never throws. Empty where the request was run and its answer found no memory (the client
   // will repeat it and be answered then), and always once failed().
-  std::optional<ReplyFrames> handle(Frames frames) noexcept;
+  std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
   // What was promised of a request that was run can no longer be held: nothing is answered any more. The server must
   // end; the next one recovers.
@@ -74,11 +81,12 @@ class Service : private store::Recovery {
   using Members = std::map<wire::SessionId, std::unique_ptr<Member>>;
   using ReplyPtr = std::shared_ptr<wire::Reply>;
 
-  ReplyPtr answer(Frames frames, const ReplyPtr& reply);
+  ReplyPtr answer(Frames frames, const Caller& caller, const ReplyPtr& reply);
   ReplyPtr answer_in_session(const Arrival& arrival, const ReplyPtr& reply);
-  void hello(const wire::Hello& hello, wire::Reply& reply) const;
+  void hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const;
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
-  ReplyPtr resume(const wire::ResumeSession& resume, const wire::Request& request, const ReplyPtr& reply);
+  ReplyPtr resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply);
+  void check_identity(const Member& member, const Caller& caller) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);

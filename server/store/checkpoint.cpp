@@ -85,6 +85,7 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_number(group, "requests", session.requests);
   put_number(group, "node_steps", session.node_steps);
   put_number(group, "solver_ns", session.solver_ns);
+  put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
@@ -114,6 +115,7 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.requests = number_of(group, "requests");
   session.node_steps = number_of(group, "node_steps");
   session.solver_ns = number_of(group, "solver_ns");
+  session.identity = text_of(group, "identity");
   session.resume_token = key_from(text_of(group, "resume_token"));
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");

@@ -21,6 +21,7 @@ struct MarkImage {
 struct SessionImage {
   SessionKey id{};
   bool open = true;           // a closed session keeps its conversation only
+  std::string identity;       // who the session belongs to
   SessionKey resume_token{};  // all zero: none
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // of the last request's bytes

@@ -2,7 +2,8 @@
 """A client written from proto/WIRE.md and the .proto files alone, and what it holds a server to. It shares no code with the
 C++ client: if the page is wrong or incomplete, this fails.
 
-outsider.py --endpoint ENDPOINT --protos DIR --work DIR   (DIR of .proto files; a directory for the generated modules)"""
+outsider.py --endpoint ENDPOINT --protos DIR --work DIR   (DIR of .proto files; a directory for the generated modules)
+    [--server-key FILE --key FILE]                          (by tcp: the server's public key, and one's own secret one)"""
 import argparse
 import ctypes
 import math
@@ -86,9 +87,19 @@ class Reply:
         self.columns = unpack(self.header.payload, frames[1]) if len(frames) == 2 else {}
 
 
+def key_in(file):
+    """WIRE.md 1: 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
+    lines = [line for line in pathlib.Path(file).read_text().splitlines() if line and not line.startswith("# ")]
+    return lines[0].split()[0].encode()
+
+
 class Connection:
     def __init__(self):
         self.socket = zmq.Context.instance().socket(zmq.DEALER)
+        if OPTIONS.key:
+            secret = key_in(OPTIONS.key)
+            self.socket.curve_secretkey, self.socket.curve_publickey = secret, zmq.curve_public(secret)
+            self.socket.curve_serverkey = key_in(OPTIONS.server_key)
         self.socket.setsockopt(zmq.LINGER, 0)
         self.socket.setsockopt(zmq.IMMEDIATE, 1)
         self.socket.setsockopt(zmq.SNDTIMEO, DEADLINE_MS)
@@ -196,6 +207,9 @@ class Outsider(unittest.TestCase):
         self.assertEqual(welcome.limits.max_nodes_per_session, 200_000)
         self.assertLessEqual({"velocity_driven", "force_driven", "trial"}, set(welcome.capabilities))
         self.assertNotEqual(reply.header.epoch, 0)
+        self.assertEqual(welcome.access, "key" if OPTIONS.key else "uid")
+        self.assertEqual(welcome.limits.max_frames, 2)
+        self.assertGreater(welcome.limits.max_state_bytes, 0)
 
     def test_versions_apart_are_told(self):
         self.assert_refused(self.bus.call(hello={"oldest_major": 2, "newest_major": 3}), pb.CODE_VERSION)
@@ -405,6 +419,8 @@ if __name__ == "__main__":
     parser.add_argument("--protos", required=True, type=pathlib.Path)
     parser.add_argument("--work", required=True, type=pathlib.Path)
     parser.add_argument("--protoc", default="protoc")
+    parser.add_argument("--server-key")
+    parser.add_argument("--key")
     OPTIONS, rest = parser.parse_known_args()
     generate(OPTIONS.protoc, OPTIONS.protos, OPTIONS.work)
     unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

@@ -202,7 +202,10 @@ void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) 
   }
   if (options.plastic_layer && temperature_grain(options.soft, size, s, dt) > kResolved) return;
   const double T0 = out.interface_temperature[lane];
-  const double yield = options.interface.yield_strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
+  const double strength = options.junctions ? options.junctions->contact_fraction *
+                                                  hardened_strength(options.junctions->metal, rig.junction_strain(lane))
+                                            : options.interface.yield_strength;
+  const double yield = strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
   const double limit = std::min(options.interface.friction_coefficient * in.pressure[lane], yield);
   const double tolerance = limit * (1e-10 + limit_resolution(options.soft, in.pressure[lane], T0));
   ASSERT_LE(std::abs(s), limit + tolerance) << "T0 " << T0;

@@ -84,6 +84,7 @@ class Rig {
   double heat_shape(int vertex, int lane = 0) const {
     return committed[model.layout().heat_shape + vertex * kLanes + lane];
   }
+  double junction_strain(int lane = 0) const { return committed[model.layout().junction_strain + lane]; }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
 
   HeatGrid heat_grid() const {
@@ -128,6 +129,7 @@ class Rig {
     if (model.layout().sticking != TileLayout::kAbsent) {
       state.sticking = committed[model.layout().sticking + lane] != 0.0;
     }
+    if (model.layout().junction_strain != TileLayout::kAbsent) state.junction_strain = junction_strain(lane);
     if (model.layout().heat_shape != TileLayout::kAbsent) {
       for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }

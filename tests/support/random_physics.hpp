@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "tests/support/physics_rig.hpp"
@@ -47,6 +48,16 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   if (draw.chance(0.3)) soft.pressure_term = PressureTerm::kCompressed;
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
+  if (strategy == Strategy::kForceDriven && !options.plastic_layer && draw.chance(0.5)) {
+    Material metal = soft;
+    metal.yield_strength = options.interface.yield_strength;
+    metal.yield_strength_max =
+        draw.chance(0.5) ? metal.yield_strength * draw.uniform(0.9, 4.0) : std::numeric_limits<double>::infinity();
+    metal.hardening_coefficient = draw.chance(0.2) ? 0.0 : draw.log_uniform(0.1, 1000.0);
+    metal.hardening_exponent = draw.uniform(0.01, 1.0);
+    options.junctions = {draw.chance(0.3) ? 1.0 : draw.log_uniform(1e-3, 1.0),
+                         draw.log_uniform(extreme ? 1e-12 : 1e-9, 1e-5), metal};
+  }
   return options;
 }
 

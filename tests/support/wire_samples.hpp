@@ -138,9 +138,10 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
   add("welcome", Welcome{.protocol_major = 1,
                          .protocol_minor = 0,
                          .server_version = "0.1.0",
-                         .limits = {1, 2, 3, 4, 5},
+                         .limits = {1, 2, 3, 4, 5, 6, 7},
                          .capabilities = {"trial", "mask"},
-                         .durability = "none"});
+                         .durability = "none",
+                         .access = "key"});
   add("session_opened",
       SessionOpened{.effective_scene = scene(), .bytes_per_node = 16384, .warnings = {"thin layer", "weak hard side"}});
   Reply& upscale =

@@ -33,6 +33,7 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     options.soft.melting_curve = MeltingCurve::kConstant;  // a vertex molten by release has no strength left
     options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
     options.plastic_layer = true;
+    options.junctions.reset();
     ModelOptions simplified = options;
     simplified.plastic_layer = false;
     Rig rig(options), other(simplified);

@@ -67,6 +67,30 @@ TEST(SceneOptions, AHardLayerWithoutAFirstCellIsRefused) {
   EXPECT_EQ(refusal_of(scene).field, "hard_layer.thickness_m");
 }
 
+TEST(SceneOptions, JunctionsAreOfTheSoftMetalUnlessGivenAndYieldAsTheInterface) {
+  wire::Scene scene = support::force_scene();
+  EXPECT_FALSE(scene_model(scene).options.junctions);
+  scene.junctions = wire::Junctions{.contact_fraction = 0.3, .height_m = 1e-7};
+  const SceneModel made = scene_model(scene);
+  ASSERT_TRUE(made.options.junctions);
+  const physics::JunctionOptions& junctions = *made.options.junctions;
+  EXPECT_EQ(junctions.contact_fraction, 0.3);
+  EXPECT_EQ(junctions.height, 1e-7);
+  EXPECT_EQ(junctions.metal.yield_strength, scene.interface->yield_strength_pa);
+  EXPECT_EQ(junctions.metal.yield_strength_max, made.options.soft.yield_strength_max);
+  EXPECT_EQ(junctions.metal.hardening_coefficient, made.options.soft.hardening_coefficient);
+  EXPECT_EQ(junctions.metal.hardening_exponent, made.options.soft.hardening_exponent);
+  EXPECT_EQ(made.effective.junctions->hardening_exponent, made.options.soft.hardening_exponent);
+  EXPECT_EQ(wire::scene_to_toml(scene_model(made.effective).effective), wire::scene_to_toml(made.effective));
+  scene.junctions->yield_strength_max_pa = 5e8;
+  scene.junctions->hardening_coefficient = 7.0;
+  scene.junctions->hardening_exponent = 0.7;
+  const physics::Material own = scene_model(scene).options.junctions->metal;
+  EXPECT_EQ(own.yield_strength_max, 5e8);
+  EXPECT_EQ(own.hardening_coefficient, 7.0);
+  EXPECT_EQ(own.hardening_exponent, 0.7);
+}
+
 TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBody) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.taylor_quinney_factor);

@@ -29,6 +29,10 @@ class SavedStates : public ::testing::TestWithParam<int> {
       options.interface = {0.3, 300e6};
       options.plastic_layer = true;
     }
+    if (GetParam() == 4) {
+      options.strategy = physics::Strategy::kForceDriven;
+      options.junctions = {.contact_fraction = 0.5, .height = 1e-6, .metal = options.soft};
+    }
     return options;
   }
 };
@@ -75,10 +79,10 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided", "TwoSided", "PlasticWorkHeats", "PlasticLayer"};
+  constexpr const char* kNames[] = {"OneSided", "TwoSided", "PlasticWorkHeats", "PlasticLayer", "Junctions"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 4), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 5), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

@@ -426,7 +426,7 @@ TEST(Names, AreThoseOfTheSchema) {
     EXPECT_EQ(name(static_cast<Field>(number)), expected);
   }
   const auto codes = proto_values("CODE_");
-  EXPECT_EQ(codes.size(), 25U);
+  EXPECT_EQ(codes.size(), 26U);
   for (const auto& [number, expected] : codes) EXPECT_EQ(name(static_cast<Code>(number)), expected);
 }
 

@@ -8,10 +8,10 @@
 //   result.shear_stress_pa(); ...
 //
 // Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text),
-// kUnreachable, kUnknownOutcome (no reply in time after retries: the step may or may not have run) or kUnexpectedReply.
-// After kUnknownOutcome the same call with the same values is the same request: if it has run, it is not run again, and
-// its reply comes. A different call is refused with kSequenceReused if the lost one has run; the session then goes on
-// from there.
+// kUnreachable, kAuth (the server does not let this client in), kUnknownOutcome (no reply in time after retries: the
+// step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same values is the
+// same request: if it has run, it is not run again, and its reply comes. A different call is refused with
+// kSequenceReused if the lost one has run; the session then goes on from there.
 //
 // Where the server is durable (welcome().durability), a session outlives it: calls wait for the server that comes back,
 // until their deadline, and go on as if nothing had happened. Where it comes back with older states, they throw kEpoch.
@@ -42,11 +42,20 @@ using wire::Status;
 struct ClientOptions {
   std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
   void* context = nullptr;                            // libzmq context to share; required for inproc, else null
+  std::string server_key;                             // tcp: the server's public CURVE key; empty: no encryption
+  std::string secret_key;                             // this client's, with server_key; shearbus-ctl keygen makes both
   std::string name = "shearbus-client";               // what the server's log calls this client
   std::chrono::milliseconds connect_deadline{5'000};  // for the first hello
   std::chrono::milliseconds reply_deadline{60'000};   // for any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // no reply for so long: the same request again on a fresh socket
 };
+
+// CURVE keys, new; each 40 characters.
+struct KeyPair {
+  std::string public_key;
+  std::string secret_key;
+};
+KeyPair make_key_pair();
 
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one per node; empty: the scene's

@@ -217,10 +217,20 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const auto T0 = [&](double a) { return T_ad[0] + B[0] * beta_T * a * slip(a); };
   // DLP (65).
   const double coulomb = options.interface.friction_coefficient * in.pressure;
-  const auto yield = [&](double T) {
-    return options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T).g;
+  // DLP (49-54): ep_a grows with the slip it resists.
+  const auto junction_strain = [&](double v) {
+    return options.junctions ? state.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
   };
-  const auto spare = [&](double a) { return std::min(coulomb, yield(T0(a))) - a; };
+  const auto strength = [&](double v) {
+    if (!options.junctions) return options.interface.yield_strength;
+    const Material& m = options.junctions->metal;
+    return options.junctions->contact_fraction *
+           std::min(
+               m.yield_strength_max,
+               m.yield_strength * std::pow(1.0 + m.hardening_coefficient * junction_strain(v), m.hardening_exponent));
+  };
+  const auto yield = [&](double T, double v) { return strength(v) / kSqrt3 * softening(soft, in.pressure, T).g; };
+  const auto spare = [&](double a) { return std::min(coulomb, yield(T0(a), slip(a))) - a; };
 
   NodeOutputs out;
   double a = 0.0;
@@ -232,7 +242,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     // Every stress between none and the one that sticks at which what the interface carries is what it is asked to
     // carry.
     const double a_stick = std::abs(jump_free) / per_stress;
-    const double end = std::min(a_stick, std::min(coulomb, yield(T_ad[0])));
+    const double end = std::min(a_stick, std::min(coulomb, yield(T_ad[0], slip(0.0))));
     std::vector<double> slips;
     double before = 0.0;
     for (int i = 1; i <= kScan; ++i) {
@@ -250,13 +260,14 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     a = stick ? a_stick : slips.empty() ? end : slips.front();
     out.sliding_velocity = direction * slip(a);
     out.velocity_jump_new = stick ? 0.0 : jump_new(a);
-    const bool coulomb_acts = coulomb <= yield(T0(a));
+    const bool coulomb_acts = coulomb <= yield(T0(a), slip(a));
     out.regime = stick                                                                ? Regime::kStick
                  : coulomb_acts                                                       ? Regime::kCoulomb
                  : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting
                                                                                       : Regime::kTresca;
   }
   const double flux = in.pressure <= 0.0 ? 0.0 : beta_T * a * slip(a);
+  if (in.pressure > 0.0) state.junction_strain = junction_strain(slip(a));
   heat_up(state, T_ad, flux, B);
   out.shear_stress = state.shear_stress = direction * a;
   out.friction_heat = flux * dt;

@@ -16,7 +16,8 @@ struct NodeState {
   std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
-  bool sticking = false;  // plastic layer
+  bool sticking = false;         // plastic layer
+  double junction_strain = 0.0;  // ep_a
 };
 
 struct NodeInputs {

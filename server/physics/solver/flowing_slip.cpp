@@ -260,7 +260,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
   const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : slip_beside_flow(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
-  const Regime regime = slip_regime(start_.limit, T0(q_));
+  const Regime regime = slip_regime(start_.limit, T0(q_), v);
   return {{d * a_, d * v, trial_.jump_new(a_), q_, regime, false, rigid_.unique, rigid_.several}, surplus, hottest};
 }
 

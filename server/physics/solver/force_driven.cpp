@@ -1,5 +1,5 @@
 // The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
-// stresses, the interface law finds the slip. No plastic strain at either scale.
+// stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
 #include <algorithm>
 #include <cmath>
 
@@ -14,6 +14,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
                           const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const InterfaceOptions& law = problem.options.interface;
+  const JunctionOptions* junctions = problem.options.junctions ? &*problem.options.junctions : nullptr;
   const int n = problem.heat_grid.num_vertices();
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
@@ -27,8 +28,8 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
-    const StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
-                            inputs.pressure[lane], &soft};
+    StressLimit limit{law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3,
+                      inputs.pressure[lane], &soft};
     const Forcing forcing = forcing_of(inputs, lane);
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     const LaneStep before{committed[layout.shear_stress + lane],
@@ -39,10 +40,16 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
                           previous == Regime::kStick,
                           true,
                           false};
+    const double junction_strain_old = junctions != nullptr ? committed[layout.junction_strain + lane] : 0.0;
+    double junction_strain = junction_strain_old;
     const auto step_from = [&](const HeatOperator& heat, const LaneStep& last) {
       if (limit.pressure <= 0.0) return open_step(forcing, heat.dt, last.jump_new);
-      return rigid_slip(limit, TrialSlip(forcing, heat.dt, last.jump_new, last.stress), problem.heat_partition,
-                        *heat.layer_response(), T0[lane], std::abs(last.stress), last.sticks);
+      limit.junctions = junctions_of(junctions, junction_strain, heat.dt);
+      const LaneStep step =
+          rigid_slip(limit, TrialSlip(forcing, heat.dt, last.jump_new, last.stress), problem.heat_partition,
+                     *heat.layer_response(), T0[lane], std::abs(last.stress), last.sticks);
+      junction_strain = limit.junctions.strain(std::abs(step.slip));
+      return step;
     };
 
     LaneResult result;
@@ -57,6 +64,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
       for (int k = 1; k <= operators.max_halvings(); ++k) {
         const HeatOperator& heat = operators.heat(k);
         for (std::ptrdiff_t i = 0; i < n; ++i) T[i * kLanes + lane] = T_old[i * kLanes + lane];
+        junction_strain = junction_strain_old;
         if (run_substeps(heat, n, 1 << k, k == operators.max_halvings(), lane, before, T, result,
                          [&](const LaneStep& last) { return step_from(heat, last); })) {
           break;
@@ -68,6 +76,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     outputs.outcome[lane] = outcome;
     trial[layout.shear_stress + lane] = result.step.stress;
     trial[layout.regime + lane] = static_cast<double>(result.step.regime);
+    if (junctions != nullptr) trial[layout.junction_strain + lane] = junction_strain;
   }
 
   // 4. The friction heat of this step: T = T_ad + q B.

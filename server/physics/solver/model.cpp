@@ -38,6 +38,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
     layout.sticking = layout.doubles;
     layout.doubles += kLanes;
   }
+  if (options.junctions) {
+    layout.junction_strain = layout.doubles;
+    layout.doubles += kLanes;
+  }
   return layout;
 }
 
@@ -123,6 +127,12 @@ std::vector<std::string> Model::warnings() const {
         text_of("the initial temperature (%g K) is not below the soft body's melting temperature (%g K): the "
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
+  }
+  if (o.junctions && o.junctions->metal.yield_strength_max < o.junctions->metal.yield_strength) {
+    warnings.push_back(
+        text_of("the junctions' saturation strength (%g Pa) is below the interface's yield strength (%g Pa): they do "
+                "not harden",
+                o.junctions->metal.yield_strength_max, o.junctions->metal.yield_strength));
   }
   if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
       o.soft.yield_strength_max < o.soft.yield_strength) {

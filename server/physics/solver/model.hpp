@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -32,6 +33,7 @@ struct ModelOptions {
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
+  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.

@@ -17,8 +17,8 @@ TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, doub
   stress_stick = (std::abs(jump_free) + drive) / per_stress;
 }
 
-Regime slip_regime(const StressLimit& limit, double T0) {
-  if (limit.at(T0).is_coulomb) return Regime::kCoulomb;
+Regime slip_regime(const StressLimit& limit, double T0, double slip) {
+  if (limit.at(T0, slip).is_coulomb) return Regime::kCoulomb;
   return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
 }
 
@@ -54,7 +54,7 @@ LaneStep rigid_slip(const StressLimit& limit, const TrialSlip& trial, double hea
   const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
   const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);
-  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0);
+  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0, slip);
   return {trial.direction * a, trial.direction * slip, jump_new, flux, regime, stick, unique, several};
 }
 

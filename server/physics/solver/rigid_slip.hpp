@@ -48,7 +48,7 @@ struct LaneStep {
   bool several;  // several answers satisfied the step
 };
 
-Regime slip_regime(const StressLimit& limit, double T0);
+Regime slip_regime(const StressLimit& limit, double T0, double slip);
 
 // The step of a closed contact. `stuck`: the interface did not slip at the end of the last step.
 LaneStep rigid_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0, double T_ad,

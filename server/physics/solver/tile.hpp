@@ -31,6 +31,7 @@ struct TileLayout {
   std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
+  std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid.
