@@ -346,7 +346,13 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
 }
 #endif
 
-class OtherFiles : public testing::TestWithParam<std::uint32_t> {};
+enum class Other { kOlder, kNewer, kByteOrder };
+
+std::uint32_t version_of(Other other, std::uint32_t ours) {
+  return other == Other::kOlder ? ours - 1 : other == Other::kNewer ? ours + 1 : __builtin_bswap32(ours);
+}
+
+class OtherFiles : public testing::TestWithParam<Other> {};
 
 TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
   for (const bool checkpoint : {false, true}) {
@@ -361,6 +367,8 @@ TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
       server.process().signal(checkpoint ? SIGTERM : SIGKILL);
       ASSERT_TRUE(server.process().exit_code(20s).has_value());
     }
+    const std::uint32_t ours = checkpoint ? store::kCheckpointVersion : store::kJournalVersion;
+    const std::uint32_t version = version_of(GetParam(), ours);
     std::string damaged;
     for (const auto& entry : std::filesystem::directory_iterator(state)) {
       const std::string name = entry.path().filename().string();
@@ -371,20 +379,23 @@ TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
                      : offsetof(store::SegmentHeader, version);
       std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
       file.seekp(static_cast<std::streamoff>(at));
-      const std::uint32_t version = GetParam();
       file.write(reinterpret_cast<const char*>(&version), sizeof version);
       break;
     }
     ASSERT_FALSE(damaged.empty());
     ServerProcess server(arguments);
     EXPECT_EQ(server.process().exit_code(20s), 1) << server.log();
-    for (const std::string& word : {damaged, "version " + std::to_string(GetParam()), std::string("reads version 1")})
+    for (const std::string& word :
+         {damaged, "version " + std::to_string(version), "reads version " + std::to_string(ours)})
       EXPECT_NE(server.log().find(word), std::string::npos) << word << " in " << server.log();
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Version, OtherFiles, testing::Values(0U, 2U, 0x01000000U),
-                         [](const auto& test) { return std::to_string(test.param); });
+INSTANTIATE_TEST_SUITE_P(Version, OtherFiles, testing::Values(Other::kOlder, Other::kNewer, Other::kByteOrder),
+                         [](const auto& test) {
+                           constexpr const char* kNames[] = {"Older", "Newer", "OfTheOtherByteOrder"};
+                           return kNames[static_cast<int>(test.param)];
+                         });
 
 TEST(Surroundings, ARestartWithOtherOptionsGivesTheSameAnswers) {
   const ScratchDirectory scratch;
