@@ -7,11 +7,13 @@
 #include <xxhash.h>
 
 #include <bit>
+#include <memory>
 #include <type_traits>
 #include <utility>
 
 #include "proto/wire/envelope_message.hpp"
 #include "proto/wire/envelope_scan.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/envelope.pb.h"
 
 static_assert(std::endian::native == std::endian::little, "columns are sent as they stand in memory");
@@ -52,10 +54,12 @@ void put_payload(const Batch& batch, v1::Payload& to) {
 
 template <typename Header, typename Value>
 std::string encode(const Value& value) {
-  thread_local Header header;  // reused: its strings and columns keep their memory
-  to_message(value, header);
-  if (!value.batch.columns().empty()) put_payload(value.batch, *header.mutable_payload());
-  std::string frame = header.SerializeAsString();
+  thread_local std::unique_ptr<Header> reused;  // its strings and columns keep their memory
+  std::string frame = with_message(reused, [&](Header& header) {
+    to_message(value, header);
+    if (!value.batch.columns().empty()) put_payload(value.batch, *header.mutable_payload());
+    return header.SerializeAsString();
+  });
   if (frame.size() > kMaxHeaderBytes)
     refuse(Code::kLimit, fmt::format("header of {} bytes, at most {} fit a message", frame.size(), kMaxHeaderBytes));
   return frame;
@@ -190,13 +194,15 @@ void decode_as(Frames frames, Value& message) {
     refuse(Code::kUnsupported,
            fmt::format("body {} is not one of protocol {}.{}", scan.body, kProtocolMajor, kProtocolMinor));
 
-  thread_local Header header;
+  thread_local std::unique_ptr<Header> reused;
   const google::protobuf::LogSilencer quiet;  // a stranger's bytes are no reason to write to stderr
-  if (!header.ParseFromArray(frames[0].data(), static_cast<int>(frames[0].size())))
-    refuse(Code::kMalformed, "the header frame does not parse");
-  check_parts(header, "", scan.protocol_minor <= kProtocolMinor);
-  from_message(header, message);
-  message.batch = take_payload(header, frames);
+  with_message(reused, [&](Header& header) {
+    if (!header.ParseFromArray(frames[0].data(), static_cast<int>(frames[0].size())))
+      refuse(Code::kMalformed, "the header frame does not parse");
+    check_parts(header, "", scan.protocol_minor <= kProtocolMinor);
+    from_message(header, message);
+    message.batch = take_payload(header, frames);
+  });
 }
 
 }  // namespace

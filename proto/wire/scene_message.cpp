@@ -8,6 +8,7 @@
 #include "proto/wire/scene_message_hydro.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -163,10 +164,9 @@ void fill_defaults(v1::Scene& message) {
   fill_table(message);
 }
 
-Scene from_message(const v1::Scene& given) {
-  v1::Scene message = given;
-  fill_defaults(message);
+namespace {
 
+Scene from_filled(const v1::Scene& message) {
   Scene scene;
   scene.name = message.name();
   scene.source = message.source();
@@ -190,6 +190,16 @@ Scene from_message(const v1::Scene& given) {
   scene.tangential_components = message.tangential_components();
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
+}
+
+}  // namespace
+
+Scene from_message(const v1::Scene& given) {
+  return with_message<v1::Scene>([&](v1::Scene& message) {
+    message = given;
+    fill_defaults(message);
+    return from_filled(message);
+  });
 }
 
 }  // namespace shearbus::wire

@@ -10,6 +10,7 @@
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/scene_message.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -166,9 +167,14 @@ class Together {
 
   void layers() {
     if (!sound_grid("layer", scene_.has_layer(), scene_.layer())) return;
-    v1::Scene filled = scene_;
-    fill_defaults(filled);
-    const v1::Layer& layer = filled.layer();
+    with_message<v1::Scene>([&](v1::Scene& filled) {
+      filled = scene_;
+      fill_defaults(filled);
+      first_cells(filled.layer());
+    });
+  }
+
+  void first_cells(const v1::Layer& layer) {
     first_cell("layer", scene_.layer().has_grading(), layer.thickness_m(), layer.cells(), layer.grading());
     if (!scene_.has_hard_layer() || !sound_grid("hard_layer", true, scene_.hard_layer())) return;
     // Absent is as [layer]; the thickness a server derives is within a few times of it.

@@ -11,6 +11,7 @@
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/scene_message.hpp"
 #include "proto/wire/scene_rules.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -150,11 +151,12 @@ void describe_table(const Descriptor& table, const std::string& path, const std:
 }  // namespace
 
 std::string scene_to_toml(const Scene& scene) {
-  v1::Scene message;
-  to_message(scene, message);
-  std::string out;
-  write_table(message, "", out);
-  return out;
+  return with_message<v1::Scene>([&](v1::Scene& message) {
+    to_message(scene, message);
+    std::string out;
+    write_table(message, "", out);
+    return out;
+  });
 }
 
 std::string scene_reference() {

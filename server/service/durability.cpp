@@ -200,7 +200,12 @@ store::Snapshot Service::snapshot() const {
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
   if (options_.around_checkpoint) options_.around_checkpoint(true);
-  const bool written = timed(options_.now_ns, times_.checkpoint, [&] { return store_->checkpoint(snapshot()); });
+  bool written = false;
+  try {
+    written = timed(options_.now_ns, times_.checkpoint, [&] { return store_->checkpoint(snapshot()); });
+  } catch (const std::bad_alloc&) {
+    log("the checkpoint found no memory; the ones before and the journal hold everything");
+  }
   if (options_.around_checkpoint) options_.around_checkpoint(false);
   if (written) last_checkpoint_ns_ = options_.now_ns();
   return written;

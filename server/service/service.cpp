@@ -42,8 +42,10 @@ Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* st
 
 Service::~Service() = default;
 
-void Service::log(const std::string& line) const {
+// A line that cannot be written is lost: what it tells of has happened.
+void Service::log(const std::string& line) const noexcept try {
   if (options_.log) options_.log(line);
+} catch (const std::exception&) {
 }
 
 std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) noexcept try {

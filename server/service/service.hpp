@@ -147,7 +147,7 @@ class Service : private store::Recovery {
   void replay(const store::Record& record, std::uint64_t epoch) override;
   void clear() override;
 
-  void log(const std::string& line) const;
+  void log(const std::string& line) const noexcept;
 
   static constexpr std::size_t kClosedSessionsKept = 256;
 

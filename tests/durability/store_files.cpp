@@ -3,11 +3,14 @@
 
 #include <array>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <numeric>
 
 #include "server/store/checkpoint.hpp"
 #include "server/store/journal.hpp"
 #include "tests/support/memory_storage.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace shearbus::store {
 namespace {
@@ -116,6 +119,17 @@ TEST(Checkpoint, EveryTruncationIsRefused) {
   const auto bytes = checkpoint_bytes(small_snapshot(), 3);
   for (std::size_t size = 0; size < bytes.size(); ++size)
     ASSERT_THROW(verified_image(Bytes(bytes).first(size), "file", 3), DamagedFile) << size << " bytes";
+}
+
+// HDF5 looks on the disk even for a file in memory.
+TEST(Checkpoint, NoFileOfTheWorkingDirectoryIsTakenForItNorStandsInItsWay) {
+  const test::Scratch scratch;
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(scratch.path());
+  for (const char* name : {"checkpoint", "checkpoint.h5"}) std::ofstream(name) << "something else";
+  const auto bytes = checkpoint_bytes(small_snapshot(), 3);
+  EXPECT_NO_THROW(read_checkpoint(bytes, "file", 3));
+  std::filesystem::current_path(before);
 }
 
 TEST(Checkpoint, AnotherGenerationUnderItsNameIsRefused) {

@@ -14,10 +14,15 @@ namespace shearbus::support {
 
 struct DurableServer {
   explicit DurableServer(store::Storage& disk, store::Durability durability = store::Durability::kProcess,
-                         std::uint64_t epoch = 77, unsigned threads = 1)
+                         std::uint64_t epoch = 77, unsigned threads = 1,
+                         std::uint64_t max_state_bytes = std::uint64_t{8} << 30)
       : store(disk, {.durability = durability, .epoch = epoch}),
         pool(threads),
-        service({.epoch = epoch, .server_version = "test", .nodes_per_task = 4, .now_ns = [this] { return ++clock; }},
+        service({.epoch = epoch,
+                 .server_version = "test",
+                 .max_state_bytes = max_state_bytes,
+                 .nodes_per_task = 4,
+                 .now_ns = [this] { return ++clock; }},
                 pool, &store) {
     service.recover();
   }

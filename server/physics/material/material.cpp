@@ -124,7 +124,8 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
   // 2. What the caller puts over them.
   std::array<bool, kFields.size()> is_given{};
   for (const auto& [key, value] : given) {
-    const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.name == key; });
+    const auto field =
+        std::find_if(kFields.begin(), kFields.end(), [&key = key](const auto& f) { return f.name == key; });
     if (field == kFields.end()) {
       return failed(key, quoted(key) + " is not a constant of a material; did you mean " +
                              quoted(nearest_name(key, kFields)) + "?");
