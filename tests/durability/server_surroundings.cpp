@@ -391,11 +391,12 @@ TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
   }
 }
 
+std::string name_of_version(const testing::TestParamInfo<Other>& version) {
+  constexpr const char* kNames[] = {"Older", "Newer", "OfTheOtherByteOrder"};
+  return kNames[static_cast<int>(version.param)];
+}
 INSTANTIATE_TEST_SUITE_P(Version, OtherFiles, testing::Values(Other::kOlder, Other::kNewer, Other::kByteOrder),
-                         [](const auto& test) {
-                           constexpr const char* kNames[] = {"Older", "Newer", "OfTheOtherByteOrder"};
-                           return kNames[static_cast<int>(test.param)];
-                         });
+                         name_of_version);
 
 TEST(Surroundings, ARestartWithOtherOptionsGivesTheSameAnswers) {
   const ScratchDirectory scratch;
