@@ -98,7 +98,7 @@ struct Session::Impl {
   };
   std::optional<InDoubt> in_doubt;
   std::vector<TransferId> offers;
-  TransferId offered{};  // of the last offer: that one's as long as it is in doubt
+  TransferId offered{};                 // of the last offer: that one's as long as it is in doubt
   std::optional<wire::Request> posted;  // a trial that was sent and not yet asked for
   bool closed = false;
   StepResult result;

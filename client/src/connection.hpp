@@ -99,10 +99,10 @@ class SocketConnection final : public Connection {
 
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
   std::optional<Posted> posted_;
-  std::unique_ptr<void, CloseSocket> monitor_;       // libzmq's word on the handshakes of socket_
-  std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
-  wire::Status refusal_;                       // the server has refused the connection; OK: not so far
-  int silent_failures_ = 0;                    // handshakes in a row that were broken off without a reason
+  std::unique_ptr<void, CloseSocket> monitor_;  // libzmq's word on the handshakes of socket_
+  std::unique_ptr<void, CloseSocket> socket_;   // null after a timeout: a late reply must not be taken for another's
+  wire::Status refusal_;                        // the server has refused the connection; OK: not so far
+  int silent_failures_ = 0;                     // handshakes in a row that were broken off without a reason
 };
 
 }  // namespace shearbus
