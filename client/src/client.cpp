@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "client/src/connection.hpp"
+#include "proto/wire/codec.hpp"
 #include "proto/wire/strategy_columns.hpp"
 
 namespace shearbus {
@@ -429,24 +430,33 @@ const wire::Welcome& Client::welcome() const {
 Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options) {
   wire::Request request;
   if (!node_ids.empty()) request.batch = named_nodes(node_ids, options.initial_temperature_k);
+  const auto opening_as = [&](std::uint64_t request_id, const wire::SessionId& id, const wire::ResumeToken& token) {
+    request.request_id = request_id;
+    request.body = wire::OpenSession{.scene = scene, .session_id = id, .resume_token = token, .domain = options.domain};
+    const std::span<const std::byte> payload = request.batch.bytes();
+    return Connection::Opening{request_id, id, token, wire::encode_header(request), {payload.begin(), payload.end()}};
+  };
+  const std::optional<Connection::Opening> doubted = std::exchange(connection_->opening_in_doubt, std::nullopt);
+  std::optional<Connection::Opening> opening;
+  if (doubted) opening = opening_as(doubted->request_id, doubted->session_id, doubted->resume_token);
+  if (!opening || opening->header != doubted->header || opening->payload != doubted->payload)
+    opening = opening_as(connection_->next_request_id(), random_bytes(), random_bytes());
+
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;
-  impl->id = random_bytes();
-  impl->resume_token = random_bytes();
+  impl->id = opening->session_id;
+  impl->resume_token = opening->resume_token;
   impl->node_ids.assign(node_ids.begin(), node_ids.end());
-
-  request.request_id = connection_->next_request_id();
-  request.body = wire::OpenSession{
-      .scene = scene, .session_id = impl->id, .resume_token = impl->resume_token, .domain = options.domain};
 
   impl->closed = true;  // until it is open there is nothing to say goodbye to
   Received received;
   try {
     received = connection_->call(request, connection_->options().reply_deadline);
   } catch (const Error& fault) {
+    connection_->opening_in_doubt = std::move(opening);
     if (fault.status().code != Code::kUnknownOutcome) throw;
     wire::Status status = fault.status();
-    status.remedy = "Opening again is safe; it may leave an unused session on the server.";
+    status.remedy = "Open again with the same arguments: it is the same session, opened once.";
     throw Error(std::move(status));
   }
   impl->epoch = received.reply.epoch;

@@ -180,6 +180,20 @@ TEST_F(LostReply, ALostOpeningReplyOpensOneSession) {
   EXPECT_EQ(direct_.server_status().sessions, 1u);
 }
 
+TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
+  ClientOptions impatient = options();
+  impatient.reply_deadline = 400ms;
+  Client client(impatient);
+  bus_.replies_to_lose = 1000;
+  EXPECT_THROW(client.open(support::force_scene(), kNodes, {.domain = "run"}), Error);
+  bus_.replies_to_lose = 0;
+  // Another opening would find its nodes owned by a session that nobody knows.
+  Session session = client.open(support::force_scene(), kNodes, {.domain = "run"});
+  EXPECT_EQ(direct_.server_status().sessions, 1u);
+  Session other = client.open(support::force_scene(), support::node_ids(3), {.domain = "another"});
+  EXPECT_EQ(direct_.server_status().sessions, 2u);
+}
+
 TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {
   ClientOptions impatient = options();
   impatient.reply_deadline = 400ms;
