@@ -62,6 +62,10 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
   }
 }
 
+bool same_bytes(const wire::Request& a, const wire::Request& b) {
+  return wire::encode_header(a) == wire::encode_header(b) && std::ranges::equal(a.batch.bytes(), b.batch.bytes());
+}
+
 // Columns of an opening, or of a change of nodes.
 wire::Batch named_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> temperatures) {
   if (!temperatures.empty() && temperatures.size() != node_ids.size())
@@ -430,22 +434,26 @@ const wire::Welcome& Client::welcome() const {
 Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options) {
   wire::Request request;
   if (!node_ids.empty()) request.batch = named_nodes(node_ids, options.initial_temperature_k);
-  const auto opening_as = [&](std::uint64_t request_id, const wire::SessionId& id, const wire::ResumeToken& token) {
-    request.request_id = request_id;
-    request.body = wire::OpenSession{.scene = scene, .session_id = id, .resume_token = token, .domain = options.domain};
-    const std::span<const std::byte> payload = request.batch.bytes();
-    return Connection::Opening{request_id, id, token, wire::encode_header(request), {payload.begin(), payload.end()}};
-  };
-  const std::optional<Connection::Opening> doubted = std::exchange(connection_->opening_in_doubt, std::nullopt);
-  std::optional<Connection::Opening> opening;
-  if (doubted) opening = opening_as(doubted->request_id, doubted->session_id, doubted->resume_token);
-  if (!opening || opening->header != doubted->header || opening->payload != doubted->payload)
-    opening = opening_as(connection_->next_request_id(), random_bytes(), random_bytes());
+  auto& opening = request.body.emplace<wire::OpenSession>();
+  opening.scene = scene;
+  opening.domain = options.domain;
+  const std::optional<wire::Request> doubted = std::exchange(connection_->opening_in_doubt, std::nullopt);
+  if (doubted) {
+    const auto& before = std::get<wire::OpenSession>(doubted->body);
+    request.request_id = doubted->request_id;
+    opening.session_id = before.session_id;
+    opening.resume_token = before.resume_token;
+  }
+  if (!doubted || !same_bytes(request, *doubted)) {
+    request.request_id = connection_->next_request_id();
+    opening.session_id = random_bytes();
+    opening.resume_token = random_bytes();
+  }
 
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;
-  impl->id = opening->session_id;
-  impl->resume_token = opening->resume_token;
+  impl->id = opening.session_id;
+  impl->resume_token = opening.resume_token;
   impl->node_ids.assign(node_ids.begin(), node_ids.end());
 
   impl->closed = true;  // until it is open there is nothing to say goodbye to
@@ -453,7 +461,7 @@ Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids
   try {
     received = connection_->call(request, connection_->options().reply_deadline);
   } catch (const Error& fault) {
-    connection_->opening_in_doubt = std::move(opening);
+    connection_->opening_in_doubt = std::move(request);
     if (fault.status().code != Code::kUnknownOutcome) throw;
     wire::Status status = fault.status();
     status.remedy = "Open again with the same arguments: it is the same session, opened once.";

@@ -58,14 +58,7 @@ class Connection {
   // An opening that got no session: nobody knows its outcome, or it was refused, and a late copy may still succeed
   // (when the disk has room again). The same one again must have the same bytes, so that it is one session that holds
   // the nodes.
-  struct Opening {
-    std::uint64_t request_id = 0;
-    wire::SessionId session_id{};
-    wire::ResumeToken resume_token{};
-    std::string header;
-    std::vector<std::byte> payload;
-  };
-  std::optional<Opening> opening_in_doubt;
+  std::optional<wire::Request> opening_in_doubt;
 
   bool durable() const { return durable_; }  // the server's sessions outlive it, says its welcome
   void set_durable(bool durable) { durable_ = durable; }
