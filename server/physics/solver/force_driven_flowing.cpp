@@ -1,9 +1,7 @@
 // The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
 // interface law together.
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
 
 #include "server/physics/solver/flowing_slip.hpp"
 #include "server/physics/solver/layer_flow.hpp"
@@ -86,13 +84,10 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   FlowingSlip lanes[kLanes];
   LaneStep before[kLanes];
   FlowLoad load;
-  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
-  if (soft.varies_with_compression()) own.emplace();
-  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
+  const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
     before[l] = {stress_before(layout, inputs, committed, l),
                  0.0,
                  inputs.velocity_jump[l],

@@ -1,8 +1,13 @@
 // What a model knows before the first step: shared by both strategies, constant afterwards.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <optional>
+
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
 
@@ -24,6 +29,24 @@ inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an i
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
   return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
 }
+
+// The soft body as it is at each lane's pressure; itself where pressure does not change it.
+class LaneMaterials {
+ public:
+  LaneMaterials(const Material& soft, const TileInputs& inputs) : soft_(soft) {
+    if (!soft.varies_with_compression()) return;
+    at_.emplace();
+    for (int l = 0; l < kLanes; ++l) {
+      const bool active = (inputs.active >> l & 1u) != 0;
+      (*at_)[static_cast<std::size_t>(l)] = at_pressure(soft, active ? inputs.pressure[l] : 0.0);
+    }
+  }
+  const Material& operator()(int lane) const { return at_ ? (*at_)[static_cast<std::size_t>(lane)] : soft_; }
+
+ private:
+  const Material& soft_;
+  std::optional<std::array<Material, kLanes>> at_;
+};
 
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

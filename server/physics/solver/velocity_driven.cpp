@@ -1,10 +1,8 @@
 // The velocity-driven step (MODEL.md section 5): DLP (37), (42-48), (56) with the drive that (56) leaves out. The host
 // imposes the velocity jump, the layer's plastic flow finds the stress.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/heated.hpp"
@@ -246,13 +244,10 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   Lane lanes[kLanes];
   FlowLoad load;
   double s_start[kLanes] = {};
-  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
-  if (soft.varies_with_compression()) own.emplace();
-  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
+  const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
                                    pressure, committed[layout.temperature + l], strain[l]);
