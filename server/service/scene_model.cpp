@@ -17,6 +17,10 @@
 namespace shearbus::service {
 namespace {
 
+bool is_steinberg_cochran_guinan(const physics::Material& m) {
+  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+}
+
 physics::Material material_of(const wire::Body& body, const std::string& table) {
   physics::MaterialResult made =
       physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
@@ -29,7 +33,7 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term == wire::PressureTerm::kCompressed)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  if (body.pressure_term == wire::PressureTerm::kCompressed && made.material.flow_law != physics::FlowLaw{})
+  if (body.pressure_term == wire::PressureTerm::kCompressed && !is_steinberg_cochran_guinan(made.material))
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
                                            "\"{}\" does not have",
@@ -59,10 +63,6 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
   if (!hard.grading) hard.grading = scene.layer.grading;
   if (hard.far_boundary == wire::FarBoundary::kUnspecified) hard.far_boundary = scene.layer.far_boundary;
   return hard;
-}
-
-bool is_steinberg_cochran_guinan(const physics::Material& m) {
-  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
 }
 
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.

@@ -357,9 +357,10 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   shard::StepOutputs outputs = outputs_of(reply->batch);
   std::vector<std::uint8_t> outcomes(outputs.outcome.empty() ? num_rows : 0);  // where the host does not want them
   if (outputs.outcome.empty()) outputs.outcome = outcomes;
-  std::uint64_t solver_started_ns = options_.now_ns();
+  std::uint64_t solver_started_ns = 0;
   std::optional<shard::Shard::Attempt> attempt;
   if (step.policy == wire::Policy::kAllOrNothing) {
+    solver_started_ns = options_.now_ns();
     attempt = shard.attempt(rows, *operators, inputs, outputs, step.commit_previous);
     if (attempt->count.failed != 0) {
       leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, step.commit_previous});
