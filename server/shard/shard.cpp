@@ -65,7 +65,8 @@ double* Shard::buffer(std::size_t tile, unsigned which) const {
 NodeGlance Shard::glance(std::size_t slot) const {
   const physics::TileLayout& layout = model_.layout();
   const double* lane = committed_tile(slot).data() + slot % kLanes;
-  return {.interface_temperature = lane[layout.temperature],
+  return {.interface_temperature =
+              model_.interface_temperature(committed_tile(slot).data(), static_cast<int>(slot % kLanes)),
           .shear_stress = lane[layout.shear_stress],
           .regime = static_cast<std::uint8_t>(lane[layout.regime])};
 }

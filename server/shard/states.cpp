@@ -21,7 +21,8 @@ std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
                              {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
                              {"regime", "1", layout.regime, 1},
                              {"sticking", "1", layout.sticking, 1},
-                             {"junction_strain", "1", layout.junction_strain, 1}};
+                             {"junction_strain", "1", layout.junction_strain, 1},
+                             {"resting", "1", layout.resting, 2}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 
 namespace shearbus::physics {
 
@@ -58,13 +59,22 @@ Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& ha
 
 }  // namespace
 
-HeatOperator::HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step)
-    : dt(step), interface(grid.interface) {
+HeatOperator::HeatOperator(const HeatGrid& grid, double step) : dt(step), interface(grid.interface) {
   const std::size_t n = grid.weight.size();
-  forward.resize(n);
-  inverse_pivot.resize(n);
-  backward.resize(n);
-  response.assign(n, 0.0);
+  memory_ = std::make_unique_for_overwrite<double[]>(4 * n);
+  forward = {memory_.get(), n};
+  inverse_pivot = {memory_.get() + n, n};
+  backward = {memory_.get() + 2 * n, n};
+  response = {memory_.get() + 3 * n, n};
+}
+
+HeatOperator::HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step)
+    : HeatOperator(grid, step) {
+  factorise(grid, soft, hard);
+}
+
+void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const Material& hard) {
+  const std::size_t n = grid.weight.size();
 
   // pivot = 1 + excess + c, with excess = a (1 + excess before) / (pivot before): the elimination's 1 + a + c - a
   // c/pivot written without the difference.
@@ -84,6 +94,7 @@ HeatOperator::HeatOperator(const HeatGrid& grid, const Material& soft, const Mat
   const std::size_t first = static_cast<std::size_t>(interface);
   const double rise = first == 0 ? soft.diffusivity * dt / (grid.weight[0] * soft.conductivity)
                                  : dt / grid.capacity(interface, soft, hard);
+  std::ranges::fill(response, 0.0);
   response[first] = rise * inverse_pivot[first];
   for (std::size_t i = first + 1; i < n; ++i) response[i] = forward[i] * response[i - 1];
   for (std::size_t i = n - 1; i-- > 0;) response[i] += backward[i] * response[i + 1];
@@ -164,9 +175,26 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
   }
 }
 
+namespace {
+
+bool is_uniform(int num_vertices, const double* temperature) {
+  for (std::ptrdiff_t i = 1; i < num_vertices; ++i) {
+    bool same = true;
+    for (int l = 0; l < kLanes; ++l) same = same && temperature[i * kLanes + l] == temperature[l];
+    if (!same) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
 // Both sweeps work on the temperature above that of the colder end, the coldest there is: a uniform layer stays uniform
 // to the last bit and no vertex falls below the coldest by rounding.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
+  if (is_uniform(num_vertices, before)) {
+    std::copy_n(before, std::ptrdiff_t{num_vertices} * kLanes, after);
+    return;
+  }
   const double* forward = heat.forward.data();
   const double* inverse_pivot = heat.inverse_pivot.data();
   const double* backward = heat.backward.data();
@@ -206,7 +234,22 @@ void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* 
 }
 
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature) {
-  for (std::ptrdiff_t i = 0; i < num_vertices; ++i) {
+  double strongest = 0.0;
+  double coldest = temperature[0];
+  for (int l = 0; l < kLanes; ++l) {
+    strongest = std::max(strongest, std::abs(flux[l]));
+    coldest = std::min({coldest, temperature[l], temperature[std::ptrdiff_t{num_vertices - 1} * kLanes + l]});
+  }
+  // B falls from z = 0 outwards. Half an ulp of T is more than 2^-54 T.
+  const double felt = 0x1p-54 * coldest;
+  const auto unfelt = [&](double response) { return strongest * response < felt; };
+  const std::ptrdiff_t first =
+      std::partition_point(heat.response.begin(), heat.response.begin() + heat.interface, unfelt) -
+      heat.response.begin();
+  const std::ptrdiff_t end = std::partition_point(heat.response.begin() + heat.interface,
+                                                  heat.response.begin() + num_vertices, std::not_fn(unfelt)) -
+                             heat.response.begin();
+  for (std::ptrdiff_t i = first; i < end; ++i) {
     for (int l = 0; l < kLanes; ++l) temperature[i * kLanes + l] += flux[l] * heat.response[i];
   }
 }

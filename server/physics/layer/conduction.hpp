@@ -1,6 +1,8 @@
 // Heat across the layer (MODEL.md section 3): backward Euler in time, finite volumes around the vertices, DLP (20-35).
 #pragma once
 
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "server/physics/layer/grid.hpp"
@@ -41,15 +43,21 @@ struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
       : HeatOperator(one_sided, soft, soft, step) {}
+  // Its memory alone, for factorise() to fill.
+  HeatOperator(const HeatGrid& grid, double step);
+  void factorise(const HeatGrid& grid, const Material& soft, const Material& hard);
 
-  double dt;                          // [s]
-  int interface;                      // the vertex at z = 0
-  std::vector<double> forward;        // a[i] / pivot[i]
-  std::vector<double> inverse_pivot;  // 1 / pivot[i]
-  std::vector<double> backward;       // c[i] / pivot[i]
-  std::vector<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+  double dt;                        // [s]
+  int interface;                    // the vertex at z = 0
+  std::span<double> forward;        // a[i] / pivot[i]
+  std::span<double> inverse_pivot;  // 1 / pivot[i]
+  std::span<double> backward;       // c[i] / pivot[i]
+  std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
+
+ private:
+  std::unique_ptr<double[]> memory_;  // one block: a step length costs few allocations
 };
 
 // What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices, and how the
@@ -73,13 +81,15 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
-// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same.
+// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same. Where every
+// lane is uniform nothing is solved: the sweeps would give the same bits.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // The same for one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
-// T = T_ad + q B, DLP (35), all lanes.
+// T = T_ad + q B, DLP (35), all lanes. Vertices where q B is below half an ulp of the coldest temperature are not
+// touched: it would not change a bit of theirs.
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
 

@@ -1,12 +1,9 @@
 // The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
 // stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
-#include <algorithm>
-#include <cmath>
-#include <limits>
+#include <cstddef>
 
-#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/solver/interface_step.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/rigid_slip.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/substeps.hpp"
 
@@ -15,8 +12,6 @@ namespace shearbus::physics {
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  const InterfaceOptions& law = problem.options.interface;
-  const JunctionOptions* junctions = problem.options.junctions ? &*problem.options.junctions : nullptr;
   const int n = problem.heat_grid.num_vertices();
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
@@ -27,35 +22,14 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
 
   // 2. Stress and slip, lane by lane: DLP (61), (65).
   double flux[kLanes] = {};
+  const LaneMaterials soft_at(problem.options.soft, inputs);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
-    const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
-    StressLimit yield{std::numeric_limits<double>::infinity(), law.yield_strength / kSqrt3, inputs.pressure[lane],
-                      &soft};
-    const Forcing forcing = forcing_of(inputs, lane);
-    const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-    const LaneStep before{stress_before(layout, inputs, committed, lane),
-                          0.0,
-                          inputs.velocity_jump[lane],
-                          0.0,
-                          previous,
-                          previous == Regime::kStick,
-                          true,
-                          false};
-    const double junction_strain_old = junctions != nullptr ? committed[layout.junction_strain + lane] : 0.0;
-    double junction_strain = junction_strain_old;
+    InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
+    const double junction_strain_old = interface_step.junction_strain;
+    const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
     const auto step_from = [&](const HeatOperator& heat, const LaneStep& last) {
-      if (yield.pressure <= 0.0) return open_step(forcing, heat.dt, last.jump_new);
-      yield.junctions = junctions_of(junctions, junction_strain, heat.dt);
-      const TrialSlip trial_slip(forcing, heat.dt, last.jump_new, last.stress);
-      const FrictionHeating slip = trial_slip.slipping(0.0, 0.0);
-      const Friction friction = FrictionLaws::with(law.friction_law, [&](auto own) {
-        return decltype(own)::type::friction(law, yield.pressure, slip.c, slip.b, trial_slip.stress_stick);
-      });
-      const LaneStep step = rigid_slip(yield, friction, trial_slip, problem.heat_partition, *heat.layer_response(),
-                                       T0[lane], std::abs(last.stress), last.sticks);
-      junction_strain = yield.junctions.strain(std::abs(step.slip));
-      return step;
+      return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
     };
 
     LaneResult result;
@@ -68,9 +42,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
       outcome = kSubstepped;
       for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const HeatOperator& heat = operators.heat(k);
+        const HeatOperator& heat = operators.halved(k);
         for (std::ptrdiff_t i = 0; i < n; ++i) T[i * kLanes + lane] = T_old[i * kLanes + lane];
-        junction_strain = junction_strain_old;
+        interface_step.junction_strain = junction_strain_old;
         if (run_substeps(heat, n, 1 << k, k == operators.max_halvings(), lane, before, T, result,
                          [&](const LaneStep& last) { return step_from(heat, last); })) {
           break;
@@ -82,7 +56,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     outputs.outcome[lane] = outcome;
     trial[layout.shear_stress + lane] = result.step.stress;
     trial[layout.regime + lane] = static_cast<double>(result.step.regime);
-    if (junctions != nullptr) trial[layout.junction_strain + lane] = junction_strain;
+    if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
   }
 
   // 4. The friction heat of this step: T = T_ad + q B.

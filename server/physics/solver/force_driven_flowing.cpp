@@ -68,7 +68,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
                                   const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
-  const bool layer_hardens = hardens(soft);
+  bool may_flow = false;
   const int n = problem.heat_grid.num_vertices();
   const HeatOperator& heat = operators.heat();
   const double* T_old = committed + layout.first_temperature();
@@ -97,6 +97,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
                  true,
                  false};
     if (pressure > 0.0) {
+      may_flow = hardens(soft);
       lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l]));
     }
     set_load(soft_at(l), pressure, lanes[l].stress(), lanes[l].flux(), l, load);
@@ -105,19 +106,19 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   // 3. Stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
   FlowSum sum{};
   const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
-  if (layer_hardens) flow_thresholds(flow, load, strain_new);
+  if (may_flow) flow_thresholds(flow, load, strain_new);
   for (;;) {
     bool all_done = true;
     for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
     if (all_done) break;
-    if (layer_hardens) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
+    if (may_flow) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done()) continue;
       lanes[l].take(sum.slip[l]);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
     }
   }
-  if (layer_hardens) {
+  if (may_flow) {
     flow_to(flow, load, problem.grid.num_vertices(), strain_new, sum);
   } else {
     std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
@@ -142,7 +143,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     } else {
       outcome = kSubstepped;
       for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const HeatOperator& shorter = operators.heat(k);
+        const HeatOperator& shorter = operators.halved(k);
         copy_lane(T_old, T_all, n, l);
         copy_lane(strain, strain_new, problem.grid.num_vertices(), l);
         if (run_substeps(shorter, n, 1 << k, k == operators.max_halvings(), l, before[l], T_all, result,

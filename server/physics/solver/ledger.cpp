@@ -3,7 +3,9 @@
 #include <cmath>
 #include <cstddef>
 
+#include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/sleep.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -12,7 +14,7 @@ namespace {
 struct Stored {
   double soft = 0.0, hard = 0.0;
 };
-Stored stored_heat(const Problem& problem, const double* T_old, const double* T_new, int lane) {
+Stored stored_heat_awake(const Problem& problem, const double* T_old, const double* T_new, int lane) {
   const HeatGrid& grid = problem.heat_grid;
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;
@@ -28,6 +30,29 @@ Stored stored_heat(const Problem& problem, const double* T_old, const double* T_
     }
   }
   return stored;
+}
+
+// Asleep before and after, a lane's heat is told by its modes; one that fell asleep or woke in the step is looked at as
+// the profile it was or is.
+Stored stored_heat(const Problem& problem, const double* committed, const double* trial, int lane) {
+  const TileLayout& layout = problem.layout;
+  const double* before = committed + layout.first_temperature();
+  const double* after = trial + layout.first_temperature();
+  const bool slept = asleep(layout, committed, lane);
+  const bool sleeps = asleep(layout, trial, lane);
+  if (!slept && !sleeps) return stored_heat_awake(problem, before, after, lane);
+  if (slept && sleeps) {
+    Stored stored;
+    for (int k = 0; k < problem.basis->num_modes(); ++k) {
+      const std::ptrdiff_t at = std::ptrdiff_t{k} * kLanes + lane;
+      stored.soft += problem.basis->soft_heat[static_cast<std::size_t>(k)] * (after[at] - before[at]);
+      stored.hard += problem.basis->hard_heat[static_cast<std::size_t>(k)] * (after[at] - before[at]);
+    }
+    return stored;
+  }
+  double profile[kMaxBasisVertices * kLanes];
+  profile_of(problem, slept ? committed : trial, lane, profile);
+  return stored_heat_awake(problem, slept ? profile : before, slept ? after : profile, lane);
 }
 
 // sqrt(3) integral(dep)  [m]
@@ -87,8 +112,7 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
       elastic += spring * (t - t_old) * (t + t_old);
     }
     const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
-    const Stored stored =
-        stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature(), lane);
+    const Stored stored = stored_heat(problem, committed, trial, lane);
     const double plastic = layout.plastic_strain == TileLayout::kAbsent
                                ? 0.0
                                : std::abs(size) * plastic_slip(problem, committed + layout.plastic_strain,

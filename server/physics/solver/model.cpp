@@ -7,6 +7,7 @@
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/ledger.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
@@ -56,6 +57,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
     layout.junction_strain = layout.doubles;
     layout.doubles += kLanes;
   }
+  if (options.sleep) {
+    layout.resting = layout.doubles;
+    layout.doubles += 2 * kLanes;
+  }
   return layout;
 }
 
@@ -82,6 +87,10 @@ Problem::Problem(const ModelOptions& model_options)
       grid(model_options.grid),
       heat_grid(make_heat_grid(model_options, grid)),
       layout(make_layout(model_options, heat_grid, grid.num_vertices())),
+      basis(model_options.sleep
+                ? std::optional<HeatBasis>(std::in_place, heat_grid, model_options.soft, model_options.hard)
+                : std::nullopt),
+      steps_before_sleep(physics::steps_before_sleep(heat_grid.num_vertices())),
       heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
@@ -157,6 +166,10 @@ std::vector<std::string> Model::warnings() const {
   return warnings;
 }
 
+double Model::interface_temperature(const double* tile, int lane) const {
+  return physics::interface_temperature(*impl_, tile, lane);
+}
+
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
   const TileLayout& layout = impl_->layout;
   std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
@@ -174,20 +187,21 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   const int halvings = impl_->options.strategy == Strategy::kForceDriven ? kMaxHalvings : 0;
   return std::make_shared<const StepOperators>(impl_->grid, impl_->heat_grid, impl_->options.soft, impl_->options.hard,
-                                               dt, halvings, impl_->options.taylor_quinney_factor.has_value());
+                                               dt, halvings, impl_->options.taylor_quinney_factor.has_value(),
+                                               impl_->basis ? &*impl_->basis : nullptr);
 }
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
   const TileLayout& layout = impl_->layout;
-  if (impl_->options.inertia) {
-    advance_with_inertia(*impl_, operators, inputs, committed, trial, outputs);
-  } else if (impl_->options.strategy == Strategy::kVelocityDriven) {
-    advance_velocity_driven(*impl_, operators, inputs, committed, trial, outputs);
-  } else if (impl_->options.plastic_layer) {
-    advance_force_driven_flowing(*impl_, operators, inputs, committed, trial, outputs);
+  const AdvanceTile awake = impl_->options.inertia                                 ? advance_with_inertia
+                            : impl_->options.strategy == Strategy::kVelocityDriven ? advance_velocity_driven
+                            : impl_->options.plastic_layer                         ? advance_force_driven_flowing
+                                                                                   : advance_force_driven;
+  if (impl_->basis) {
+    advance_with_sleep(*impl_, operators, awake, inputs, committed, trial, outputs);
   } else {
-    advance_force_driven(*impl_, operators, inputs, committed, trial, outputs);
+    awake(*impl_, operators, inputs, committed, trial, outputs);
   }
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) {
@@ -201,7 +215,7 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
       outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
       outputs.sliding_velocity[lane] = 0.0;
       outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
-      outputs.interface_temperature[lane] = committed[layout.temperature + lane];
+      outputs.interface_temperature[lane] = interface_temperature(committed, lane);
       outputs.friction_heat[lane] = 0.0;
       outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
       outputs.outcome[lane] = kFailed;

@@ -38,6 +38,9 @@ struct ModelOptions {
   // and the layer's mass is accelerated (DLP 36).
   bool inertia = false;
 
+  // Nodes at rest are not solved for heat (MODEL.md section 3b). Without inertia, at most kMaxBasisVertices that conduct.
+  bool sleep = false;
+
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
@@ -59,6 +62,9 @@ class Model {
 
   // Things a user should know about this combination, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;
+
+  // T0 of one lane, which a sleeper's state does not show  [K].
+  double interface_temperature(const double* tile, int lane) const;
 
   // States of a tile before the first step: temperature uniform, one value per lane.
   void initialise(double* tile, const double (&temperature)[kLanes]) const;

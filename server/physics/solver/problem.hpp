@@ -7,6 +7,7 @@
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -20,6 +21,8 @@ struct Problem {
   Grid grid;
   HeatGrid heat_grid;
   TileLayout layout;
+  std::optional<HeatBasis> basis;  // where nodes at rest sleep
+  int steps_before_sleep = 0;
   double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
 

@@ -16,6 +16,7 @@ enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca 
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
+inline constexpr std::uint8_t kAsleep = 32;  // at rest: not solved for heat
 inline constexpr std::uint8_t kFailed = 128;
 
 // State of one tile: doubles at offsets told by TileLayout; an offset of kAbsent is a part this model does not have.
@@ -36,9 +37,10 @@ struct TileLayout {
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
+  std::size_t resting = kAbsent;           // [2][kLanes]  steps at rest; while asleep modes that live, else 0
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
 
-  // Where the temperatures of all that conducts begin: the rows of HeatGrid.
+  // Where the temperatures of all that conducts begin: the rows of HeatGrid, or of a lane asleep those of HeatBasis.
   std::size_t first_temperature() const { return temperature - num_hard_vertices * kLanes; }
 };
 

@@ -221,6 +221,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
+  bool loaded = false;  // any lane: else there is no flow to look for
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
@@ -254,6 +255,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain + l);
     }
     lanes[l].done = !lanes[l].loaded;
+    loaded = loaded || lanes[l].loaded;
     if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
@@ -265,7 +267,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
-  if (layer_hardens) {
+  if (layer_hardens && loaded) {
     flow_thresholds(flow, load, strain_new);
     int num_rows = grid.num_vertices();
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {

@@ -1,0 +1,62 @@
+// What the interface of one lane does in a step or substep of the simplified force-driven model, its heat apart
+// (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c).
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/rigid_slip.hpp"
+
+namespace shearbus::physics {
+
+class InterfaceStep {
+ public:
+  InterfaceStep(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
+                int lane)
+      : junction_strain(problem.options.junctions ? committed[problem.layout.junction_strain + lane] : 0.0),
+        problem_(problem),
+        yield_{std::numeric_limits<double>::infinity(), problem.options.interface.yield_strength / kSqrt3,
+               inputs.pressure[lane], &soft},
+        forcing_(forcing_of(inputs, lane)) {}
+
+  // The lane as it was before the step.
+  static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
+    const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+    return {stress_before(layout, inputs, committed, lane),
+            0.0,
+            inputs.velocity_jump[lane],
+            0.0,
+            previous,
+            previous == Regime::kStick,
+            true,
+            false};
+  }
+
+  // A step of dt from `last`; B0 is the response of T0 to the flux, T_ad what T0 is without.
+  LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
+    if (yield_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
+    const InterfaceOptions& law = problem_.options.interface;
+    yield_.junctions = junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr,
+                                    junction_strain, dt);
+    const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
+    const FrictionHeating slip = trial_slip.slipping(0.0, 0.0);
+    const Friction friction = FrictionLaws::with(law.friction_law, [&](auto own) {
+      return decltype(own)::type::friction(law, yield_.pressure, slip.c, slip.b, trial_slip.stress_stick);
+    });
+    const LaneStep step = rigid_slip(yield_, friction, trial_slip, problem_.heat_partition, B0, T_ad,
+                                     std::abs(last.stress), last.sticks);
+    junction_strain = yield_.junctions.strain(std::abs(step.slip));
+    return step;
+  }
+
+  double junction_strain;  // before, then after the last step
+
+ private:
+  const Problem& problem_;
+  StressLimit yield_;
+  Forcing forcing_;
+};
+
+}  // namespace shearbus::physics
