@@ -38,21 +38,16 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
     const Eigen::VectorXd temperature = mode.col(k).cwiseQuotient(root);
     const double largest = temperature.cwiseAbs().maxCoeff();
-    double in_soft = 0.0, in_hard = 0.0;
+    double in_soft = 0.0;
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
       projection.push_back(mode(i, k) * root[i] * largest);
-      double capacity = grid.capacity(i, soft, hard);
-      if (i == grid.interface) {
-        const double own = soft.conductivity / soft.diffusivity * grid.weight[static_cast<std::size_t>(i)];
-        in_hard += (capacity - own) * shape.back();
-        capacity = own;
-      }
-      (i < grid.interface ? in_hard : in_soft) += capacity * shape.back();
+      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 of the soft body alone
+      if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
+      if (k == 0) heat += grid.capacity(i, soft, hard);
     }
     at_interface.push_back(temperature[grid.interface] / largest);
     soft_heat.push_back(in_soft);
-    hard_heat.push_back(in_hard);
   }
 }
 

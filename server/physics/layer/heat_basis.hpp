@@ -27,7 +27,7 @@ struct HeatBasis {
   std::vector<double> projection;    // [mode][vertex]: amplitude_k = sum over vertices of projection_ki T_i
   std::vector<double> at_interface;  // shape at z = 0
   std::vector<double> soft_heat;     // of an amplitude of 1 K in the soft body  [J/(m2 K)]
-  std::vector<double> hard_heat;     // in the hard body, where it conducts      [J/(m2 K)]
+  double heat = 0.0;                 // of 1 K of the first; the others hold none in all  [J/(m2 K)]
 };
 
 // One lane from temperatures to amplitudes, in place, both [row][lane]. The number of modes that live: the others are 0.

@@ -1,5 +1,6 @@
 #include "server/physics/solver/ledger.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -10,59 +11,93 @@
 namespace shearbus::physics {
 namespace {
 
-// What one lane's bodies hold more than before  [J/m2].
+using Lanes = std::array<double, kLanes>;
+
+// sum += factor (now - before), lane by lane, at one vertex
+void add_change(Lanes& sum, double factor, const double* before, const double* now, int vertex) {
+  const std::ptrdiff_t first = std::ptrdiff_t{vertex} * kLanes;
+  for (int lane = 0; lane < kLanes; ++lane) sum[lane] += factor * (now[first + lane] - before[first + lane]);
+}
+
+// What the bodies hold more than before  [J/m2].
 struct Stored {
-  double soft = 0.0, hard = 0.0;
+  Lanes soft{}, hard{};
 };
-Stored stored_heat_awake(const Problem& problem, const double* T_old, const double* T_new, int lane) {
+Stored stored_in_profiles(const Problem& problem, const double* T_old, const double* T_new) {
   const HeatGrid& grid = problem.heat_grid;
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;
   Stored stored;
+  for (int i = 0; i < grid.interface; ++i) add_change(stored.hard, grid.capacity(i, soft, hard), T_old, T_new, i);
+  // Half of the vertex between them is the hard body's, where that conducts.
+  const double weight = grid.weight[static_cast<std::size_t>(grid.interface)];
+  add_change(stored.soft, soft.conductivity / soft.diffusivity * weight, T_old, T_new, grid.interface);
+  add_change(stored.hard, hard.conductivity / hard.diffusivity * grid.hard_weight, T_old, T_new, grid.interface);
+  for (int i = grid.interface + 1; i < grid.num_vertices(); ++i)
+    add_change(stored.soft, grid.capacity(i, soft, hard), T_old, T_new, i);
+  return stored;
+}
+
+// Heat of one lane above a uniform reference temperature.
+struct Held {
+  double soft, hard;
+};
+Held held_heat(const Problem& problem, const double* tile, int lane, double reference) {
+  const HeatGrid& grid = problem.heat_grid;
+  const double* rows = tile + problem.layout.first_temperature() + lane;
+  Held held{};
+  if (asleep(problem.layout, tile, lane)) {
+    const HeatBasis& basis = *problem.basis;  // all but the first mode only share heat out
+    held.soft = basis.soft_heat[0] * (rows[0] - reference);
+    for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
+      held.soft += basis.soft_heat[static_cast<std::size_t>(k)] * rows[k * kLanes];
+    held.hard = basis.heat * (rows[0] - reference) - held.soft;
+    return held;
+  }
   for (int i = 0; i < grid.num_vertices(); ++i) {
-    const std::ptrdiff_t at = std::ptrdiff_t{i} * kLanes + lane;
-    const double rise = T_new[at] - T_old[at];
-    if (i == grid.interface) {  // half of it is the hard body's, where that conducts
-      stored.soft += soft.conductivity / soft.diffusivity * grid.weight[static_cast<std::size_t>(i)] * rise;
-      stored.hard += hard.conductivity / hard.diffusivity * grid.hard_weight * rise;
-    } else {
-      (i < grid.interface ? stored.hard : stored.soft) += grid.capacity(i, soft, hard) * rise;
-    }
+    const double heat = grid.capacity(i, problem.options.soft, problem.options.hard) *
+                        (rows[std::ptrdiff_t{i} * kLanes] - reference);
+    const double in_soft = i < grid.interface ? 0.0 : i == grid.interface ? problem.soft_share_at_interface() : 1.0;
+    held.soft += in_soft * heat;
+    held.hard += (1.0 - in_soft) * heat;
+  }
+  return held;
+}
+
+// Where a lane is asleep before or after the step, its modes tell.
+Stored stored_heat(const Problem& problem, const double* committed, const double* trial) {
+  const TileLayout& layout = problem.layout;
+  const std::size_t first = layout.first_temperature();
+  int num_awake = 0;
+  bool slept[kLanes], sleeps[kLanes];
+  for (int l = 0; l < kLanes; ++l) {
+    slept[l] = asleep(layout, committed, l);
+    sleeps[l] = asleep(layout, trial, l);
+    num_awake += slept[l] || sleeps[l] ? 0 : 1;
+  }
+  Stored stored;
+  if (num_awake > 0) stored = stored_in_profiles(problem, committed + first, trial + first);
+  for (int l = 0; l < kLanes; ++l) {
+    if (!slept[l] && !sleeps[l]) continue;
+    stored.soft[l] = stored.hard[l] = 0.0;
+    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // no heat comes or goes
+    // Against the cold end of the profile, or the mean: small differences of small numbers.
+    const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
+    const Held before = held_heat(problem, committed, l, reference);
+    const Held after = held_heat(problem, trial, l, reference);
+    stored.soft[l] = after.soft - before.soft;
+    stored.hard[l] = after.hard - before.hard;
   }
   return stored;
 }
 
-// Asleep before and after, a lane's heat is told by its modes; one that fell asleep or woke in the step is looked at as
-// the profile it was or is.
-Stored stored_heat(const Problem& problem, const double* committed, const double* trial, int lane) {
-  const TileLayout& layout = problem.layout;
-  const double* before = committed + layout.first_temperature();
-  const double* after = trial + layout.first_temperature();
-  const bool slept = asleep(layout, committed, lane);
-  const bool sleeps = asleep(layout, trial, lane);
-  if (!slept && !sleeps) return stored_heat_awake(problem, before, after, lane);
-  if (slept && sleeps) {
-    Stored stored;
-    for (int k = 0; k < problem.basis->num_modes(); ++k) {
-      const std::ptrdiff_t at = std::ptrdiff_t{k} * kLanes + lane;
-      stored.soft += problem.basis->soft_heat[static_cast<std::size_t>(k)] * (after[at] - before[at]);
-      stored.hard += problem.basis->hard_heat[static_cast<std::size_t>(k)] * (after[at] - before[at]);
-    }
-    return stored;
-  }
-  double profile[kMaxBasisVertices * kLanes];
-  profile_of(problem, slept ? committed : trial, lane, profile);
-  return stored_heat_awake(problem, slept ? profile : before, slept ? after : profile, lane);
-}
-
 // sqrt(3) integral(dep)  [m]
-double plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new, int lane) {
-  double sum = 0.0;
-  for (int i = 0; i < problem.grid.num_vertices(); ++i) {
-    const std::ptrdiff_t at = std::ptrdiff_t{i} * kLanes + lane;
-    sum += problem.grid.weight[static_cast<std::size_t>(i)] * (ep_new[at] - ep_old[at]);
-  }
-  return kSqrt3 * sum;
+Lanes plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new) {
+  Lanes sum{};
+  for (int i = 0; i < problem.grid.num_vertices(); ++i)
+    add_change(sum, problem.grid.weight[static_cast<std::size_t>(i)], ep_old, ep_new, i);
+  for (double& slip : sum) slip *= kSqrt3;
+  return sum;
 }
 
 // The velocity through which a component of the interface's stress works, but for the host's own shear.
@@ -96,6 +131,11 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
                             : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
+  const Stored stored = stored_heat(problem, committed, trial);
+  const Lanes plastic_slips =
+      layout.plastic_strain == TileLayout::kAbsent
+          ? Lanes{}
+          : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
@@ -112,25 +152,21 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
       elastic += spring * (t - t_old) * (t + t_old);
     }
     const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
-    const Stored stored = stored_heat(problem, committed, trial, lane);
-    const double plastic = layout.plastic_strain == TileLayout::kAbsent
-                               ? 0.0
-                               : std::abs(size) * plastic_slip(problem, committed + layout.plastic_strain,
-                                                               trial + layout.plastic_strain, lane);
+    const double plastic = std::abs(size) * plastic_slips[lane];
     const double heat = outputs.friction_heat[lane];
 
     // Between half-spaces each takes its share at once; where both are resolved, what they are found to hold.
     const bool two_sided = options.hard_grid.has_value();
-    const double to_soft = two_sided ? stored.soft : heat;
-    const double to_hard = two_sided ? stored.hard : heat * (1.0 / problem.heat_partition - 1.0);
+    const double to_soft = two_sided ? stored.soft[lane] : heat;
+    const double to_hard = two_sided ? stored.hard[lane] : heat * (1.0 / problem.heat_partition - 1.0);
     ledger(LedgerTerm::kWork, lane) = work;
     ledger(LedgerTerm::kHeatToSoft, lane) = to_soft;
     ledger(LedgerTerm::kHeatToHard, lane) = to_hard;
     ledger(LedgerTerm::kPlasticWork, lane) = plastic;
-    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft;
-    ledger(LedgerTerm::kStoredHard, lane) = stored.hard;
+    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft[lane];
+    ledger(LedgerTerm::kStoredHard, lane) = stored.hard[lane];
     ledger(LedgerTerm::kElastic, lane) = elastic;
-    ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft - stored.hard;
+    ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft[lane] - stored.hard[lane];
     ledger(LedgerTerm::kEnergyResidual, lane) = work - to_soft - to_hard - cold_share(options) * plastic - elastic;
   }
 }

@@ -17,6 +17,13 @@ namespace shearbus::physics {
 struct Problem {
   explicit Problem(const ModelOptions& model_options);
 
+  // Of the heat that the vertex at z = 0 holds.
+  double soft_share_at_interface() const {
+    const double own = options.soft.conductivity / options.soft.diffusivity *
+                       heat_grid.weight[static_cast<std::size_t>(heat_grid.interface)];
+    return own / heat_grid.capacity(heat_grid.interface, options.soft, options.hard);
+  }
+
   ModelOptions options;
   Grid grid;
   HeatGrid heat_grid;
