@@ -44,7 +44,7 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
       first_melting_s_ = time_s;
       first_melting_node_ = node;
     }
-    flagged_ += outcome[node] != wire::kOutcomeOk;
+    flagged_ += (outcome[node] & ~wire::kAsleep) != wire::kOutcomeOk;
     for (std::size_t bit = 0; bit < outcomes_.size(); ++bit) outcomes_[bit] += (outcome[node] >> bit) & 1u;
   }
   energy_.add(result.batch());
@@ -87,6 +87,9 @@ std::string Tally::text(const RunTime& time) const {
   for (const auto& [label, value] : energy_.lines()) text += fmt::format("  {:<28}{}\n", label, value);
   text += fmt::format("  regimes                     {}\n", regimes_text());
   text += fmt::format("  flagged                     {}\n", outcomes_text());
+  if (const std::uint64_t asleep = outcomes_[kAsleepBit]; asleep > 0)
+    text += fmt::format("  asleep                      {:.1f} % of node-steps: at rest, not solved for heat\n",
+                        100.0 * static_cast<double>(asleep) / static_cast<double>(node_steps_));
   text += fmt::format(
       "  run time                    {:.3f} s: reading {:.3f}, bus {:.3f}, solver {:.3f}, writing {:.3f} s\n",
       seconds(time.total), seconds(time.reading), seconds(time.bus), seconds(time.solver), seconds(time.writing));

@@ -50,7 +50,7 @@ static_assert(same(Regime::kOpen, v1::REGIME_OPEN) && same(Regime::kStick, v1::R
               same(Regime::kMelting, v1::REGIME_MELTING));
 static_assert(same(kOutcomeOk, v1::OUTCOME_OK) && same(kSubstepped, v1::OUTCOME_SUBSTEPPED) &&
               same(kMultipleRoots, v1::OUTCOME_MULTIPLE_ROOTS) && same(kOutsideDomain, v1::OUTCOME_OUTSIDE_DOMAIN) &&
-              same(kFailed, v1::OUTCOME_FAILED));
+              same(kAsleep, v1::OUTCOME_ASLEEP) && same(kFailed, v1::OUTCOME_FAILED));
 static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
               same(Strategy::kForceDriven, v1::STRATEGY_FORCE_DRIVEN) &&
               same(FarBoundary::kInsulated, v1::FAR_BOUNDARY_INSULATED) &&
@@ -238,6 +238,10 @@ void put(const SessionClosed& from, v1::ReplyHeader& header) {
   to.set_requests(from.requests);
   to.set_node_steps(from.node_steps);
   to.set_solver_ns(from.solver_ns);
+  to.set_asleep_node_steps(from.asleep_node_steps);
+  to.set_shadowed_node_steps(from.shadowed_node_steps);
+  to.set_shadow_temperature_error_k(from.shadow_temperature_error_k);
+  to.set_shadow_stress_error_pa(from.shadow_stress_error_pa);
 }
 void put(const ServerStatus& from, v1::ReplyHeader& header) {
   to_message(from, *header.mutable_server_status());
@@ -371,7 +375,13 @@ Upscale take(const v1::Upscale& from) {
           .flagged_nodes = from.flagged_nodes()};
 }
 SessionClosed take(const v1::SessionClosed& from) {
-  return {.requests = from.requests(), .node_steps = from.node_steps(), .solver_ns = from.solver_ns()};
+  return {.requests = from.requests(),
+          .node_steps = from.node_steps(),
+          .solver_ns = from.solver_ns(),
+          .asleep_node_steps = from.asleep_node_steps(),
+          .shadowed_node_steps = from.shadowed_node_steps(),
+          .shadow_temperature_error_k = from.shadow_temperature_error_k(),
+          .shadow_stress_error_pa = from.shadow_stress_error_pa()};
 }
 Inspect take(const v1::Inspect& from) {
   return {.after = id_from(bytes_of(from.after()), "inspect.after"),

@@ -25,6 +25,7 @@ inline constexpr std::size_t kMaxHeaderBytes = std::size_t{64} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
 inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;  // any string of a header
 inline constexpr std::uint32_t kMaxInertiaCells = 1'000;             // across a layer with inertia
+inline constexpr std::uint32_t kMaxSleepCells = 900;                 // across both bodies, where nodes sleep
 inline constexpr std::size_t kMaxSceneFileBytes = std::size_t{8} * 1024 * 1024;
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);

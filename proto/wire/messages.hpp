@@ -23,6 +23,7 @@ enum Outcome : std::uint8_t {
   kSubstepped = 1,
   kMultipleRoots = 2,
   kOutsideDomain = 4,
+  kAsleep = 32,
   kFailed = 128,
 };
 
@@ -155,6 +156,10 @@ struct SessionClosed {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+  std::uint64_t asleep_node_steps = 0;
+  std::uint64_t shadowed_node_steps = 0;
+  double shadow_temperature_error_k = 0.0;
+  double shadow_stress_error_pa = 0.0;
 };
 struct Histogram {
   std::string name;

@@ -50,6 +50,8 @@ struct Layer {
   FarBoundary far_boundary = FarBoundary::kInsulated;
   double initial_temperature_k = 300.0;
   bool inertia = false;
+  bool sleep = false;
+  double shadow_share = 0.0;  // with sleep
 };
 
 struct HardLayer {

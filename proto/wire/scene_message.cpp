@@ -145,6 +145,8 @@ void to_message(const Scene& scene, v1::Scene& message) {
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
   if (scene.layer.inertia) layer.set_inertia(true);
+  if (scene.layer.sleep) layer.set_sleep(true);
+  if (scene.layer.shadow_share > 0.0) layer.set_shadow_share(scene.layer.shadow_share);
   if (scene.hard_layer) hard_layer_to_message(*scene.hard_layer, *message.mutable_hard_layer());
   v1::VelocityDriven& driven = *message.mutable_velocity_driven();
   driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
@@ -178,7 +180,9 @@ Scene from_filled(const v1::Scene& message) {
                  .grading = message.layer().grading(),
                  .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
                  .initial_temperature_k = message.layer().initial_temperature_k(),
-                 .inertia = message.layer().inertia()};
+                 .inertia = message.layer().inertia(),
+                 .sleep = message.layer().sleep(),
+                 .shadow_share = message.layer().shadow_share()};
   if (message.has_hard_layer()) scene.hard_layer = hard_layer_from_message(message.hard_layer());
   scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
   if (message.velocity_driven().has_friction_coefficient())

@@ -242,6 +242,24 @@ class Together {
                             kMaxInertiaCells, scene_.layer().cells()));
   }
 
+  // Modes of the heat, as many as vertices, and a contact that is at rest as a whole.
+  void sleep() {
+    const std::string path = "layer.sleep";
+    if (scene_.layer().shadow_share() > 0.0 && !scene_.layer().sleep())
+      add("layer.shadow_share",
+          "layer.shadow_share compares sleep with nodes that are solved; it needs layer.sleep = true");
+    if (!scene_.layer().sleep()) return;
+    if (scene_.layer().inertia())
+      add(path, path + " cannot be combined with layer.inertia: waves cross the layer of a contact that rests");
+    const v1::HardLayer& hard = scene_.hard_layer();
+    const std::uint64_t cells = std::uint64_t{scene_.layer().cells()} + (!scene_.has_hard_layer() ? 0
+                                                                         : hard.has_cells()       ? hard.cells()
+                                                                                            : scene_.layer().cells());
+    if (cells > kMaxSleepCells)
+      add(path, fmt::format("{} works with at most {} cells of both bodies, found {}: grade them (layer.grading)", path,
+                            kMaxSleepCells, cells));
+  }
+
   void components() {
     const std::string path = "tangential_components";
     if (scene_.tangential_components() != 2) return;
@@ -390,6 +408,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.layers();
   together.plastic_heating();
   together.inertia();
+  together.sleep();
   together.components();
   together.hard_strength();
   if (scene.has_hydro()) together.hydro();

@@ -63,7 +63,8 @@ bool same_token(const wire::ResumeToken& a, const wire::ResumeToken& b) {
 void make_repeat(wire::Reply& reply) {
   reply.replayed = true;
   if (auto* step = std::get_if<wire::Upscale>(&reply.body)) step->solver_ns = step->service_ns = 0;
-  if (auto* totals = std::get_if<wire::SessionClosed>(&reply.body)) totals->solver_ns = 0;
+  if (auto* totals = std::get_if<wire::SessionClosed>(&reply.body))
+    *totals = {.requests = totals->requests, .node_steps = totals->node_steps};
 }
 
 // From here on nothing may fail: the request will be replayed, so it must be run.

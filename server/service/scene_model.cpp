@@ -110,6 +110,8 @@ physics::InterfaceOptions interface_of(const wire::Interface& law) {
           .velocity_decay = law.velocity_decay_s_per_m};
 }
 static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
+// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
+static_assert(wire::kMaxSleepCells + 2 * 50 <= physics::kMaxBasisVertices);
 
 }  // namespace
 
@@ -135,6 +137,8 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .remedy = "leave out layer.inertia, or choose another soft body",
                        .field = "layer.inertia"});
   made.options.tangential_components = static_cast<int>(scene.tangential_components);
+  made.options.sleep = scene.layer.sleep;
+  made.options.shadow_share = scene.layer.shadow_share;
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;

@@ -358,6 +358,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   std::vector<std::uint8_t> outcomes(outputs.outcome.empty() ? num_rows : 0);  // where the host does not want them
   if (outputs.outcome.empty()) outputs.outcome = outcomes;
   std::uint64_t solver_started_ns = 0;
+  shard::StepCount count;
   std::optional<shard::Shard::Attempt> attempt;
   if (step.policy == wire::Policy::kAllOrNothing) {
     solver_started_ns = options_.now_ns();
@@ -373,16 +374,16 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   if (step.commit_previous) shard.commit();
   if (attempt) {
     shard.take(*attempt);
-    upscale.flagged_nodes = attempt->count.flagged;
+    count = attempt->count;
   } else {
     solver_started_ns = options_.now_ns();
-    const shard::StepCount count = shard.step(rows, *operators, inputs, outputs);
-    upscale.flagged_nodes = count.flagged;
+    count = shard.step(rows, *operators, inputs, outputs);
     if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, false});
   }
   const std::uint64_t ended_ns = options_.now_ns();
   if (step.mode == wire::Mode::kAdvance) shard.commit();
   upscale.nodes = num_rows;
+  upscale.flagged_nodes = count.flagged;
   upscale.state_version = shard.state_version();
   upscale.solver_ns = ended_ns - solver_started_ns;
   upscale.service_ns = ended_ns - arrival.started_ns;
@@ -391,6 +392,11 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   ++member.totals.requests;
   member.totals.node_steps += num_rows;
   member.totals.solver_ns += upscale.solver_ns;
+  member.totals.asleep_node_steps += count.asleep;
+  member.totals.shadowed_node_steps += count.shadowed;
+  member.totals.shadow_temperature_error_k =
+      std::max(member.totals.shadow_temperature_error_k, count.shadow_temperature_error);
+  member.totals.shadow_stress_error_pa = std::max(member.totals.shadow_stress_error_pa, count.shadow_stress_error);
   metrics_.node_steps += num_rows;
   metrics_.solver_ns += upscale.solver_ns;
   times_.solver.add(upscale.solver_ns);

@@ -1,8 +1,8 @@
 #include "server/shard/shard.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <functional>
+#include <mutex>
 
 namespace shearbus::shard {
 
@@ -116,17 +116,13 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
 template <typename From, typename To>
 StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from,
                             const To& to) {
-  std::atomic<std::uint64_t> flagged{0};
-  std::atomic<std::uint64_t> failed{0};
+  StepCount count;
+  std::mutex counting;
   const auto step_range = [&](std::size_t first, std::size_t last) {
     StepCount here;
-    for (std::size_t i = first; i < last; ++i) {
-      const StepCount of_tile = step_tile(step, tiles[i], from(i), to(i));
-      here.flagged += of_tile.flagged;
-      here.failed += of_tile.failed;
-    }
-    flagged.fetch_add(here.flagged, std::memory_order_relaxed);
-    failed.fetch_add(here.failed, std::memory_order_relaxed);
+    for (std::size_t i = first; i < last; ++i) here += step_tile(step, tiles[i], from(i), to(i));
+    const std::lock_guard lock(counting);
+    count += here;
   };
   const std::size_t tasks = step.num_rows / std::max<std::size_t>(options_.nodes_per_task, 1);
   if (tasks <= 1) {
@@ -140,7 +136,7 @@ StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>
   }
   for (const std::uint32_t tile : tiles)
     if (!step.rows_are_slots) std::fill_n(row_of_slot_.begin() + std::ptrdiff_t{tile} * kLanes, kLanes, kNoRow);
-  return {flagged, failed};
+  return count;
 }
 
 StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
@@ -237,13 +233,34 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   scatter(out.regime, lanes, step.outputs.regime);
   scatter(out.outcome, lanes, step.outputs.outcome);
 
+  return count_of(out, lanes.active, to);
+}
+
+StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active, const double* state) const {
+  const std::size_t shadowed = model_.layout().shadowed;
   StepCount count;
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (!lanes.has(lane)) continue;
-    if (out.outcome[lane] != 0) ++count.flagged;
+    if ((active >> lane & 1U) == 0) continue;
+    if ((out.outcome[lane] & ~physics::kAsleep) != 0) ++count.flagged;
     if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
+    if ((out.outcome[lane] & physics::kAsleep) == 0) continue;
+    ++count.asleep;
+    if (shadowed == physics::TileLayout::kAbsent || state[shadowed + lane] == 0.0) continue;
+    ++count.shadowed;
+    count.shadow_temperature_error = std::max(count.shadow_temperature_error, out.shadow_temperature_error[lane]);
+    count.shadow_stress_error = std::max(count.shadow_stress_error, out.shadow_stress_error[lane]);
   }
   return count;
+}
+
+StepCount& StepCount::operator+=(const StepCount& other) {
+  flagged += other.flagged;
+  failed += other.failed;
+  asleep += other.asleep;
+  shadowed += other.shadowed;
+  shadow_temperature_error = std::max(shadow_temperature_error, other.shadow_temperature_error);
+  shadow_stress_error = std::max(shadow_stress_error, other.shadow_stress_error);
+  return *this;
 }
 
 void Shard::commit() {

@@ -12,17 +12,20 @@ namespace shearbus::shard {
 using physics::kLanes;
 
 std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
-  const StatePart known[] = {{"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
-                             {"temperature_k", "K", layout.temperature, layout.num_vertices},
-                             {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
-                             {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
-                             {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
-                             {"second_shear_stress_pa", "Pa", layout.second_stress, 1},
-                             {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
-                             {"regime", "1", layout.regime, 1},
-                             {"sticking", "1", layout.sticking, 1},
-                             {"junction_strain", "1", layout.junction_strain, 1},
-                             {"resting", "1", layout.resting, 2}};
+  const StatePart known[] = {
+      {"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
+      {"temperature_k", "K", layout.temperature, layout.num_vertices},
+      {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
+      {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
+      {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
+      {"second_shear_stress_pa", "Pa", layout.second_stress, 1},
+      {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
+      {"regime", "1", layout.regime, 1},
+      {"sticking", "1", layout.sticking, 1},
+      {"junction_strain", "1", layout.junction_strain, 1},
+      {"resting", "1", layout.resting, 2},
+      {"shadowed", "1", layout.shadowed, 1},
+      {"shadow_temperature_k", "K", layout.shadow_temperature, layout.num_hard_vertices + layout.num_vertices}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {

@@ -137,6 +137,27 @@ TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("would then count twice"));
 }
 
+TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
+  wire::Scene scene = support::velocity_scene();
+  EXPECT_FALSE(scene_model(scene).options.sleep);
+  scene.layer.shadow_share = 0.1;
+  EXPECT_EQ(refusal_of(scene).field, "layer.shadow_share");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs layer.sleep = true"));
+  scene.layer.sleep = true;
+  EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
+  EXPECT_TRUE(scene_model(scene_model(scene).effective).options.sleep);
+  scene.layer.grading = 1.0;
+  scene.layer.cells = 451;
+  scene.hard_layer.emplace();
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 900 cells of both bodies, found 902"));
+  scene.hard_layer->cells = 449;
+  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  const physics::Model most(scene_model(scene).options);  // half-spaces behind both: its modes must fit
+  EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
+  scene.layer.inertia = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
+}
+
 TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_EQ(scene_model(scene).options.tangential_components, 1);

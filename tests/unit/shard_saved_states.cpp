@@ -35,6 +35,11 @@ class SavedStates : public ::testing::TestWithParam<int> {
     }
     if (GetParam() == 5) options.inertia = true;
     if (GetParam() == 6) options.tangential_components = 2;
+    if (GetParam() == 7) {
+      options.strategy = physics::Strategy::kForceDriven;
+      options.sleep = true;
+      options.shadow_share = 0.5;
+    }
     return options;
   }
 };
@@ -53,6 +58,7 @@ std::vector<double> advance(Shard& shard, int steps) {
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
   std::vector<double> across(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) across[i] = 50.0 - 12.0 * static_cast<double>(i);
+  for (std::size_t i = 0; i < kNodes; i += 3) pressure[i] = shard.state_version() < 30 ? 11.2e9 : -1.0;  // these open
   for (std::size_t i = 0; i < kNodes; ++i) pull[i] = 150e6 + 10e6 * static_cast<double>(i);
   Rows rows;
   rows.all = true;
@@ -85,10 +91,10 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
   constexpr const char* kNames[] = {"OneSided",  "TwoSided", "PlasticWorkHeats", "PlasticLayer",
-                                    "Junctions", "Inertia",  "TwoComponents"};
+                                    "Junctions", "Inertia",  "TwoComponents",    "Sleep"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 7), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 8), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

@@ -254,6 +254,8 @@ class RandomScene {
     scene.layer.inertia = scene.strategy == Strategy::kVelocityDriven && flip() &&
                           scene.velocity_driven.drive == Drive::kLayerShear &&
                           !scene.velocity_driven.taylor_quinney_factor;
+    scene.layer.sleep = flip() && !scene.layer.inertia;
+    if (scene.layer.sleep) scene.layer.shadow_share = number(1e-3, 1);
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
     if (scene.strategy == Strategy::kForceDriven) scene.interface->plastic_layer = flip();
@@ -347,6 +349,8 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
+    ASSERT_EQ(again.layer.sleep, scene.layer.sleep);
+    ASSERT_EQ(again.layer.shadow_share, scene.layer.shadow_share);
     ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
     if (scene.interface) {

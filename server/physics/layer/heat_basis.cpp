@@ -70,8 +70,7 @@ int to_modes(const HeatBasis& basis, int lane, double* rows) {
     for (; i + kLanes <= n; i += kLanes)
       for (int j = 0; j < kLanes; ++j) part[j] += projection[i + j] * temperature[i + j];
     for (; i < n; ++i) part[0] += projection[i] * temperature[i];
-    rows[k * kLanes + lane] =
-        ((part[0] + part[1]) + (part[2] + part[3])) + ((part[4] + part[5]) + (part[6] + part[7]));
+    rows[k * kLanes + lane] = ((part[0] + part[1]) + (part[2] + part[3])) + ((part[4] + part[5]) + (part[6] + part[7]));
   }
   rows[lane] += far;
   return still_living(basis.num_modes(), lane, rows);

@@ -30,7 +30,8 @@ struct HeatBasis {
   double heat = 0.0;                 // of 1 K of the first; the others hold none in all  [J/(m2 K)]
 };
 
-// One lane from temperatures to amplitudes, in place, both [row][lane]. The number of modes that live: the others are 0.
+// One lane from temperatures to amplitudes, in place, both [row][lane]. The number of modes that live: the others are
+// 0.
 int to_modes(const HeatBasis& basis, int lane, double* rows);
 // Back again: `amplitudes` and `temperature` may not be the same.
 void to_profile(const HeatBasis& basis, int num_live, int lane, const double* amplitudes, double* temperature);

@@ -38,15 +38,15 @@ class InterfaceStep {
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
     if (yield_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
     const InterfaceOptions& law = problem_.options.interface;
-    yield_.junctions = junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr,
-                                    junction_strain, dt);
+    yield_.junctions =
+        junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr, junction_strain, dt);
     const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
     const FrictionHeating slip = trial_slip.slipping(0.0, 0.0);
     const Friction friction = FrictionLaws::with(law.friction_law, [&](auto own) {
       return decltype(own)::type::friction(law, yield_.pressure, slip.c, slip.b, trial_slip.stress_stick);
     });
-    const LaneStep step = rigid_slip(yield_, friction, trial_slip, problem_.heat_partition, B0, T_ad,
-                                     std::abs(last.stress), last.sticks);
+    const LaneStep step =
+        rigid_slip(yield_, friction, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
     junction_strain = yield_.junctions.strain(std::abs(step.slip));
     return step;
   }

@@ -55,8 +55,8 @@ Held held_heat(const Problem& problem, const double* tile, int lane, double refe
     return held;
   }
   for (int i = 0; i < grid.num_vertices(); ++i) {
-    const double heat = grid.capacity(i, problem.options.soft, problem.options.hard) *
-                        (rows[std::ptrdiff_t{i} * kLanes] - reference);
+    const double heat =
+        grid.capacity(i, problem.options.soft, problem.options.hard) * (rows[std::ptrdiff_t{i} * kLanes] - reference);
     const double in_soft = i < grid.interface ? 0.0 : i == grid.interface ? problem.soft_share_at_interface() : 1.0;
     held.soft += in_soft * heat;
     held.hard += (1.0 - in_soft) * heat;

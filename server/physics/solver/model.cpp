@@ -61,6 +61,11 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
     layout.resting = layout.doubles;
     layout.doubles += 2 * kLanes;
   }
+  if (options.shadow_share > 0.0) {
+    layout.shadowed = layout.doubles;
+    layout.shadow_temperature = layout.shadowed + kLanes;
+    layout.doubles += (1 + layout.num_hard_vertices + layout.num_vertices) * kLanes;
+  }
   return layout;
 }
 

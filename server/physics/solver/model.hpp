@@ -38,8 +38,10 @@ struct ModelOptions {
   // and the layer's mass is accelerated (DLP 36).
   bool inertia = false;
 
-  // Nodes at rest are not solved for heat (MODEL.md section 3b). Without inertia, at most kMaxBasisVertices that conduct.
+  // Nodes at rest are not solved for heat (MODEL.md section 3b). Without inertia, at most kMaxBasisVertices that
+  // conduct.
   bool sleep = false;
+  double shadow_share = 0.0;  // of the nodes: solved beside their sleep; more than 0 doubles the heat's state
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 
@@ -59,8 +60,9 @@ class Woken {
   }
 
  private:
-  static constexpr std::size_t kOtherRows = 8;
-  std::array<double, (3 * kMaxBasisVertices + kOtherRows) * kLanes> states_;  // temperatures, strain and heat shape
+  static constexpr std::size_t kOtherRows = 9;
+  // Temperatures, strain, heat shape, shadow.
+  std::array<double, (4 * kMaxBasisVertices + kOtherRows) * kLanes> states_;
 };
 
 [[gnu::noinline]] void advance_woken(const Problem& problem, const StepOperators& operators, AdvanceTile awake,
@@ -86,6 +88,19 @@ void write_sleeper(const TileLayout& layout, const double* committed, const Lane
   outputs.outcome[lane] = kAsleep;
 }
 
+// The lane solved for heat beside its sleep, from where it fell asleep on: how far apart they are by now.
+void step_shadow(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                 const double* committed, const Material& soft, int lane, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  double* temperature = trial + layout.shadow_temperature;
+  conduct_lane(operators.heat(), problem.heat_grid.num_vertices(), lane, temperature);
+  const double T0 = temperature[problem.heat_grid.interface * kLanes + lane];
+  outputs.shadow_temperature_error[lane] = std::abs(T0 - outputs.interface_temperature[lane]);
+  const auto step = step_at_rest(problem, operators, inputs, committed, soft, T0, lane);
+  // One that would have moved differs by all the stress there is.
+  outputs.shadow_stress_error[lane] = std::abs((step ? step->stress : 0.0) - outputs.shear_stress[lane]);
+}
+
 // Counts the steps at rest of a lane that was solved, and puts it to sleep after enough of them.
 void count_rest(const Problem& problem, const double* committed, double* trial, int lane, const TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
@@ -93,7 +108,13 @@ void count_rest(const Problem& problem, const double* committed, double* trial, 
   const double steps = rested(problem, outputs, lane) ? before + 1.0 : 0.0;
   trial[layout.resting + lane] = steps;
   trial[layout.resting + kLanes + lane] = 0.0;
+  if (layout.shadowed != TileLayout::kAbsent) {  // the last parts of a tile, which no solver knows
+    for (std::size_t i = layout.shadowed + static_cast<std::size_t>(lane); i < layout.doubles; i += kLanes)
+      trial[i] = committed[i];
+  }
   if (steps < problem.steps_before_sleep) return;
+  if (layout.shadowed != TileLayout::kAbsent && trial[layout.shadowed + lane] != 0.0)
+    profile_of(problem, trial, lane, trial + layout.shadow_temperature);
   trial[layout.resting + kLanes + lane] = to_modes(*problem.basis, lane, trial + layout.first_temperature());
 }
 
@@ -185,6 +206,8 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
     write_sleeper(layout, committed, at_rest[l], T0[l], lives, l, trial, outputs);
+    if (layout.shadowed != TileLayout::kAbsent && committed[layout.shadowed + l] != 0.0)
+      step_shadow(problem, operators, inputs, committed, soft_at(l), l, trial, outputs);
   }
 }
 

@@ -38,7 +38,9 @@ struct TileLayout {
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t resting = kAbsent;           // [2][kLanes]  steps at rest; while asleep modes that live, else 0
-  std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
+  std::size_t shadowed = kAbsent;          // [kLanes]  1 where sleep is compared with the node solved, else 0
+  std::size_t shadow_temperature = kAbsent;  // [all that conducts][kLanes]  K, solved while asleep
+  std::size_t doubles = 0;                   // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid, or of a lane asleep those of HeatBasis.
   std::size_t first_temperature() const { return temperature - num_hard_vertices * kLanes; }
@@ -79,6 +81,8 @@ struct TileOutputs {
   alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
+  double shadow_temperature_error[kLanes];  // |T0| apart from the node solved; of lanes asleep and shadowed  [K]
+  double shadow_stress_error[kLanes];       // likewise |s|                                                  [Pa]
 };
 
 // Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
