@@ -174,6 +174,32 @@ class Together {
                     "z = 0, not inside the layer");
   }
 
+  // SDIRK2 follows one balance per step; modes know the interface temperature and nothing inside.
+  void heat() {
+    if (scene_.layer().time_integrator() == v1::TIME_INTEGRATOR_SDIRK2 &&
+        scene_.velocity_driven().has_taylor_quinney_factor())
+      add("layer.time_integrator",
+          "layer.time_integrator = \"sdirk2\" has no use with velocity_driven.taylor_quinney_factor: where the work "
+          "becomes heat is taken from the step before, which is first order");
+    if (scene_.layer().heat() == v1::HEAT_MODES) {
+      if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN)
+        add("layer.heat",
+            "layer.heat = \"modes\" keeps no temperature inside the layer, and strategy velocity_driven flows by it");
+      if (scene_.has_hard_layer() || given_("hard_layer"))
+        add("layer.heat", "layer.heat = \"modes\" follows one body: leave out [hard_layer], or keep the profile");
+    } else if (scene_.layer().has_modes() && sound("layer.heat", false)) {
+      add("layer.modes", "[layer.modes] is of layer.heat = \"modes\" only");
+    }
+    v1::Scene filled = scene_;
+    fill_defaults(filled);
+    const v1::HeatModes& modes = filled.layer().modes();
+    if (scene_.layer().heat() == v1::HEAT_MODES && sound("layer.modes.shortest_step_s", true) &&
+        sound("layer.modes.longest_time_s", true) && !(modes.longest_time_s() >= modes.shortest_step_s()))
+      add("layer.modes.longest_time_s",
+          fmt::format("layer.modes.longest_time_s = {} s is below layer.modes.shortest_step_s = {} s",
+                      number_text(modes.longest_time_s()), number_text(modes.shortest_step_s())));
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -262,6 +288,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.strategy();
   together.layers();
   together.plastic_heating();
+  together.heat();
   together.hard_strength();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;

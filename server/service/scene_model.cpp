@@ -74,6 +74,13 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .cells = static_cast<int>(scene.layer.cells),
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
+  if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2)
+    made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
+  if (scene.layer.heat == wire::Heat::kModes) {
+    const wire::HeatModes modes = scene.layer.modes.value_or(wire::HeatModes{});
+    made.options.modes = physics::ModesOptions{
+        .accuracy = modes.accuracy, .shortest_step = modes.shortest_step_s, .longest_time = modes.longest_time_s};
+  }
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
@@ -83,6 +90,7 @@ SceneModel scene_model(const wire::Scene& scene) {
                               .yield_strength = scene.interface->yield_strength_pa};
 
   made.effective = scene;
+  if (scene.layer.heat == wire::Heat::kModes && !scene.layer.modes) made.effective.layer.modes.emplace();
   if (scene.hard_layer) {
     made.effective.hard_layer = filled(*scene.hard_layer, scene, made.options);
     made.options.hard_grid = hard_grid_of(*made.effective.hard_layer);

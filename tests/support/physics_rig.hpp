@@ -112,6 +112,9 @@ class Rig {
     reference::NodeState state;
     for (std::size_t i = model.layout().num_hard_vertices; i > 0; --i)
       state.hard_temperature.push_back(T(-static_cast<int>(i), lane));
+    for (std::size_t i = 0; i < model.layout().num_heat_modes; ++i)
+      state.hard_temperature.push_back(
+          committed[model.layout().heat_modes + i * kLanes + static_cast<std::size_t>(lane)]);
     for (std::size_t i = 0; i < model.layout().num_vertices; ++i)
       state.temperature.push_back(T(static_cast<int>(i), lane));
     for (int i = 0; i < model.grid().num_vertices(); ++i) {

@@ -45,6 +45,10 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   }
   if (draw.chance(0.3)) soft.melting_curve = MeltingCurve::kLindemann;
   if (draw.chance(0.3)) soft.pressure_term = PressureTerm::kCompressed;
+  if (!options.taylor_quinney_factor && draw.chance(0.4)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (strategy == Strategy::kForceDriven && !options.hard_grid && draw.chance(0.4)) {
+    options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
+  }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   return options;
 }

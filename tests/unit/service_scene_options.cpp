@@ -85,6 +85,37 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("force_driven has no flow in the layer"));
 }
 
+TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
+  wire::Scene scene = support::force_scene();
+  EXPECT_EQ(scene_model(scene).options.time_integrator, physics::TimeIntegrator::kBackwardEuler);
+  EXPECT_FALSE(scene_model(scene).options.modes);
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  scene.layer.heat = wire::Heat::kModes;
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.time_integrator, physics::TimeIntegrator::kSdirk2);
+  EXPECT_EQ(made.options.modes->accuracy, 1e-6);
+  ASSERT_TRUE(made.effective.layer.modes);
+  EXPECT_EQ(wire::scene_to_toml(scene_model(made.effective).effective), wire::scene_to_toml(made.effective));
+
+  scene.hard_layer.emplace();
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("follows one body"));
+  scene.hard_layer.reset();
+  scene.layer.modes = wire::HeatModes{.shortest_step_s = 1e-6, .longest_time_s = 1e-7};
+  EXPECT_EQ(refusal_of(scene).field, "layer.modes.longest_time_s");
+  scene.layer.heat = wire::Heat::kProfile;
+  EXPECT_EQ(refusal_of(scene).field, "layer.modes");
+
+  scene = support::velocity_scene();
+  scene.layer.heat = wire::Heat::kModes;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("velocity_driven flows by it"));
+  scene.layer.heat = wire::Heat::kProfile;
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  EXPECT_EQ(refusal_of(scene).text, "");
+  scene.hard_layer.emplace();
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_EQ(refusal_of(scene).field, "layer.time_integrator");
+}
+
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.soft.varies_with_compression());

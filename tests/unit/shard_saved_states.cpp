@@ -19,6 +19,11 @@ class SavedStates : public ::testing::TestWithParam<int> {
   static ModelOptions options() {
     ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options());
     if (GetParam() == 1) options = shearbus::testing::two_sided(std::move(options));
+    if (GetParam() >= 3) {
+      options.strategy = physics::Strategy::kForceDriven;
+      options.time_integrator = physics::TimeIntegrator::kSdirk2;
+    }
+    if (GetParam() == 4) options.modes.emplace();
     if (GetParam() == 2) {
       options = shearbus::testing::two_sided(std::move(options));
       options.taylor_quinney_factor = 0.9;
@@ -34,12 +39,13 @@ Shard make_shard(const ModelOptions& options, TaskPool& pool) {
 }
 
 std::vector<double> advance(Shard& shard, int steps) {
-  std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
+  std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), mass(kNodes, 1.0), stress(kNodes), temperature(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
   Rows rows;
   rows.all = true;
   for (int step = 0; step < steps; ++step) {
-    shard.step(rows, *shard.operators(1e-9), {.velocity_jump = jump, .pressure = pressure},
+    shard.step(rows, *shard.operators(1e-9),
+               {.velocity_jump = jump, .pressure = pressure, .mass_minus = mass, .mass_plus = mass},
                {.shear_stress = stress, .interface_temperature = temperature});
     shard.commit();
   }
@@ -58,8 +64,12 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
   EXPECT_EQ(std::memcmp(found.data(), expected.data(), expected.size() * sizeof(double)), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Values(0, 1, 2), [](const auto& model) {
-  return std::string(model.param == 0 ? "OneSided" : model.param == 1 ? "TwoSided" : "PlasticWorkHeats");
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 5), [](const auto& model) {
+  return std::string(model.param == 0   ? "OneSided"
+                     : model.param == 1 ? "TwoSided"
+                     : model.param == 2 ? "PlasticWorkHeats"
+                     : model.param == 3 ? "SecondOrder"
+                                        : "WithoutProfile");
 });
 
 }  // namespace

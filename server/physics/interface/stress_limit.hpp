@@ -10,6 +10,7 @@ struct StressLimit {
   double tresca;    // yield strength / sqrt(3)        [Pa]
   double pressure;  // P                               [Pa]
   const Material* soft;
+  double offset = 0.0;  // added to the lesser of the two  [Pa]
 
   struct Value {
     double stress;  // [Pa]
@@ -19,8 +20,8 @@ struct StressLimit {
   Value at(double temperature) const {
     const Softening soften = softening(*soft, pressure, temperature);
     const double yield = tresca * soften.g;
-    if (coulomb <= yield) return {coulomb, 0.0, true};
-    return {yield, tresca * soften.slope, false};
+    if (coulomb <= yield) return {offset + coulomb, 0.0, true};
+    return {offset + yield, tresca * soften.slope, false};
   }
 
   // Upper bound of |d stress / d T0| between two temperatures. As exp(-c/x)/x^2 in the distance x from melting the

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -26,11 +27,6 @@ struct LaneStep {
   bool unique;   // the criterion of MODEL.md section 6 holds
   bool several;  // several answers satisfied the step
 };
-
-Regime slip_regime(const StressLimit& limit, double T0) {
-  if (limit.at(T0).is_coulomb) return Regime::kCoulomb;
-  return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
-}
 
 LaneStep step_lane(const StressLimit& limit, const Forcing& forcing, double heat_partition, double B0, double T_ad,
                    double dt, double jump_old, double guess, Regime previous) {
@@ -80,10 +76,11 @@ struct LaneResult {
 };
 
 // The whole step in 2^halvings equal substeps; stops at the first one that is not unique unless `accept` says to go on.
-bool run_substeps(const StressLimit& limit, const Forcing& forcing, const Problem& problem, const HeatOperator& heat,
+template <class Heat>
+bool run_substeps(const StressLimit& limit, const Forcing& forcing, const Problem& problem, const Heat& heat,
                   int substeps, bool accept, int lane, double jump_old, double guess, Regime previous,
                   const double* committed, double* temperature, LaneResult& result) {
-  const int n = problem.heat_grid.num_vertices();
+  const int n = problem.heat_rows;
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i * kLanes + lane] = committed[i * kLanes + lane];
   result = {{0.0, 0.0, jump_old, 0.0, previous, true, false}, 0.0};
   for (int j = 0; j < substeps; ++j) {
@@ -106,17 +103,17 @@ bool run_substeps(const StressLimit& limit, const Forcing& forcing, const Proble
   return true;
 }
 
-}  // namespace
-
-void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs) {
+// `ladder`: the operators of the step and of its halvings.
+template <class Heat>
+void advance(const Problem& problem, std::span<const Heat> ladder, const TileInputs& inputs, const double* committed,
+             double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const InterfaceOptions& law = problem.options.interface;
-  const int n = problem.heat_grid.num_vertices();
+  const int n = problem.heat_rows;
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
-  const HeatOperator& heat = operators.heat();
+  const Heat& heat = ladder.front();
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
   conduct(heat, n, T_old, T);
@@ -136,19 +133,19 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
 
     LaneResult result;
-    result.step = step_lane(limit, forcing, problem.heat_partition, *heat.layer_response(), T0[lane], operators.dt(),
-                            jump_old, guess, previous);
-    result.heat = result.step.flux * operators.dt();
+    result.step = step_lane(limit, forcing, problem.heat_partition, *heat.layer_response(), T0[lane], heat.dt, jump_old,
+                            guess, previous);
+    result.heat = result.step.flux * heat.dt;
     std::uint8_t outcome = 0;
     if (result.step.unique) {
       flux[lane] = result.step.flux;
     } else {
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
       outcome = kSubstepped;
-      for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const bool last = k == operators.max_halvings();
-        if (run_substeps(limit, forcing, problem, operators.heat(k), 1 << k, last, lane, jump_old, guess, previous,
-                         T_old, T, result)) {
+      for (std::size_t k = 1; k < ladder.size(); ++k) {
+        const bool last = k + 1 == ladder.size();
+        if (run_substeps(limit, forcing, problem, ladder[k], 1 << k, last, lane, jump_old, guess, previous, T_old, T,
+                         result)) {
           break;
         }
       }
@@ -169,6 +166,17 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   add_flux(heat, n, flux, T);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T0[lane];
+  }
+}
+
+}  // namespace
+
+void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.modes) {
+    advance(problem, operators.modes(), inputs, committed, trial, outputs);
+  } else {
+    advance(problem, operators.heats(), inputs, committed, trial, outputs);
   }
 }
 

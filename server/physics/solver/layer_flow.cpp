@@ -55,7 +55,9 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-template <bool kWrite, bool kSpread>
+enum class Response { kShared, kSpread, kOfTwo };
+
+template <bool kWrite, Response kResponse>
 [[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
                                         const double* threshold, double* strain_new, FlowSum& sum) {
   const FlowLaw law(*problem.soft);
@@ -69,11 +71,14 @@ template <bool kWrite, bool kSpread>
     alignas(64) double excess[kLanes];
     alignas(64) double growth[kLanes] = {};  // of -log(g)/n with log(a)
     if (i < heated) {
+      constexpr bool kSpread = kResponse == Response::kSpread;
       const double B = kSpread ? 0.0 : problem.response[i];
       const double* B_lane = kSpread ? problem.spread_response + i * kLanes : nullptr;
+      const double B_other = kResponse == Response::kOfTwo ? problem.other_response[i] : 0.0;
       const double* T_ad = problem.T_ad + i * kLanes;
       for (int l = 0; l < kLanes; ++l) {
-        const double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
+        double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
+        if (kResponse == Response::kOfTwo) rise += load.other_flux[l] * B_other;  // one of the two is 0
         const SofteningExcess softened = softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l] + rise);
         growth[l] = rise * softened.rate;
         excess[l] = (load.scaled_log[l] + softened.value) - yield[l];
@@ -132,19 +137,23 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
 
 SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,
                               FlowSum& sum) {
-  if (problem.spread_response == nullptr) {
-    flow<false, false>(problem, load, num_rows, threshold, nullptr, sum);
+  if (problem.spread_response != nullptr) {
+    flow<false, Response::kSpread>(problem, load, num_rows, threshold, nullptr, sum);
+  } else if (problem.other_response != nullptr) {
+    flow<false, Response::kOfTwo>(problem, load, num_rows, threshold, nullptr, sum);
   } else {
-    flow<false, true>(problem, load, num_rows, threshold, nullptr, sum);
+    flow<false, Response::kShared>(problem, load, num_rows, threshold, nullptr, sum);
   }
 }
 
 SHEARBUS_WIDE void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
                            FlowSum& sum) {
-  if (problem.spread_response == nullptr) {
-    flow<true, false>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+  if (problem.spread_response != nullptr) {
+    flow<true, Response::kSpread>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+  } else if (problem.other_response != nullptr) {
+    flow<true, Response::kOfTwo>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
   } else {
-    flow<true, true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
+    flow<true, Response::kShared>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
   }
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(num_rows) * kLanes;
   const std::ptrdiff_t end = static_cast<std::ptrdiff_t>(problem.grid->num_vertices()) * kLanes;

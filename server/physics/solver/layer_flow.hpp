@@ -20,6 +20,7 @@ struct FlowLoad {
   alignas(64) double flux[kLanes];        // q: T = T_ad + q B, or B_phi  [W/m2]
   alignas(64) double bracket[kLanes];     // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g
   alignas(64) double T_melt[kLanes];      // at the lane's pressure     [K]
+  alignas(64) double other_flux[kLanes];  // q to the problem's other response, where it has one  [W/m2]
 };
 
 struct FlowSum {
@@ -37,6 +38,7 @@ struct FlowProblem {
   const double* strain;  // old
   int num_heated;
   const double* spread_response = nullptr;  // B_phi, [vertex][lane]: instead of B where heat is released in the layer
+  const double* other_response = nullptr;   // T = T_ad + q B + q_other B_other: lanes of two heat operators in one tile
 };
 
 // Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/modes.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/tile.hpp"
 
@@ -14,6 +15,7 @@ namespace shearbus::physics {
 
 enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
+enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 // The interface law of the force-driven strategy (DLP 65): s_lim = min(mu P, yield_strength g(P, T0) / sqrt(3)).
 struct InterfaceOptions {
@@ -26,9 +28,11 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;        // the hard body conducts too; absent: it takes its share, 1 - beta_T
-  double initial_temperature = 300.0;          // [K]
-  Drive drive = Drive::kLayerShear;            // velocity-driven
+  std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it takes its share, 1 - beta_T
+  double initial_temperature = 300.0;    // [K]
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // of the heat
+  std::optional<ModesOptions> modes;  // force-driven, one body conducts: no profile, of the grid only its depth
+  Drive drive = Drive::kLayerShear;   // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
 

@@ -36,8 +36,9 @@ struct Lane {
   int hottest = 0;                // vertex that reaches Y_max first
   bool hi_seen = false;
   bool done = false;
-  double a = 0.0;         // iterate, then answer                                       [Pa]
-  bool at_bound = false;  // the answer is `hi`, held by `bound`
+  bool fallen_back = false;  // heated by the step's fallback operator
+  double a = 0.0;            // iterate, then answer                                       [Pa]
+  bool at_bound = false;     // the answer is `hi`, held by `bound`
 };
 
 // The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
@@ -200,7 +201,9 @@ void set_load(const Material& soft, const Lane& lane, double pressure, int l, Fl
   const double ratio = kSqrt3 * lane.a / soft.yield_strength;
   const bool loads = lane.loaded && ratio >= std::numeric_limits<double>::min();
   load.scaled_log[l] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
-  load.flux[l] = lane.loaded ? lane.heating * lane.a : 0.0;
+  const double flux = lane.loaded ? lane.heating * lane.a : 0.0;
+  load.flux[l] = lane.fallen_back ? 0.0 : flux;
+  load.other_flux[l] = lane.fallen_back ? flux : 0.0;
 }
 
 // Share of the work that becomes heat in a step shaped so.
@@ -254,23 +257,31 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
 
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs) {
+  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
+}
+
+void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
+                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
   const Grid& grid = problem.grid;
-  const HeatOperator& heat = operators.heat();
+  const HeatOperator& heat = *stage.heat;
   const double* B = heat.layer_response();
-  const double dt = operators.dt();
+  const double* B_fallback = stage.fallen_back != 0 ? stage.fallback->layer_response() : nullptr;
+  const double dt = stage.dt;
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool hardens = soft.hardening_coefficient > 0.0;
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
-  const int candidates = problem.options.hard_grid ? grid.num_vertices() : 1;
+  // An extrapolated profile may bulge.
+  const bool bulges = problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
+  const int candidates = bulges ? grid.num_vertices() : 1;
 
   // 1. Conduction without friction: DLP (28-35).
   double* T_all = trial + layout.first_temperature();
-  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
+  if (!stage.conducted) conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
   // for).
@@ -279,7 +290,8 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
   if (spreads) respond(heat, operators.spread(), shape, B_spread);
   const auto heated = [&](int l) {
-    return spreads ? Heated{T + l, B_spread + l, kLanes, candidates} : Heated{T + l, B, 1, candidates};
+    if (spreads) return Heated{T + l, B_spread + l, kLanes, candidates};
+    return Heated{T + l, (stage.fallen_back >> l & 1u) != 0 ? B_fallback : B, 1, candidates};
   };
 
   // 3. Trial stress and bracket of each lane: DLP (37), (56).
@@ -299,6 +311,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain[l]);
     }
     lanes[l].done = !lanes[l].loaded;
+    lanes[l].fallen_back = (stage.fallen_back >> l & 1u) != 0;
     if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
@@ -309,7 +322,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
 
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
-  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), B_spread};
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), B_spread, B_fallback};
   if (hardens) {
     flow_thresholds(flow, load, strain_new);
     int num_rows = grid.num_vertices();
@@ -340,6 +353,10 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
   } else {
     add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
+  }
+  for (int l = 0; l < kLanes; ++l) {
+    if (lanes[l].fallen_back)
+      add_flux_lane(*stage.fallback, problem.heat_grid.num_vertices(), l, load.other_flux[l], T_all);
   }
 
   // 6. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
@@ -372,7 +389,11 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    outputs.friction_heat[l] = load.flux[l] * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    const double flux = stage.early_flux == nullptr ? load.flux[l]
+                        : lane.fallen_back
+                            ? load.other_flux[l]
+                            : sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * load.flux[l];
+    outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
