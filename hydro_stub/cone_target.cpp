@@ -113,8 +113,14 @@ lagrange::Bodies make_bodies(const ConeTarget& problem) {
   return bodies;
 }
 
-std::size_t interface_nodes(const lagrange::Bodies& bodies) {
-  return bodies.slide_lines.front().soft.nodes.size();
+Problem2d make_problem2d(const ConeTarget& problem) {
+  Problem2d made(make_bodies(problem));
+  made.body_names = "0 cone, 1 confinement, 2 flyer";
+  made.free_surface = made.bodies.mesh.blocks()[ConeTarget::kCone].side(Side::kTop);
+  made.end_time = problem.end_time;
+  made.history_interval = problem.scene.history_interval_s;
+  made.frames = problem.scene.frames;
+  return made;
 }
 
 }  // namespace shearbus::hydro

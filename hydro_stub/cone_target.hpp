@@ -11,9 +11,8 @@
 //      |____________________|_______|
 #pragma once
 
-#include <cstddef>
-
 #include "hydro_stub/lagrange/cycle.hpp"
+#include "hydro_stub/problem2d.hpp"
 #include "proto/wire/scene.hpp"
 #include "server/physics/material/material.hpp"
 
@@ -37,7 +36,7 @@ ConeTarget make_cone_target(const wire::Scene& scene);
 // Mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
-// Interface nodes: from the struck end to the free surface.
-std::size_t interface_nodes(const lagrange::Bodies& bodies);
+// The same, ready to run.
+Problem2d make_problem2d(const ConeTarget& problem);
 
 }  // namespace shearbus::hydro

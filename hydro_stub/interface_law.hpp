@@ -35,6 +35,7 @@ struct InterfaceInputs {
   // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
+  std::vector<double> zone_plastic_rate;  // of the shear along the interface, not negative  [1/s]
 };
 
 // What the law answers.
@@ -73,6 +74,14 @@ class InterfaceLaw {
   // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
+
+  // Keeps what the law remembers of the steps so far under `name`, until two later ones are kept, and says what another
+  // process needs to come back to it (make_law). Of a law that remembers nothing: an empty text.
+  virtual std::string keep(const std::string& /*name*/) { return {}; }
+  // Empty where keep() can be called, or why not and what to do about it.
+  virtual std::string cannot_keep() const { return {}; }
+  // The run is over: what was kept may go.
+  virtual void close() {}
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.

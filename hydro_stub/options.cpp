@@ -11,8 +11,10 @@ CommandLine parse_command_line(int argc, char** argv) {
   wire::InterfaceLaw law = wire::InterfaceLaw::kUnspecified;
 
   CLI::App app("Runs a scene's hydrodynamic problem and leaves histories, a summary and pictures.", "shearbus-hydro");
-  app.add_option("scene", options.scene, "scene to run (TOML)")->required();
-  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)");
+  CLI::Option* scene = app.add_option("scene", options.scene, "scene to run (TOML)");
+  CLI::Option* restart =
+      app.add_option("--restart", options.restart, "directory of a run that was stopped: go on from its last dump");
+  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)")->excludes(restart);
   app.add_option(
       "--server", options.server,
       "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
@@ -21,13 +23,19 @@ CommandLine parse_command_line(int argc, char** argv) {
           std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
                                                     {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
                                                     {"free_slip", wire::InterfaceLaw::kFreeSlip},
-                                                    {"stick", wire::InterfaceLaw::kStick}}));
+                                                    {"stick", wire::InterfaceLaw::kStick}}))
+      ->excludes(restart);
+  app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
+  app.add_option("--dump-interval", options.dumps.interval_s,
+                 "restart dump after every so many seconds (default: none)")
+      ->check(CLI::NonNegativeNumber);
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
                "show how far a long run is, on a terminal (default: yes)");
   try {
     app.parse(argc, argv);
+    if (scene->empty() == restart->empty()) throw CLI::RequiredError("a scene, or --restart DIR");
   } catch (const CLI::ParseError& error) {
     line.exit_code = app.exit(error) == 0 ? 0 : 2;
     return line;

@@ -5,15 +5,18 @@
 #include <optional>
 #include <string>
 
+#include "hydro_stub/restart.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;
+  std::filesystem::path scene;                      // this, or
+  std::filesystem::path restart;                    // the directory of a run to go on with
   std::filesystem::path out;                        // empty: out/<scene name>-<interface law>
   std::string server;                               // endpoint; empty: in this process
   std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
+  DumpSchedule dumps;
   bool check = false;
   bool plot = true;
   bool progress = true;

@@ -34,10 +34,11 @@ class Run:
         with h5py.File(self.directory / "free_surface.h5") as f:
             self.surface_time = f["time"][:] * 1e6
             self.surface_velocity = f["axial_velocity"][:]
-        with h5py.File(self.directory / "fields.h5") as f:
-            last = f["frame"][sorted(f["frame"])[-1]]
+        fields = self.directory / "fields"
+        with h5py.File(fields / "mesh.h5") as f:
             self.quads = f["quads"][:]
-            self.end = f["time"][-1] * 1e6
+        with h5py.File(max(fields.glob("[0-9]*.h5"))) as last:
+            self.end = last["time"][0] * 1e6
             self.place = last["place"][:, :2] * 1e3
             self.temperature = last["temperature"][:]
 

@@ -16,7 +16,6 @@
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/simple_laws.hpp"
-#include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/summary.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
@@ -47,7 +46,7 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 
 std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const std::string& endpoint) {
+                                       const SubgridServer& server, const std::string& kept) {
   switch (scene.hydro->interface_law) {
     case wire::InterfaceLaw::kCoulombTresca:
       return std::make_unique<CoulombTrescaLaw>(scene.hydro->coulomb_tresca, soft, hard, initial_temperature);
@@ -68,7 +67,8 @@ std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::
          .remedy = "set strategy = \"force_driven\" and add [interface]",
          .field = "strategy"});
   }
-  auto law = std::make_unique<SubgridLaw>(scene, node_ids(initial_temperature.size()), initial_temperature, endpoint);
+  if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
+  auto law = std::make_unique<SubgridLaw>(scene, node_ids(initial_temperature.size()), initial_temperature, server);
   for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
   return law;
 }

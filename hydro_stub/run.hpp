@@ -1,23 +1,24 @@
 // A run from scene to results.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <span>
 #include <string>
 
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/law_name.hpp"
-#include "hydro_stub/options.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/subgrid_law.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
-// The scene's law for nodes with these initial temperatures. Says on stderr what the server warns of. Throws
-// wire::Error.
+// The scene's law for nodes with these initial temperatures; with `kept` (InterfaceLaw::keep) as it was when that was
+// said. Says on stderr what the server warns of. Throws wire::Error.
 std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const std::string& endpoint);
+                                       const SubgridServer& server, const std::string& kept = {});
 
 // Steps through the problem; leaves history.h5 and summary.json in `out` and prints the summary. Throws wire::Error or
 // std::exception, and then leaves no file that looks whole.

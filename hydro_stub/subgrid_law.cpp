@@ -1,9 +1,14 @@
 #include "hydro_stub/subgrid_law.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
+#include <functional>
 #include <optional>
+#include <sstream>
 
 #include "server/embedded.hpp"
 #include "shearbus/client.hpp"
@@ -11,17 +16,50 @@
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const std::string& endpoint, const std::optional<server::Embedded>& embedded) {
+ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
   ClientOptions options;
   options.name = "shearbus-hydro";
-  options.endpoint = embedded ? embedded->endpoint() : endpoint;
+  options.endpoint = embedded ? embedded->endpoint() : server.endpoint;
   options.context = embedded ? embedded->context() : nullptr;
   return options;
 }
 
-std::optional<server::Embedded> embed(bool wanted) {
-  if (!wanted) return std::nullopt;
-  return std::optional<server::Embedded>(std::in_place);
+std::optional<server::Embedded> embed(const SubgridServer& server) {
+  if (!server.endpoint.empty()) return std::nullopt;
+  server::ServerOptions options;
+  options.state_dir = server.state_dir.string();
+  return std::optional<server::Embedded>(std::in_place, options);
+}
+
+// What was kept, as a line of text: MARK SESSION TOKEN, the ids in hexadecimal.
+template <std::size_t kSize>
+std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
+  return fmt::format("{:02x}", fmt::join(bytes, ""));
+}
+
+struct Kept {
+  std::string mark;
+  Session::Ticket ticket;
+};
+
+Kept parse_kept(const std::string& text) {
+  std::istringstream words(text);
+  std::string mark, session, token;
+  words >> mark >> session >> token;
+  Kept kept{.mark = mark, .ticket = {}};
+  const auto read = [](const std::string& digits, std::span<std::uint8_t> bytes) {
+    if (digits.size() != 2 * bytes.size()) return false;
+    for (std::size_t i = 0; i < bytes.size(); ++i) {
+      const char* first = digits.data() + 2 * i;
+      if (std::from_chars(first, first + 2, bytes[i], 16).ptr != first + 2) return false;
+    }
+    return true;
+  };
+  if (!read(session, kept.ticket.session_id) || !read(token, kept.ticket.resume_token))
+    throw Error({.code = Code::kInvalidValue,
+                 .text = "a restart dump names no session of a subgrid server",
+                 .remedy = "It is a dump of another interface law."});
+  return kept;
 }
 
 void copy(std::span<const double> from, std::span<double> to) {
@@ -33,30 +71,56 @@ void copy(std::span<const double> from, std::span<double> to) {
 // Members are made top-down and end bottom-up: the session says goodbye before its client goes, the client before its
 // server.
 struct SubgridLaw::Impl {
-  Impl(const wire::Scene& scene, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
-       const std::string& endpoint)
-      : embedded(embed(endpoint.empty())),
-        client(client_options(endpoint, embedded)),
-        session(client.open(scene, node_ids, {.initial_temperature_k = initial_temperature})),
+  Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
+      : embedded(embed(where)),
+        client(client_options(where, embedded)),
+        session(enter(client)),
+        wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
         request(session.request()),
-        server(embedded ? "in this process" : endpoint) {}
+        server(embedded ? "in this process" : where.endpoint),
+        outlives_process(!embedded || !where.state_dir.empty()) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl() {
+    if (kept) session.leave();
+  }
 
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  Batch request;  // filled anew each step
+  bool wants_plastic_rate;  // of hosts that compute it
+  Batch request;            // filled anew each step
   std::string server;
+  bool outlives_process;
   LawTime time;
   bool trial_stands = false;
+  bool kept = false;
 };
 
 SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
-                       std::span<const double> initial_temperature, const std::string& endpoint)
-    : impl_(std::make_unique<Impl>(scene, node_ids, initial_temperature, endpoint)) {}
+                       std::span<const double> initial_temperature, const SubgridServer& server)
+    : impl_(std::make_unique<Impl>(server, [&](Client& client) {
+        return client.open(scene, node_ids, {.initial_temperature_k = initial_temperature});
+      })) {}
+
+// The mark is set anew: of those the server keeps it is now the newest, so that the next one cannot push it out.
+SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
+  const Kept point = parse_kept(kept);
+  impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });
+  impl_->kept = true;
+  impl_->session.rollback_to(point.mark);
+  impl_->session.mark(point.mark);
+}
 SubgridLaw::~SubgridLaw() = default;
 
 void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
+  if (impl_->wants_plastic_rate && !in.zone_plastic_rate.empty()) {
+    impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
+    impl_->wants_plastic_rate = false;
+  }
   Batch& request = impl_->request;
+  if (request.has(Field::kSoftPlasticStrainRate))
+    copy(in.zone_plastic_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
   copy(in.stress_minus, request.f64(Field::kStressMinus));
@@ -104,10 +168,26 @@ void SubgridLaw::take_back() {
   impl_->session.rollback();
   impl_->trial_stands = false;
 }
+std::string SubgridLaw::keep(const std::string& name) {
+  if (impl_->trial_stands) impl_->session.commit();
+  impl_->trial_stands = false;
+  impl_->session.mark(name);
+  impl_->kept = true;
+  const Session::Ticket ticket = impl_->session.ticket();
+  return fmt::format("{} {} {}", name, hex(ticket.session_id), hex(ticket.resume_token));
+}
+
+std::string SubgridLaw::cannot_keep() const {
+  if (impl_->outlives_process) return {};
+  return "the layers live in this process and end with it: ask for dumps at the start (--dump-every or "
+         "--dump-interval), or run the server as a process of its own (--server)";
+}
+
 void SubgridLaw::close() {
   if (impl_->trial_stands) impl_->session.commit();
   impl_->trial_stands = false;
   impl_->session.close();
+  impl_->kept = false;
 }
 
 }  // namespace shearbus::hydro

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <span>
 #include <string>
@@ -13,21 +14,31 @@
 
 namespace shearbus::hydro {
 
+// Where the layers are computed.
+struct SubgridServer {
+  std::string endpoint;             // empty: in this process
+  std::filesystem::path state_dir;  // of a server in this process: where its sessions outlive it; empty: they do not
+};
+
 class SubgridLaw : public InterfaceLaw {
  public:
   // Opens a session for the nodes. Throws wire::Error with what the server refused.
   SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
-             std::span<const double> initial_temperature, const std::string& endpoint);
-  ~SubgridLaw() override;
+             std::span<const double> initial_temperature, const SubgridServer& server = {});
+  // Comes back to what another process kept.
+  SubgridLaw(const std::string& kept, const SubgridServer& server);
+  ~SubgridLaw() override;  // of a law that was not closed: leaves the session to who comes back, if anything was kept
 
   // A step is a trial until the next one, which commits it in the same round trip, or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
   void take_back() override;
   LawTime time_spent() const override;
+  std::string keep(const std::string& name) override;
+  std::string cannot_keep() const override;
+  void close() override;  // throws where that fails
 
   const std::string& server() const;                 // where it runs, for people
   const std::vector<std::string>& warnings() const;  // what the server has to say of the scene
-  void close();                                      // ends the session; throws where that fails
 
  private:
   struct Impl;

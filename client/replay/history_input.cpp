@@ -21,17 +21,13 @@ HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, boo
     for (const Column& mass : {Column{Field::kMassMinus, "mass_minus"}, Column{Field::kMassPlus, "mass_plus"}})
       history_.has(mass.dataset) ? fixed_.push_back(mass) : missing_.push_back(fmt::format("/{} [N]", mass.dataset));
     choose_jump(closed_loop);
+    take(Field::kSoftPlasticStrainRate, "soft_plastic_strain_rate", scene.interface && scene.interface->plastic_layer,
+         "without interface.plastic_layer there is no plastic strain to set against it");
   } else {
     need(Field::kVelocityJump, "velocity_jump");
     jump_origin_ = "imposed by /velocity_jump";
-    if (history_.has("soft_shear_rate")) {
-      if (scene.velocity_driven.drive == wire::Drive::kInterfaceSlip) {
-        need(Field::kSoftShearRate, "soft_shear_rate");
-        optional_columns_.push_back(Field::kSoftShearRate);
-      } else {
-        notes_.emplace_back("/soft_shear_rate is not used: drive layer_shear takes the jump instead");
-      }
-    }
+    take(Field::kSoftShearRate, "soft_shear_rate", scene.velocity_driven.drive == wire::Drive::kInterfaceSlip,
+         "drive layer_shear takes the jump instead");
   }
   refuse_what_is_missing(scene);
   if (history_.has("initial_temperature")) initial_temperature_ = history_.per_node("initial_temperature");
@@ -42,6 +38,16 @@ void HistoryInput::need(Field field, const char* dataset) {
     rows_.push_back({field, dataset});
   else
     missing_.push_back(fmt::format("/{} [T,N]", dataset));
+}
+
+void HistoryInput::take(Field field, const char* dataset, bool wanted, const char* why_not) {
+  if (!history_.has(dataset)) return;
+  if (!wanted) {
+    notes_.push_back(fmt::format("/{} is not used: {}", dataset, why_not));
+    return;
+  }
+  need(field, dataset);
+  optional_columns_.push_back(field);
 }
 
 void HistoryInput::choose_jump(bool closed_loop) {

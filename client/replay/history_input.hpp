@@ -35,6 +35,7 @@ class HistoryInput {
     const char* dataset;
   };
   void need(Field field, const char* dataset);
+  void take(Field field, const char* dataset, bool wanted, const char* why_not);  // an optional column
   void choose_jump(bool closed_loop);
   void refuse_what_is_missing(const Scene& scene) const;
 

@@ -15,6 +15,15 @@ constexpr double kLeastCovered = 0.05;
 // Pressures below this come from rounding and the foot of a smeared shock: the law is told that the node is open.
 constexpr double kLeastPressure = 1e4;  // [Pa]
 
+// Of a zone's plastic strain rate the share that shears along a surface with tangent t: the flow rule's,
+// sqrt(3) |s_tn| / sigma_eq.
+double shear_share(const State& state, int zone, Vec2 t) {
+  const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
+  const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // n is t turned by a quarter
+  const double squares = 0.5 * (xx * xx + yy * yy + (xx + yy) * (xx + yy)) + xy * xy;  // J2
+  return squares > 0.0 ? std::abs(tn) / std::sqrt(squares) : 0.0;
+}
+
 }  // namespace
 
 Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes)
@@ -23,7 +32,10 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
       inputs_(weights_.rubbing()),
       answer_(weights_.rubbing()),
       pressing_(weights_.size(), 0.0),
-      impulse_(num_nodes) {}
+      impulse_(num_nodes) {
+  inputs_.zone_plastic_strain.assign(weights_.rubbing(), 0.0);
+  inputs_.zone_plastic_rate.assign(weights_.rubbing(), 0.0);
+}
 
 void Contact::apply(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
                     std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new) {
@@ -100,13 +112,12 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   inputs_.time = state.time + dt;
   inputs_.dt = dt;
   inputs_.zone_temperature.assign(size, 0.0);
-  inputs_.zone_plastic_strain.assign(size, 0.0);
+  find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_minus[i] = inputs_.stress_plus[i] = 0.0;
     inputs_.mass_minus[i] = inputs_.mass_plus[i] = 1.0;  // where no hard surface is near, nothing depends on them
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
-      inputs_.zone_plastic_strain[i] += 0.5 * state.plastic_strain[zone];
     }
     if (!weights_.faces(i) || weights_.covered(i) < kLeastCovered) continue;
     const int node = weights_.node(i);
@@ -138,6 +149,22 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   }
 }
 
+// Plastic strain of the zones at each node and its rate over the last step that stood.
+void Contact::find_plastic_rates(const State& state) {
+  const double dt = state.time - plastic_time_;
+  plastic_time_ = state.time;
+  for (int i = 0; i < weights_.rubbing(); ++i) {
+    double strain = 0.0, share = 0.0;
+    for (const int zone : weights_.zones_at(i)) {
+      strain += 0.5 * state.plastic_strain[zone];
+      share += 0.5 * shear_share(state, zone, weights_.tangent(i));
+    }
+    const double grown = std::max(0.0, strain - inputs_.zone_plastic_strain[i]);
+    if (dt > 0.0) inputs_.zone_plastic_rate[i] = share * grown / dt;
+    inputs_.zone_plastic_strain[i] = strain;
+  }
+}
+
 void Contact::rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   for (int i = 0; i < weights_.rubbing(); ++i) {
     if (!weights_.faces(i) || answer_.shear_stress[i] == 0.0) continue;
@@ -156,8 +183,8 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
     const double closing = -pressing_[i] * opening_rate(i, velocity_mean);
     const double friction =
         i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
-    closing_heat_ += closing;
-    friction_heat_ += friction;
+    heat_[kClosing] += closing;
+    heat_[kFriction] += friction;
     const double soft = 0.5 * closing + options_.soft_share * friction;
     const double hard = 0.5 * closing + (1.0 - options_.soft_share) * friction;
     for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];

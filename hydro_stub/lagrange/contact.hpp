@@ -11,6 +11,8 @@
 // lost when a gap closes by halves.
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
@@ -45,13 +47,20 @@ class Contact {
   const std::vector<Vec2>& impulse() const { return impulse_; }     // of the step, per mesh node  [kg m/s]
   const hydro::InterfaceInputs& inputs() const { return inputs_; }  // what the law was asked
   const hydro::InterfaceAnswer& answer() const { return answer_; }
-  double friction_heat() const { return friction_heat_; }  // since the start  [J]
-  double closing_heat() const { return closing_heat_; }
+  double friction_heat() const { return heat_[kFriction]; }  // since the start  [J]
+  double closing_heat() const { return heat_[kClosing]; }
+
+  // What one step hands to the next.
+  std::span<double> heat() { return heat_; }
+  std::span<double> plastic_strain() { return inputs_.zone_plastic_strain; }
+  std::span<double> plastic_rate() { return inputs_.zone_plastic_rate; }
+  double& plastic_time() { return plastic_time_; }
 
  private:
   void press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   void ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                const std::vector<Vec2>& velocity);
+  void find_plastic_rates(const State& state);
   void rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   double opening_rate(int i, const std::vector<Vec2>& velocity) const;
   double jump(int i, const std::vector<Vec2>& velocity) const;
@@ -63,8 +72,9 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // p_i dt of the step  [Pa s]
   std::vector<Vec2> impulse_;
-  double friction_heat_ = 0.0;
-  double closing_heat_ = 0.0;
+  double plastic_time_ = 0.0;  // of the inputs' plastic strain  [s]
+  enum Cause : std::size_t { kFriction, kClosing };
+  std::array<double, 2> heat_{};
 };
 
 }  // namespace shearbus::lagrange

@@ -84,7 +84,7 @@ void Cycle::advance(double end_time) {
     unshortened_ = step_;
   }
   // The last step of a run ends on its time, not a rounding beside it.
-  state_.time = step_.limit == StepLimit::kEnd ? end_time : state_.time + step_.dt;
+  state_.time = step_.dt == end_time - state_.time ? end_time : state_.time + step_.dt;
   ++steps_;
 }
 
@@ -130,10 +130,10 @@ void Cycle::choose_step(double end_time) {
     throw std::runtime_error(
         fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
   }
-  if (state_.time + step_.dt >= end_time) {
-    step_.dt = end_time - state_.time;
-    step_.limit = StepLimit::kEnd;
-  }
+  // The end is reached in one step or two of equal length: a sliver of a step would ask slide lines to close their gaps
+  // in no time.
+  const double left = end_time - state_.time;
+  if (2.0 * step_.dt > left) step_ = {.dt = step_.dt >= left ? left : 0.5 * left, .limit = StepLimit::kEnd};
 }
 
 bool Cycle::go_to_middle(double dt) {
@@ -328,6 +328,40 @@ void Cycle::find_sound_speed_and_temperature() {
       state_.temperature[z] = material.eos.temperature(state_.density[z], state_.energy[z]);
     }
   }
+}
+
+Memory Cycle::memory() {
+  const auto flat = [](std::vector<Vec2>& v) {
+    static_assert(sizeof(Vec2) == 2 * sizeof(double));
+    return std::span<double>(&v.data()->x, 2 * v.size());
+  };
+  const auto one = [](auto& value) { return std::span(&value, 1); };
+  const auto pair = [](Vec2& v) { return std::span<double>(&v.x, 2); };
+  return {.numbers = {{"time", one(state_.time)},
+                      {"step_before", one(unshortened_.dt)},
+                      {"impulse_given", pair(impulse_given_)},
+                      {"work_given", one(work_given_)},
+                      {"contact_heat", contact_.heat()},
+                      {"contact_plastic_strain", contact_.plastic_strain()},
+                      {"contact_plastic_rate", contact_.plastic_rate()},
+                      {"contact_plastic_time", one(contact_.plastic_time())},
+                      {"position", flat(state_.position)},
+                      {"velocity", flat(state_.velocity)},
+                      {"volume", state_.volume},
+                      {"density", state_.density},
+                      {"energy", state_.energy},
+                      {"pressure", state_.pressure},
+                      {"sound_speed", state_.sound_speed},
+                      {"temperature", state_.temperature},
+                      {"deviator_xx", state_.deviator_xx},
+                      {"deviator_yy", state_.deviator_yy},
+                      {"deviator_xy", state_.deviator_xy},
+                      {"plastic_strain", state_.plastic_strain},
+                      {"heating", heating_},
+                      {"middle_area", middle_.area},
+                      {"viscous_rate", viscous_rate_},
+                      {"dilatation", dilatation_}},
+          .counts = {{"steps", one(steps_)}, {"rejected", one(rejected_)}}};
 }
 
 Ledger Cycle::ledger() const {

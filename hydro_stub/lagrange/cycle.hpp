@@ -6,6 +6,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
@@ -56,6 +58,13 @@ struct Ledger {
   double total_energy() const { return kinetic + internal; }
 };
 
+// What one step hands to the next and the bodies do not say, by name: copied into a cycle of the same bodies it goes on
+// from there to the bit.
+struct Memory {
+  std::vector<std::pair<const char*, std::span<double>>> numbers;
+  std::vector<std::pair<const char*, std::span<std::uint64_t>>> counts;
+};
+
 class Cycle {
  public:
   // `law` acts on all slide lines and must outlive the cycle; none: free slip. Throws std::invalid_argument where the
@@ -75,6 +84,7 @@ class Cycle {
   std::uint64_t rejected_steps() const { return rejected_; }
   const Contact& contact() const { return contact_; }
   Ledger ledger() const;
+  Memory memory();
 
  private:
   bool try_step(double dt);

@@ -1,12 +1,16 @@
-// HDF5 handles that close themselves and HDF5 errors as one line. Private to fields.cpp, recording_writer.cpp and
-// recording_reader.cpp.
+// HDF5 handles that close themselves, HDF5 errors as one line, files that are whole or not there. Private to the
+// sources that write and read HDF5.
 #pragma once
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <hdf5.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "proto/wire/status.hpp"
@@ -83,6 +87,33 @@ template <typename T>
 T checked(T returned, const std::filesystem::path& file, const char* what) {
   if (returned < 0) refuse(file, fmt::format("{}: {}", what, reason()));
   return returned;
+}
+
+// A new file in the 1.10 format, which checksums its metadata: a flipped bit is an error instead of another number.
+// Errors speak of it as `named`.
+inline File create_file(const std::filesystem::path& file, const std::filesystem::path& named) {
+  const Properties access(checked(H5Pcreate(H5P_FILE_ACCESS), named, "cannot prepare"));
+  checked(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), named, "cannot ask for the 1.10 format");
+  return File(checked(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), named, "cannot create"));
+}
+
+// HDF5 issues no fsync of its own, on flush or on close.
+inline void sync_to_disk(const std::filesystem::path& path, const std::filesystem::path& named) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
+  const int error = errno;
+  if (descriptor >= 0) ::close(descriptor);
+  if (!synced) refuse(named, fmt::format("cannot sync to disk: {}", std::generic_category().message(error)));
+}
+
+// A finished file gets its name, which survives a loss of power when this returns.
+inline void publish(const std::filesystem::path& partial, const std::filesystem::path& file) {
+  sync_to_disk(partial, file);
+  std::error_code error;
+  std::filesystem::rename(partial, file, error);
+  if (error) refuse(file, fmt::format("cannot give the finished file its name: {}", error.message()));
+  const std::filesystem::path directory = file.parent_path();
+  sync_to_disk(directory.empty() ? std::filesystem::path(".") : directory, file);
 }
 
 }  // namespace shearbus::wire::hdf5

@@ -1,13 +1,9 @@
-#include <fcntl.h>
 #include <fmt/chrono.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <system_error>
 
 #include "proto/wire/messages.hpp"
 #include "proto/wire/recording.hpp"
@@ -34,15 +30,6 @@ constexpr const char* kOutcomeLegend =
 std::string now_iso_8601() {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
                      fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
-}
-
-// HDF5 issues no fsync of its own, on flush or on close.
-void sync_to_disk(const fs::path& path, const fs::path& named) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
-  const int error = errno;
-  if (descriptor >= 0) ::close(descriptor);
-  if (!synced) refuse(named, fmt::format("cannot sync to disk: {}", std::generic_category().message(error)));
 }
 
 }  // namespace
@@ -108,10 +95,7 @@ struct HistoryWriter::Impl {
 };
 
 void HistoryWriter::Impl::create() {
-  const Properties access(check(H5Pcreate(H5P_FILE_ACCESS), "cannot prepare"));
-  // The 1.10 format checksums its metadata: a flipped bit is an error instead of another number.
-  check(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), "cannot ask for the 1.10 format");
-  handle = File(check(H5Fcreate(partial.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), "cannot create"));
+  handle = create_file(partial, file);
   created = true;
 }
 
@@ -329,13 +313,8 @@ void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta
   // On a full disk the flush fails and H5Fclose returns success: the flush is the one to ask.
   self.check(H5Fflush(self.handle, H5F_SCOPE_LOCAL), "cannot write to the disk");
   self.check(self.release(), "cannot close");
-  sync_to_disk(self.partial, self.file);
-  std::error_code error;
-  fs::rename(self.partial, self.file, error);
-  if (error) refuse(self.file, fmt::format("cannot give the finished file its name: {}", error.message()));
+  publish(self.partial, self.file);
   self.closed = true;
-  const fs::path directory = self.file.parent_path();
-  sync_to_disk(directory.empty() ? fs::path(".") : directory, self.file);
 }
 
 }  // namespace shearbus::wire

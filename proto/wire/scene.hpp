@@ -63,6 +63,7 @@ struct VelocityDriven {
 struct Interface {
   double friction_coefficient = 0.0;
   double yield_strength_pa = 0.0;
+  bool plastic_layer = false;
 };
 
 struct ShearColumn {

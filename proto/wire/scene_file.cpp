@@ -147,6 +147,12 @@ class Reader {
           to.GetReflection()->SetUInt32(&to, &field, static_cast<std::uint32_t>(*number));
         break;
       }
+      case FieldDescriptor::CPPTYPE_BOOL:
+        if (const auto yes = node.value_exact<bool>())
+          to.GetReflection()->SetBool(&to, &field, *yes);
+        else
+          fault(place, fmt::format("{}: expected true or false, {}", name, found(node)));
+        break;
       case FieldDescriptor::CPPTYPE_ENUM:
         choice(node, to, field, name, place);
         break;

@@ -225,6 +225,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
   if (scene.interface) {
     message.mutable_interface()->set_friction_coefficient(scene.interface->friction_coefficient);
     message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
+    if (scene.interface->plastic_layer) message.mutable_interface()->set_plastic_layer(true);
   }
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
@@ -266,7 +267,8 @@ Scene from_message(const v1::Scene& given) {
     scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
   if (message.has_interface())
     scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
-                                .yield_strength_pa = message.interface().yield_strength_pa()};
+                                .yield_strength_pa = message.interface().yield_strength_pa(),
+                                .plastic_layer = message.interface().plastic_layer()};
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
 }

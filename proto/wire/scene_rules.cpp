@@ -163,7 +163,9 @@ class Together {
     const std::string path = "velocity_driven.taylor_quinney_factor";
     if (!scene_.velocity_driven().has_taylor_quinney_factor() || !sound(path, true)) return;
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
-      add(path, path + " heats where the layer flows; strategy force_driven has no flow in the layer to heat it");
+      add(path,
+          path +
+              " heats where the velocity-driven layer flows; under strategy force_driven plastic work heats nothing");
     if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
       add(path, path +
                     " needs drive = \"layer_shear\": with \"interface_slip\" all the work of the jump is friction at "
@@ -181,7 +183,15 @@ class Together {
       add("layer.time_integrator",
           "layer.time_integrator = \"sdirk2\" has no use with velocity_driven.taylor_quinney_factor: where the work "
           "becomes heat is taken from the step before, which is first order");
+    const bool plastic_layer = scene_.interface().plastic_layer();
+    if (scene_.layer().time_integrator() == v1::TIME_INTEGRATOR_SDIRK2 && plastic_layer)
+      add("layer.time_integrator",
+          "layer.time_integrator = \"sdirk2\" is not made for interface.plastic_layer, whose slip and flow share one "
+          "balance per step");
     if (scene_.layer().heat() == v1::HEAT_MODES) {
+      if (plastic_layer)
+        add("layer.heat",
+            "layer.heat = \"modes\" keeps no temperature inside the layer, and interface.plastic_layer flows by it");
       if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN)
         add("layer.heat",
             "layer.heat = \"modes\" keeps no temperature inside the layer, and strategy velocity_driven flows by it");
@@ -203,6 +213,9 @@ class Together {
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
+    if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN && scene_.interface().plastic_layer())
+      add("interface.plastic_layer",
+          "interface.plastic_layer is an option of strategy force_driven; a velocity-driven layer always flows");
   }
 
   // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.

@@ -52,6 +52,8 @@ std::string value_text(const Message& message, const FieldDescriptor& field) {
       return number_text(reflection.GetDouble(message, &field));
     case FieldDescriptor::CPPTYPE_UINT32:
       return fmt::format("{}", reflection.GetUInt32(message, &field));
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return reflection.GetBool(message, &field) ? "true" : "false";
     case FieldDescriptor::CPPTYPE_STRING:
       return toml_string(reflection.GetString(message, &field));
     default: {
@@ -95,6 +97,8 @@ std::string type_text(const FieldDescriptor& field) {
       return "number";
     case FieldDescriptor::CPPTYPE_UINT32:
       return "integer";
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return "true or false";
     case FieldDescriptor::CPPTYPE_STRING:
       return "text";
     default:
@@ -106,6 +110,7 @@ std::string default_text(const FieldDescriptor& field) {
   const v1::Rule& rule = rule_of(field);
   if (rule.required()) return "required";
   if (rule.has_default_number()) return number_text(rule.default_number());
+  if (field.cpp_type() == FieldDescriptor::CPPTYPE_BOOL) return "false";
   if (!rule.default_text().empty()) return '"' + rule.default_text() + '"';
   return rule.required_without().empty() ? "absent" : "required without `" + rule.required_without() + "`";
 }

@@ -88,6 +88,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   if (scene.interface)
     made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
                               .yield_strength = scene.interface->yield_strength_pa};
+  made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;
   if (scene.layer.heat == wire::Heat::kModes && !scene.layer.modes) made.effective.layer.modes.emplace();

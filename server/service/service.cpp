@@ -48,7 +48,8 @@ shard::StepInputs inputs_of(const wire::Batch& batch) {
           .stress_minus = batch.f64(Field::kStressMinus),
           .stress_plus = batch.f64(Field::kStressPlus),
           .mass_minus = batch.f64(Field::kMassMinus),
-          .mass_plus = batch.f64(Field::kMassPlus)};
+          .mass_plus = batch.f64(Field::kMassPlus),
+          .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
 }
 
 shard::StepOutputs outputs_of(wire::Batch& batch) {

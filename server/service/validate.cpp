@@ -32,7 +32,7 @@ constexpr std::array kRanges = {
     Range{Field::kVelocityJump, -1e5, 1e5, "m/s"},    Range{Field::kPressure, -1e12, 1e12, "Pa"},
     Range{Field::kStressMinus, -1e12, 1e12, "Pa"},    Range{Field::kStressPlus, -1e12, 1e12, "Pa"},
     Range{Field::kMassMinus, 1e-9, 1e9, "kg/m2"},     Range{Field::kMassPlus, 1e-9, 1e9, "kg/m2"},
-    Range{Field::kSoftShearRate, -1e15, 1e15, "1/s"},
+    Range{Field::kSoftShearRate, -1e15, 1e15, "1/s"}, Range{Field::kSoftPlasticStrainRate, 0.0, 1e15, "1/s"},
 };
 constexpr double kShortestStep = 1e-18;  // [s]
 constexpr double kLongestStep = 1.0;     // [s]
@@ -104,10 +104,10 @@ void check_columns_of_step(const wire::Batch& batch, const wire::Scene& scene) {
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
              "Send " + join_names(std::array{columns.required, columns.optional}) + " and nothing else.");
-  if (batch.has(Field::kSoftPlasticStrainRate))
+  if (batch.has(Field::kSoftPlasticStrainRate) && !(scene.interface && scene.interface->plastic_layer))
     refuse(Code::kUnsupported, wire::name(Field::kSoftPlasticStrainRate),
-           "this server's force-driven layer has no plastic strain of its own to set against the host's",
-           "Leave the column out.");
+           "a force-driven layer without interface.plastic_layer has no plastic strain to set against the host's",
+           "Leave the column out, or set interface.plastic_layer = true.");
   if (batch.has(Field::kSoftShearRate) && scene.velocity_driven.drive != wire::Drive::kInterfaceSlip)
     refuse(Code::kShape, wire::name(Field::kSoftShearRate),
            "soft_shear_rate_per_s drives the layer only with velocity_driven.drive = \"interface_slip\"",

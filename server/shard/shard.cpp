@@ -139,6 +139,7 @@ std::uint64_t Shard::step_tile(std::size_t tile, bool all_rows, const physics::S
   gather(inputs.stress_plus, lanes, in.stress_plus);
   gather(inputs.mass_minus, lanes, in.mass_minus);
   gather(inputs.mass_plus, lanes, in.mass_plus);
+  gather(inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
 
   physics::TileOutputs out;
   const unsigned committed = committed_[tile];

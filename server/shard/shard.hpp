@@ -21,13 +21,14 @@ namespace shearbus::shard {
 
 // One value per row of the request; an empty column is zero.
 struct StepInputs {
-  std::span<const double> velocity_jump;    // [m/s]
-  std::span<const double> pressure;         // [Pa]
-  std::span<const double> soft_shear_rate;  // [1/s]
-  std::span<const double> stress_minus;     // [Pa]
-  std::span<const double> stress_plus;      // [Pa]
-  std::span<const double> mass_minus;       // [kg/m2]
-  std::span<const double> mass_plus;        // [kg/m2]
+  std::span<const double> velocity_jump;        // [m/s]
+  std::span<const double> pressure;             // [Pa]
+  std::span<const double> soft_shear_rate;      // [1/s]
+  std::span<const double> stress_minus;         // [Pa]
+  std::span<const double> stress_plus;          // [Pa]
+  std::span<const double> mass_minus;           // [kg/m2]
+  std::span<const double> mass_plus;            // [kg/m2]
+  std::span<const double> soft_plastic_rate{};  // [1/s]
 };
 
 // One value per row of the request; an empty column is not wanted.

@@ -17,7 +17,8 @@ std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
                              {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
                              {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
                              {"shear_stress_pa", "Pa", layout.shear_stress, 1},
-                             {"regime", "1", layout.regime, 1}};
+                             {"regime", "1", layout.regime, 1},
+                             {"sticking", "1", layout.sticking, 1}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {

@@ -50,6 +50,14 @@ void BM_ForceDriven(benchmark::State& state) {
   run(state, grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
 }
 
+// The interface yields at the layer's own strength (flows:0) or above it, when the layer flows (flows:1).
+void BM_PlasticLayer(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
+  options.plastic_layer = true;
+  if (state.range(1) != 0) options.interface.yield_strength = 400e6;
+  run(state, options);
+}
+
 void BM_TwoSided(benchmark::State& state) {
   run(state, two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)))));
 }
@@ -71,6 +79,10 @@ BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(bench
 BENCHMARK(BM_LayerShear)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_InterfaceSlip)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_ForceDriven)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_PlasticLayer)
+    ->ArgNames({"grid", "flows"})
+    ->ArgsProduct({{0, 1, 2}, {0, 1}})
+    ->Unit(benchmark::kMillisecond);
 
 void BM_Operators(benchmark::State& state) {
   const Model model(grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));

@@ -49,7 +49,7 @@ std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
   scene.hydro->cfl = dt_ns / zone_ns;
   scene.hydro->end_time_s = kEnd;
   const hydro::Problem problem = hydro::make_problem(scene);
-  hydro::SubgridLaw law(scene, hydro::node_ids(problem.columns), problem.initial_temperature, "");
+  hydro::SubgridLaw law(scene, hydro::node_ids(problem.columns), problem.initial_temperature);
   hydro::ShearColumn bodies(problem);
   std::vector<test::HalfSpaceState> states;
   for (std::uint64_t step = 0; step < problem.steps; ++step) {

@@ -41,7 +41,7 @@ yield_strength_pa = 200e6
   plates.pressure = 11.2e9;
   lagrange::Bodies bodies = test::plates(plates);
   const std::size_t nodes = bodies.slide_lines.front().soft.nodes.size();
-  hydro::SubgridLaw law(scene, hydro::node_ids(nodes), std::vector<double>(nodes, 300.0), "");
+  hydro::SubgridLaw law(scene, hydro::node_ids(nodes), std::vector<double>(nodes, 300.0));
   Cycle cycle(std::move(bodies), &law);
   cycle.run_to(1e-7);
   const std::size_t middle = nodes / 2;
@@ -92,7 +92,7 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   hydro::FreeSlipLaw free;
   hydro::StickLaw stick;
   hydro::CoulombTrescaLaw macroscopic(scene.hydro->coulomb_tresca, problem.soft, problem.hard, temperature);
-  hydro::SubgridLaw subgrid(scene, hydro::node_ids(nodes), temperature, "");
+  hydro::SubgridLaw subgrid(scene, hydro::node_ids(nodes), temperature);
   const Outcome outcomes[] = {run(scene, free), run(scene, stick), run(scene, macroscopic), run(scene, subgrid)};
   for (const Outcome& o : outcomes) {
     EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // the axis does no work
@@ -120,8 +120,8 @@ TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   }
   in.dt = 2e-9;
   const std::vector<double> temperature(kNodes, 300.0);
-  hydro::SubgridLaw tried(scene, hydro::node_ids(kNodes), temperature, ""),
-      straight(scene, hydro::node_ids(kNodes), temperature, "");
+  hydro::SubgridLaw tried(scene, hydro::node_ids(kNodes), temperature),
+      straight(scene, hydro::node_ids(kNodes), temperature);
   hydro::InterfaceAnswer a(kNodes), b(kNodes);
   for (std::uint64_t step = 1; step <= 20; ++step) {
     in.step = step;

@@ -49,7 +49,7 @@ pressure_pa = [11.2e9, 11.2e9, 11.2e9, 11.2e9, 11.2e9, 2e9, 0.3e9, 1e9, 11.2e9, 
 }
 
 hydro::SubgridLaw embedded(const wire::Scene& of, const hydro::Problem& problem) {
-  return {of, hydro::node_ids(problem.columns), problem.initial_temperature, ""};
+  return {of, hydro::node_ids(problem.columns), problem.initial_temperature};
 }
 
 TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {

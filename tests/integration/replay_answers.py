@@ -120,6 +120,21 @@ class Results(ReplayTest):
         note = self.result()["text"]  # layer_shear has no use for it
         self.assertIn("/soft_shear_rate is not used", note)
 
+    def test_soft_plastic_strain_rate_drives_a_plastic_layer(self):
+        plain = EXAMPLES / "force_driven.toml"
+        scene = self.path / "plastic_layer.toml"
+        scene.write_text(plain.read_text() + "\nplastic_layer = true\n")
+        answers = []
+        for rate in (None, 0.0, 1e5):
+            parts = {} if rate is None else {"soft_plastic_strain_rate": np.full((5, 3), rate)}
+            self.write(**force_history(**parts))
+            answers.append(self.result(scene=scene))
+        without, zero, driven = answers
+        np.testing.assert_array_equal(without["sliding_velocity"], zero["sliding_velocity"])
+        self.assertTrue(np.all(driven["sliding_velocity"] > zero["sliding_velocity"] + 1.0))  # sqrt(3) h 1e5/s = 3.5 m/s
+        note = self.result(scene=plain)["text"]  # a layer without plastic strain has no use for it
+        self.assertIn("/soft_plastic_strain_rate is not used", note)
+
 
 class Elsewhere(ReplayTest):
     def test_a_server_elsewhere_gives_the_same_bits(self):

@@ -126,6 +126,14 @@ void expect_complementary_flow(const Rig& rig, const Before& before, int lane) {
   }
 }
 
+double layer_resolution(const Rig& rig, int lane) {
+  double worst = 0.0;
+  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
+    worst = std::max(worst, limit_resolution(rig.model.options().soft, rig.inputs.pressure[lane], rig.T(i, lane)));
+  }
+  return worst;
+}
+
 // sqrt(3) integral(dep) = w dt - h ds/G0 where the layer carries all the slip.
 void expect_slip_balance(const Rig& rig, const Before& before, int lane, double dt) {
   const ModelOptions& options = rig.model.options();
@@ -143,14 +151,52 @@ void expect_slip_balance(const Rig& rig, const Before& before, int lane, double 
   const Material& soft = options.soft;
   const double strain =
       rig.plastic_slip(lane) + (soft.hardening_coefficient > 0.0 ? kSqrt3 * h / soft.hardening_coefficient : 0.0);
-  double worst = 0.0;
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    worst = std::max(worst, limit_resolution(soft, rig.inputs.pressure[lane], rig.T(i, lane)));
-  }
-  const double resolution = strain * (1e-15 + worst) / soft.hardening_exponent;
+  const double resolution = strain * (1e-15 + layer_resolution(rig, lane)) / soft.hardening_exponent;
   ASSERT_NEAR(plastic + elastic, rig.inputs.velocity_jump[lane] * dt, 1e-9 * wanted + resolution)
       << "T0 " << rig.T(0, lane) << " s " << rig.stress(lane);
   ASSERT_NEAR(rig.outputs.sliding_velocity[lane] * dt, plastic, 1e-9 * wanted + resolution);
+}
+
+// What the last digit of a jump does to T0 when it heats. Bodies of almost no mass reach jumps where it melts the
+// interface: no stress is resolved there.
+constexpr double kResolved = 1e-9;  // [K]
+double temperature_grain(const Material& soft, double jump, double s, double dt) {
+  return std::numeric_limits<double>::epsilon() * jump * std::abs(s) * std::sqrt(soft.diffusivity * dt) /
+         soft.conductivity;
+}
+
+// A flowing layer: DLP (64) at the middle of the step where the interface slips, at its end where it sticks.
+void expect_flowing_slip(const Rig& rig, const Before& before, int lane, double dt) {
+  const ModelOptions& options = rig.model.options();
+  const TileOutputs& out = rig.outputs;
+  if (rig.inputs.pressure[lane] <= 0.0 || (out.outcome[lane] & kSubstepped)) return;
+  const double s = out.shear_stress[lane];
+  if (s == 0.0) return;  // no direction
+  const double d = std::copysign(1.0, s);
+  const double drive = kSqrt3 * options.grid.thickness * rig.inputs.soft_plastic_rate[lane];
+  const double jump_old = d * rig.inputs.velocity_jump[lane];
+  const double jump_new = d * out.velocity_jump_new[lane];
+  const double flow = (rig.plastic_slip(lane) - before.slip) / dt;
+  // An ulp of T0 or of the stress is an ulp of all the strain there is; and see expect_slip_balance.
+  const Material& soft = options.soft;
+  const double strain =
+      rig.plastic_slip(lane) +
+      (soft.hardening_coefficient > 0.0 ? kSqrt3 * options.grid.thickness / soft.hardening_coefficient : 0.0);
+  const double size = std::abs(jump_old) + std::abs(jump_new) + drive + flow +
+                      dt * (std::abs(rig.inputs.stress_minus[lane]) / rig.inputs.mass_minus[lane] +
+                            std::abs(rig.inputs.stress_plus[lane]) / rig.inputs.mass_plus[lane]);
+  if (temperature_grain(soft, size, s, dt) > kResolved) return;
+  expect_complementary_flow(rig, before, lane);
+  const double tolerance =
+      1e-9 * size + strain * (1e-14 + layer_resolution(rig, lane)) / (soft.hardening_exponent * dt);
+  const bool sticks = rig.committed[rig.model.layout().sticking + lane] != 0.0;
+  if (sticks) {
+    ASSERT_NEAR(jump_new + drive, flow, tolerance);
+    ASSERT_NEAR(d * out.sliding_velocity[lane], std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size);
+  } else {
+    ASSERT_NEAR(d * out.sliding_velocity[lane], std::max(0.0, 0.5 * (jump_old + jump_new) + drive - flow), tolerance);
+    ASSERT_GE(jump_new + drive - flow, -tolerance);  // friction never pulls past rest
+  }
 }
 
 void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) {
@@ -171,6 +217,7 @@ void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) 
     ASSERT_EQ(s, 0.0);
     return;
   }
+  if (options.plastic_layer && temperature_grain(options.soft, size, s, dt) > kResolved) return;
   const double T0 = out.interface_temperature[lane];
   const double yield = options.interface.yield_strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
   const double limit = std::min(options.interface.friction_coefficient * in.pressure[lane], yield);
@@ -184,12 +231,14 @@ void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) 
   } else {
     ASSERT_LE(std::abs(s), options.interface.friction_coefficient * in.pressure[lane] * (1 + 1e-12));
   }
+  if (options.plastic_layer && rig.committed[rig.model.layout().sticking + lane] != 0.0) return;
   if (out.regime[lane] == Regime::kStick) {
     ASSERT_EQ(out.velocity_jump_new[lane], 0.0);
   } else {
     if (!mean) {
       ASSERT_GE(std::abs(s), limit - tolerance) << "T0 " << T0;
     }
+    if (options.plastic_layer) return;
     ASSERT_GE(s * out.velocity_jump_new[lane], -1e-12 * std::abs(s) * size);  // friction never pulls past rest
   }
 }
@@ -210,6 +259,8 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
   int flowing = 0, melting = 0, sticking = 0, coulomb = 0, divided = 0;
   for (int scene = 0; scene < kScenes; ++scene) {
     Rig rig(random_options(draw, strategy, extreme));
+    if (rig.model.options().plastic_layer && draw.chance(0.3))
+      rig.start_hard(draw.uniform(0.1, 1.0) * rig.model.options().initial_temperature);
     const bool closed_loop = draw.chance(0.5);
     for (int step = 0; step < kSteps; ++step) {
       random_inputs(draw, rig, extreme);
@@ -229,6 +280,7 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
           expect_slip_balance(rig, before[l], l, dt);
         } else {
           expect_interface_law(rig, l, dt, rig.inputs.velocity_jump[l]);
+          if (rig.model.options().plastic_layer) expect_flowing_slip(rig, before[l], l, dt);
         }
         if (::testing::Test::HasFatalFailure()) return;
         flowing += rig.outputs.regime[l] == Regime::kTresca;

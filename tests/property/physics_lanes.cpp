@@ -20,6 +20,7 @@ void copy_inputs(const TileInputs& from, int i, TileInputs& to, int j) {
   to.stress_plus[j] = from.stress_plus[i];
   to.mass_minus[j] = from.mass_minus[i];
   to.mass_plus[j] = from.mass_plus[i];
+  to.soft_plastic_rate[j] = from.soft_plastic_rate[i];
 }
 
 void copy_state(const std::vector<double>& from, int i, std::vector<double>& to, int j) {

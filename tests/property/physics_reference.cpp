@@ -37,12 +37,15 @@ void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const 
   // The printed (48) takes differences of strains: their rounding over dt is a velocity.
   double strain = 1.0 / soft.hardening_coefficient;
   for (double ep : twin_state.plastic_strain) strain = std::max(strain, ep);
-  const double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * soft.hardening_exponent);
-  // Near melting an ulp of T0 is a strain at the first vertex.
+  double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * soft.hardening_exponent);
+  // Where both the interface and the layer yield, an ulp of T0 is a strain too; near melting one at the first vertex.
+  if (rig.model.options().plastic_layer) noise += eps * strain * rig.model.options().grid.thickness / dt;
   const double melting_noise = (eps - 1e-10) * strain * rig.model.grid().weight[0] / dt;
   ASSERT_NEAR(out.sliding_velocity[l], twin.sliding_velocity, (1e-8 + eps) * size + noise + melting_noise);
+  const double driven = dt * (std::abs(rig.inputs.stress_minus[l]) / rig.inputs.mass_minus[l] +
+                              std::abs(rig.inputs.stress_plus[l]) / rig.inputs.mass_plus[l]);
   ASSERT_NEAR(out.velocity_jump_new[l], twin.velocity_jump_new,
-              1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])));
+              1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-12 * driven);
   ASSERT_NEAR(out.friction_heat[l], twin.friction_heat, eps * twin.friction_heat + 1e-9);
   ASSERT_EQ((out.outcome[l] & kFirstOrder) != 0, twin.first_order);
   if (std::abs(twin.sliding_velocity) > noise || twin.regime == Regime::kOpen) {
@@ -71,12 +74,13 @@ class PhysicsReference : public ::testing::TestWithParam<Strategy> {};
 TEST_P(PhysicsReference, FastAndSlowAgree) {
   Draw draw(11);
   Worst worst;
-  int compared = 0, ambiguous = 0, sent_back = 0, second_order = 0, without_profile = 0;
+  int compared = 0, ambiguous = 0, several = 0, sent_back = 0, second_order = 0, without_profile = 0;
   for (int scene = 0; scene < (GetParam() == Strategy::kVelocityDriven ? 80 : 60); ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
     if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
     Rig rig(options);
+    if (options.plastic_layer && draw.chance(0.5)) rig.start_hard(draw.uniform(0.1, 1.0) * options.initial_temperature);
     const int lanes[] = {1, kLanes - 1, kLanes};  // part of a tile, nearly all, all
     rig.inputs.active = (1u << lanes[scene % 3]) - 1u;
     for (int step = 0; step < 12; ++step) {
@@ -107,6 +111,10 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
           ++ambiguous;
           continue;
         }
+        if (options.plastic_layer && twins[l].answers > 1) {  // the criterion is that of a layer that does not flow
+          ++several;
+          continue;
+        }
         ASSERT_EQ(twins[l].answers, 1);  // not divided: the criterion promised a single answer
         expect_agreement(rig, twins[l], twin_states[l], l, dt, worst);
         if (::testing::Test::HasFatalFailure()) return;
@@ -117,10 +125,12 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
     }
   }
   std::printf(
-      "%d node-steps compared (%d divided, %d of second order, %d sent back, %d without profile): worst s %.1e, T0 "
-      "%.1e K, [v] %.1e\n",
-      compared, ambiguous, second_order, sent_back, without_profile, worst.stress, worst.temperature, worst.slip);
+      "%d node-steps compared (%d divided, %d with several answers, %d of second order, %d sent back, %d without "
+      "profile): worst s %.1e, T0 %.1e K, [v] %.1e\n",
+      compared, ambiguous, several, second_order, sent_back, without_profile, worst.stress, worst.temperature,
+      worst.slip);
   EXPECT_GT(compared, 2000);
+  EXPECT_LT(several, compared / 100);
   EXPECT_GT(second_order, 300);
   if (GetParam() == Strategy::kVelocityDriven) {
     EXPECT_GT(worst.shapes, 500);

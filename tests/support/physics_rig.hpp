@@ -1,6 +1,7 @@
 // One model with its tiles, for tests: set inputs, step, look at a lane.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -53,6 +54,13 @@ class Rig {
   }
 
   void start(const double (&temperature)[kLanes]) { model.initialise(committed.data(), temperature); }
+
+  // The hard body, where it conducts, is somewhere else in temperature: the interface need not be the hottest place
+  // then.
+  void start_hard(double temperature) {
+    const TileLayout& layout = model.layout();
+    std::fill_n(committed.data() + layout.first_temperature(), layout.num_hard_vertices * kLanes, temperature);
+  }
 
   // One accepted step of every active lane.
   void step(double dt) {
@@ -120,6 +128,9 @@ class Rig {
     for (int i = 0; i < model.grid().num_vertices(); ++i) {
       state.plastic_strain.push_back(model.layout().plastic_strain == TileLayout::kAbsent ? 0.0 : ep(i, lane));
     }
+    if (model.layout().sticking != TileLayout::kAbsent) {
+      state.sticking = committed[model.layout().sticking + lane] != 0.0;
+    }
     if (model.layout().heat_shape != TileLayout::kAbsent) {
       for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }
@@ -129,9 +140,9 @@ class Rig {
   }
 
   reference::NodeInputs node_inputs(int lane) const {
-    return {inputs.velocity_jump[lane], inputs.pressure[lane],    inputs.soft_shear_rate[lane],
-            inputs.stress_minus[lane],  inputs.stress_plus[lane], inputs.mass_minus[lane],
-            inputs.mass_plus[lane]};
+    return {inputs.velocity_jump[lane], inputs.pressure[lane],         inputs.soft_shear_rate[lane],
+            inputs.stress_minus[lane],  inputs.stress_plus[lane],      inputs.mass_minus[lane],
+            inputs.mass_plus[lane],     inputs.soft_plastic_rate[lane]};
   }
 
   Model model;

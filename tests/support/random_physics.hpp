@@ -45,8 +45,10 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   }
   if (draw.chance(0.3)) soft.melting_curve = MeltingCurve::kLindemann;
   if (draw.chance(0.3)) soft.pressure_term = PressureTerm::kCompressed;
-  if (!options.taylor_quinney_factor && draw.chance(0.4)) options.time_integrator = TimeIntegrator::kSdirk2;
-  if (strategy == Strategy::kForceDriven && !options.hard_grid && draw.chance(0.4)) {
+  if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
+  if (!options.taylor_quinney_factor && !options.plastic_layer && draw.chance(0.4))
+    options.time_integrator = TimeIntegrator::kSdirk2;
+  if (strategy == Strategy::kForceDriven && !options.hard_grid && !options.plastic_layer && draw.chance(0.7)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
@@ -75,6 +77,9 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     if (draw.chance(0.3)) {
       in.mass_minus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
       in.mass_plus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+    }
+    if (rig.model.options().plastic_layer) {
+      in.soft_plastic_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     }
     in.stress_minus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
     in.stress_plus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);

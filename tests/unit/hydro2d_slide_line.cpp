@@ -5,6 +5,7 @@
 #include <random>
 
 #include "tests/support/hydro2d.hpp"
+#include "tests/support/hydro2d_plates.hpp"
 #include "tests/support/hydro_laws.hpp"
 
 namespace shearbus {
@@ -128,6 +129,53 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
   }
 }
 
+// What a restart dump holds is all that one step hands to the next: half way, in sliding contact, with plastic flow.
+TEST(Hydro2dSlideLine, ACycleThatIsGivenTheMemoryOfAnotherGoesOnToTheBit) {
+  const auto bodies = [] {
+    Bodies made = two_blocks(Symmetry::kAxisymmetric, 7, 5, 0.1);
+    fill(made, 0, 2703.0, 0.0, {0.0, -300.0});
+    for (const lagrange::Block& b : made.mesh.blocks()) made.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
+    return made;
+  };
+  ConstantFrictionLaw law(100e6);
+  Cycle straight(bodies(), &law);
+  for (int i = 0; i < 60; ++i) straight.advance(1.0);
+  Cycle resumed(bodies(), &law);
+  const lagrange::Memory from = straight.memory(), to = resumed.memory();
+  for (std::size_t i = 0; i < from.numbers.size(); ++i)
+    std::ranges::copy(from.numbers[i].second, to.numbers[i].second.begin());
+  for (std::size_t i = 0; i < from.counts.size(); ++i)
+    std::ranges::copy(from.counts[i].second, to.counts[i].second.begin());
+  ASSERT_GT(*std::ranges::max_element(straight.state().plastic_strain), 0.0);
+  for (int i = 0; i < 60; ++i) {
+    straight.advance(1.0);
+    resumed.advance(1.0);
+  }
+  const lagrange::Memory a = straight.memory(), b = resumed.memory();
+  for (std::size_t i = 0; i < a.numbers.size(); ++i)
+    EXPECT_TRUE(std::ranges::equal(a.numbers[i].second, b.numbers[i].second)) << a.numbers[i].first;
+  EXPECT_EQ(straight.ledger().friction_heat, resumed.ledger().friction_heat);
+  EXPECT_EQ(straight.steps(), resumed.steps());
+  EXPECT_GT(straight.ledger().friction_heat, 0.0);
+}
+
+// A sliver of a step before a time that must be met would ask the slide line to close its gaps in no time.
+TEST(Hydro2dSlideLine, TimesThatMustBeMetCostNoSliverOfAStep) {
+  Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
+  fill(bodies, 0, 2703.0, 0.0, {30.0, -100.0});
+  Cycle cycle(std::move(bodies));
+  for (int i = 0; i < 20; ++i) cycle.advance(1.0);
+  const double usual = cycle.time_step().dt;
+  for (int stop = 0; stop < 40; ++stop) {
+    const double until = cycle.state().time + usual * (2.0 + 0.02 * stop);
+    while (cycle.state().time < until) {
+      cycle.advance(until);
+      ASSERT_GT(cycle.time_step().dt, 0.4 * usual);
+    }
+    ASSERT_EQ(cycle.state().time, until);
+  }
+}
+
 TEST(Hydro2dSlideLine, BodiesThatFlyApartDoNotKnowEachOther) {
   Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
   fill(bodies, 0, 2703.0, 0.0, {30.0, 50.0});
@@ -136,6 +184,35 @@ TEST(Hydro2dSlideLine, BodiesThatFlyApartDoNotKnowEachOther) {
   for (int i = 0; i < 20; ++i) {
     cycle.advance(1.0);
     for (const double p : cycle.contact().inputs().pressure) ASSERT_EQ(p, 0.0);
+  }
+}
+
+// Friction beyond what the soft zones carry makes them flow in shear: the rate that the law is told adds up to their
+// plastic strain. Turned lines must say the same.
+TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
+  for (const double angle : {0.0, 0.7}) {
+    Plates p;
+    p.length = 1e-3;
+    p.width = 50e-6;
+    p.angle = angle;
+    Bodies bodies = plates(p);
+    bodies.materials[0].strength->yield_strength = 60e6;
+    ConstantFrictionLaw law(50e6);
+    Cycle cycle(std::move(bodies), &law);
+    const auto middle = static_cast<std::size_t>(cycle.contact().size() / 2);
+    double sum = 0.0, time = 0.0;
+    for (int n = 0; n < 40; ++n) {
+      cycle.advance(1.0);
+      const hydro::InterfaceInputs& in = cycle.contact().inputs();
+      ASSERT_GE(in.zone_plastic_rate[middle], 0.0);
+      const double begin = in.time - in.dt;
+      sum += in.zone_plastic_rate[middle] * (begin - time);  // of the step before
+      time = begin;
+    }
+    const double strain = cycle.contact().inputs().zone_plastic_strain[middle];
+    EXPECT_GT(strain, 1e-3);
+    EXPECT_LE(sum, strain * (1.0 + 1e-12));
+    EXPECT_GT(sum, 0.9 * strain) << "angle " << angle;
   }
 }
 

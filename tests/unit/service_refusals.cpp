@@ -212,6 +212,34 @@ TEST(Refusals, ShearRateIsTakenByInterfaceSlip) {
   EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_shear_rate_per_s");
 }
 
+TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
+  auto scene = support::force_scene();
+  scene.interface->plastic_layer = true;
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene, kNodes));
+  auto batch = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
+  std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), 1e5);
+  EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(batch))).reply.status.ok());
+  auto bad = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
+  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // it has the direction of the stress, and no sign of its own
+  EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_plastic_strain_rate_per_s");
+}
+
+TEST(Refusals, PlasticStrainRateReachesTheLayer) {
+  auto scene = support::force_scene();
+  scene.interface->plastic_layer = true;
+  double slip[2];
+  for (const int driven : {0, 1}) {
+    ServiceHarness harness;
+    harness.ask(ServiceHarness::opening(scene, kNodes));
+    auto batch = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
+    std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), driven * 1e5);
+    const Answer answer = harness.ask(ServiceHarness::step(1, std::move(batch)));
+    slip[driven] = answer.reply.batch.f64(Field::kSlidingVelocity)[0];
+  }
+  EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // sqrt(3) h 1e5/s = 3.5 m/s
+}
+
 struct OpeningCase {
   const char* name;
   Code code;

@@ -82,7 +82,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   scene = support::force_scene();
   scene.hard_layer.emplace();
   scene.velocity_driven.taylor_quinney_factor = 0.9;
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("force_driven has no flow in the layer"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
 }
 
 TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
@@ -104,6 +104,13 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
   EXPECT_EQ(refusal_of(scene).field, "layer.modes.longest_time_s");
   scene.layer.heat = wire::Heat::kProfile;
   EXPECT_EQ(refusal_of(scene).field, "layer.modes");
+  scene.layer.modes.reset();
+  scene.interface->plastic_layer = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("share one balance per step"));
+  scene.layer.time_integrator = wire::TimeIntegrator::kBackwardEuler;
+  EXPECT_EQ(refusal_of(scene).text, "");
+  scene.layer.heat = wire::Heat::kModes;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("plastic_layer flows by it"));
 
   scene = support::velocity_scene();
   scene.layer.heat = wire::Heat::kModes;

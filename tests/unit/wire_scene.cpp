@@ -134,6 +134,17 @@ TEST(SceneFile, AScalarStandsForAListOfOne) {
   EXPECT_THAT(scene.hydro->shear_column->pressure_pa, ElementsAre(1e9, 2e9));
 }
 
+TEST(SceneFile, ABooleanIsTrueOrFalse) {
+  const std::string toml =
+      "name='x'\nstrategy='force_driven'\nsoft.material='a'\nhard.material='b'\n"
+      "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 2e8\n";
+  EXPECT_FALSE(parse_scene(toml, "s").scene.interface->plastic_layer);
+  const Scene scene = parse_scene(toml + "plastic_layer = true\n", "s").scene;
+  EXPECT_TRUE(scene.interface->plastic_layer);
+  EXPECT_TRUE(parse_scene(scene_to_toml(scene), "again").scene.interface->plastic_layer);
+  EXPECT_THROW(parse_scene(toml + "plastic_layer = 1\n", "s"), Error);
+}
+
 TEST(SceneFile, PlacesPointIntoTheFile) {
   const SceneFile file = parse_scene(kPaper, "paper.toml");
   EXPECT_EQ(file.where("layer.cells"), "paper.toml:9:1");
@@ -245,9 +256,12 @@ class RandomScene {
     if (scene.strategy == Strategy::kVelocityDriven && scene.hard_layer &&
         scene.velocity_driven.drive == Drive::kLayerShear)
       scene.velocity_driven.taylor_quinney_factor = number(1e-3, 1);
-    if (!scene.velocity_driven.taylor_quinney_factor && flip()) scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
+    if (scene.strategy == Strategy::kForceDriven)
+      scene.interface->plastic_layer = scene.layer.heat == Heat::kProfile && flip();
+    if (!scene.velocity_driven.taylor_quinney_factor && !(scene.interface && scene.interface->plastic_layer) && flip())
+      scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     if (flip()) scene.hydro = hydro();
     return scene;
   }
@@ -334,6 +348,12 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
       ASSERT_EQ(again.layer.modes->shortest_step_s, scene.layer.modes->shortest_step_s);
       ASSERT_EQ(again.layer.modes->longest_time_s, scene.layer.modes->longest_time_s);
     }
+    ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
+    if (scene.interface) {
+      ASSERT_EQ(again.interface->friction_coefficient, scene.interface->friction_coefficient);
+      ASSERT_EQ(again.interface->yield_strength_pa, scene.interface->yield_strength_pa);
+      ASSERT_EQ(again.interface->plastic_layer, scene.interface->plastic_layer);
+    }
     ASSERT_EQ(again.hard_layer.has_value(), scene.hard_layer.has_value());
     if (scene.hard_layer) {
       ASSERT_EQ(again.hard_layer->thickness_m, scene.hard_layer->thickness_m);
@@ -369,6 +389,15 @@ TEST(CheckScene, NamesTheFirstFieldAtFault) {
   EXPECT_EQ(status.field, "layer.cells");
   EXPECT_THAT(status.text, HasSubstr("layer.cells = 0 is out of range, expected at least 1 and at most 1e5"));
   EXPECT_THAT(status.text, HasSubstr("interface.yield_strength_pa = nan is not a finite number"));
+}
+
+TEST(CheckScene, APlasticLayerIsAnOptionOfForceDriven) {
+  Scene scene = samples::scene();
+  scene.interface = Interface{.friction_coefficient = 0.3, .yield_strength_pa = 2e8, .plastic_layer = true};
+  scene.strategy = Strategy::kForceDriven;
+  EXPECT_TRUE(check_scene(scene).ok());
+  scene.strategy = Strategy::kVelocityDriven;
+  EXPECT_EQ(check_scene(scene).field, "interface.plastic_layer");
 }
 
 TEST(CheckScene, ForceDrivenNeedsAnInterface) {

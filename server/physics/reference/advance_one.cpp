@@ -4,19 +4,15 @@
 #include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <numeric>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
 
 namespace shearbus::physics::reference {
-namespace {
 
-constexpr int kScan = 4000;  // points in the search for sign changes
-
-// The only zero of f in [lo, hi], f rising from negative. No tolerance: until no number lies between.
 double bisect(const std::function<double(double)>& f, double lo, double hi) {
   for (;;) {
     const double mid = 0.5 * (lo + hi);
@@ -25,23 +21,19 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
+namespace {
+
 HeatGrid heat_grid_of(const ModelOptions& options) {
   const Grid layer(options.grid);
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// Share of the friction power that heats what conducts.
+}  // namespace
+
 double conducted_share(const ModelOptions& options) {
   return options.hard_grid ? 1.0 : heat_partition(options.soft, options.hard);
 }
-
-// One value per row of the heat grid, read from z = 0 into the soft body.
-struct Profile {
-  std::vector<double> rows;
-  std::size_t interface = 0;
-  double operator[](std::size_t vertex) const { return rows[interface + vertex]; }
-};
 
 Profile profile_of(const NodeState& state) {
   Profile profile{state.hard_temperature, state.hard_temperature.size()};
@@ -49,7 +41,6 @@ Profile profile_of(const NodeState& state) {
   return profile;
 }
 
-// T = T_ad + q B, kept.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B) {
   std::vector<double> T = T_ad.rows;
   for (std::size_t i = 0; i < T.size(); ++i) T[i] += flux * B.rows[i];
@@ -57,6 +48,8 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
   state.hard_temperature.assign(T.begin(), at_interface);
   state.temperature.assign(at_interface, T.end());
 }
+
+namespace {
 
 // T at the end of a step with flux q: T_ad + q B.
 struct Heat {
@@ -89,8 +82,8 @@ Heat heat_of_modes(const ModelOptions& options, double dt, double early, double 
   return heat;
 }
 
-// Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
-// body and insulated far ends: DLP (20-31).
+}  // namespace
+
 Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
@@ -120,11 +113,12 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
 }
 
-// To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
   return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
                  {std::vector<double>(like.rows.size(), 0.0), like.interface});
 }
+
+namespace {
 
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {
   if (options.modes) return heat_of_modes(options, dt, 0.0, 0.0, old);
@@ -150,7 +144,8 @@ bool in_range(const ModelOptions& options, double pressure, const Profile& old, 
          *lowest >= *std::min_element(old.rows.begin(), old.rows.end()) * (1.0 - 1e-12);
 }
 
-// dep of one vertex under a stress magnitude, DLP (48) as printed.
+}  // namespace
+
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old) {
   const double g = softening(m, pressure, T).g;
   if (a <= 0.0) return 0.0;
@@ -158,6 +153,8 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
   const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
   return std::min(1e100, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));
 }
+
+namespace {
 
 NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
                             const Heat& heat) {
@@ -453,6 +450,7 @@ NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs
     if (sdirk2) return velocity_driven_sdirk2(options, dt, inputs, state);
     return velocity_driven(options, dt, inputs, state, heat_of_step(options, dt, state, profile_of(state)));
   }
+  if (options.plastic_layer) return flowing_force_driven(options, dt, inputs, state);
   NodeOutputs out;
   if (sdirk2 && force_driven_sdirk2(options, dt, inputs, state, out)) return out;
   out = force_driven(options, dt, inputs, state);

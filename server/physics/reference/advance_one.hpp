@@ -17,6 +17,7 @@ struct NodeState {
   std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
+  bool sticking = false;  // plastic layer
 };
 
 struct NodeInputs {
@@ -27,6 +28,7 @@ struct NodeInputs {
   double stress_plus = 0.0;
   double mass_minus = 1.0;
   double mass_plus = 1.0;
+  double soft_plastic_rate = 0.0;
   bool backward_euler = false;  // whatever the options say: what the fast solver fell back to
 };
 
@@ -38,7 +40,8 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   bool first_order = false;  // SDIRK2 was asked for and left its domain
-  int answers = 1;           // how many stresses satisfied the step (force-driven; seen on a fine scan)
+  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan); with a plastic layer
+                    // only those that its rule does not tell apart
 };
 
 NodeState initial_state(const ModelOptions& options);

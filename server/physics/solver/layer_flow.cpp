@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 
 #include "server/physics/material/strength.hpp"
 
@@ -133,6 +134,35 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
     if (i < problem.num_heated) continue;
     for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l]).value;
   }
+}
+
+void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load) {
+  load.bracket[lane] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
+  const double ratio = kSqrt3 * a / soft.yield_strength;
+  const bool loads = ratio >= std::numeric_limits<double>::min();
+  load.scaled_log[lane] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
+  load.flux[lane] = flux;
+  load.other_flux[lane] = 0.0;
+  load.T_melt[lane] = soft.melting_temperature;
+}
+
+double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
+  const FlowLaw law(*problem.soft);
+  const double beta = problem.soft->hardening_coefficient;
+  double slip = 0.0;
+  for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
+    const std::ptrdiff_t at = i * kLanes + lane;
+    const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
+    const double excess =
+        (load.scaled_log[lane] + softening_excess(law, load.bracket[lane], load.T_melt[lane], T).value) -
+        logarithm(1.0 + beta * problem.strain[at]);
+    const double old = problem.strain[at];
+    const double dep =
+        excess > 0.0 ? (law.inverse_beta + old) * exponential_minus_1(std::min(excess, kMaxExcess)) : 0.0;
+    slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;
+    if (strain_new != nullptr) strain_new[at] = old + dep;
+  }
+  return slip;
 }
 
 SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,

@@ -51,6 +51,13 @@ void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* t
 // the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
+// Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.
+void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
+
+// The integral of one lane, without thresholds made beforehand; writes the new strain where `strain_new`, which may be
+// the problem's own, is not null.
+double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
+
 // The same sums, writing the new strain over the thresholds.
 void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain, FlowSum& sum);
 

@@ -33,7 +33,7 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
   if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
   layout.temperature = layout.num_hard_vertices * kLanes;
   layout.doubles = layout.temperature + layout.num_vertices * kLanes;
-  if (options.strategy == Strategy::kVelocityDriven) {
+  if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
     layout.plastic_strain = layout.doubles;
     layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
     layout.doubles += layout.num_strain_vertices * kLanes;
@@ -45,6 +45,10 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
   layout.shear_stress = layout.doubles;
   layout.regime = layout.shear_stress + kLanes;
   layout.doubles = layout.regime + kLanes;
+  if (options.plastic_layer) {
+    layout.sticking = layout.doubles;
+    layout.doubles += kLanes;
+  }
   return layout;
 }
 
@@ -136,7 +140,8 @@ std::vector<std::string> Model::warnings() const {
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
   }
-  if (o.strategy == Strategy::kVelocityDriven && o.soft.yield_strength_max < o.soft.yield_strength) {
+  if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
+      o.soft.yield_strength_max < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));
@@ -177,7 +182,9 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
   const bool sdirk2 = impl_->options.time_integrator == TimeIntegrator::kSdirk2;
   const auto advance_tile = impl_->options.strategy == Strategy::kVelocityDriven
                                 ? (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)
-                                : (sdirk2 ? advance_force_driven_sdirk2 : advance_force_driven);
+                            : impl_->options.plastic_layer ? advance_force_driven_flowing
+                            : sdirk2                       ? advance_force_driven_sdirk2
+                                                           : advance_force_driven;
   advance_tile(*impl_, operators, inputs, committed, trial, outputs);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) {

@@ -35,6 +35,7 @@ struct ModelOptions {
   Drive drive = Drive::kLayerShear;   // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
+  bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.

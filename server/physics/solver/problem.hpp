@@ -3,7 +3,6 @@
 
 #include <optional>
 
-#include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/layer/modes.hpp"
@@ -23,12 +22,6 @@ struct Problem {
   int heat_rows;          // of the heat's state in a tile, from layout.first_temperature() on
   double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
-
-// What holds the stress of an interface that slips at its limit.
-inline Regime slip_regime(const StressLimit& limit, double T0) {
-  if (limit.at(T0).is_coulomb) return Regime::kCoulomb;
-  return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
-}
 
 // One solution of the velocity-driven balance under given heat: a backward Euler step, or a stage of SDIRK2.
 struct BalanceStage {
@@ -52,5 +45,7 @@ void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& op
                                  const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics

@@ -6,6 +6,7 @@
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/rigid_slip.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
@@ -143,10 +144,9 @@ namespace {
 // One lane of a force-driven step, in magnitudes along its direction.
 struct StagedLane {
   StressLimit limit;
-  double acceleration;  // of the jump without friction  [m/s2]
-  double mobility;      // 1/m_minus + 1/m_plus          [m2/kg]
-  double direction;     // of the jump, or of what sets it off
-  double jump_old;      // along the direction           [m/s]
+  Forcing forcing;
+  double direction;  // of the jump, or of what sets it off
+  double jump_old;   // along the direction  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // of the first stage  [Pa]
   double stress = 0.0;        // mean of the step    [Pa]
@@ -154,7 +154,7 @@ struct StagedLane {
 };
 
 double free_jump(const StagedLane& lane, double dt) {
-  return lane.jump_old + dt * lane.direction * lane.acceleration;
+  return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
 // First stage: stress and flux at gamma dt, the slip being that at its end. False where the jump turns or stops within
@@ -165,7 +165,7 @@ bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad
   if (lane.limit.pressure <= 0.0) return true;
   const double free = free_jump(lane, dt);
   if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
-  const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.mobility};
+  const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
   const double a_stick = free / heating.b;
   if (spare_strength(lane.limit, heating, a_stick) >= 0.0) {
     lane.at_rest = lane.jump_old == 0.0;
@@ -198,8 +198,8 @@ bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_a
   limit.tresca *= kDiagonal;
   limit.offset = kFirstWeight * lane.early_stress;
   const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
-                                0.5 * (lane.jump_old + free), 0.5 * dt * lane.mobility};
-  const double a_stick = free / (dt * lane.mobility);
+                                0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
+  const double a_stick = free / (dt * lane.forcing.mobility);
   if (spare_strength(limit, heating, a_stick) >= 0.0 || !slip_is_unique(limit, heating, a_stick)) return false;
   const double a = slip_stress(limit, heating, a_stick, lane.early_stress);
   lane.stress = a;
@@ -234,9 +234,8 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     StagedLane& lane = lanes[l];
     lane.limit = {law.friction_coefficient * inputs.pressure[l], law.yield_strength / kSqrt3, inputs.pressure[l],
                   &soft[l]};
-    lane.acceleration = inputs.stress_minus[l] / inputs.mass_minus[l] + inputs.stress_plus[l] / inputs.mass_plus[l];
-    lane.mobility = 1.0 / inputs.mass_minus[l] + 1.0 / inputs.mass_plus[l];
-    lane.direction = (jump != 0.0 ? jump : lane.acceleration) < 0.0 ? -1.0 : 1.0;
+    lane.forcing = forcing_of(inputs, l);
+    lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;
     if (!first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
                      std::abs(committed[layout.shear_stress + l]), early_flux[l])) {
@@ -282,7 +281,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     outputs.shear_stress[l] = lane.direction * lane.stress;
     outputs.sliding_velocity[l] = lane.direction * lane.slip;
     outputs.velocity_jump_new[l] =
-        lane.at_rest ? 0.0 : lane.direction * (free_jump(lane, dt) - lane.stress * (dt * lane.mobility));
+        lane.at_rest ? 0.0 : lane.direction * (free_jump(lane, dt) - lane.stress * (dt * lane.forcing.mobility));
     outputs.friction_heat[l] = dt * (kFirstWeight * early_flux[l] + kDiagonal * flux[l]);
     outputs.interface_temperature[l] = T0[l];
     outputs.regime[l] = open ? Regime::kOpen : lane.at_rest ? Regime::kStick : slip_regime(lane.limit, T0[l]);

@@ -33,6 +33,7 @@ struct TileLayout {
   std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
   std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
+  std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid, or of HeatModes.
@@ -41,14 +42,15 @@ struct TileLayout {
 
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.
 struct TileInputs {
-  std::uint32_t active = 0;                         // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};    // [V], of n-1/2 when force-driven  [m/s]
-  alignas(64) double pressure[kLanes] = {};         // P, compression positive          [Pa]
-  alignas(64) double soft_shear_rate[kLanes] = {};  // of the soft zone (interface_slip)  [1/s]
-  alignas(64) double stress_minus[kLanes] = {};     // soft side                        [Pa]
-  alignas(64) double stress_plus[kLanes] = {};      // hard side                        [Pa]
-  alignas(64) double mass_minus[kLanes] = {};       // [kg/m2]
-  alignas(64) double mass_plus[kLanes] = {};        // [kg/m2]
+  std::uint32_t active = 0;                           // bit i: lane i takes the step
+  alignas(64) double velocity_jump[kLanes] = {};      // [V], of n-1/2 when force-driven  [m/s]
+  alignas(64) double pressure[kLanes] = {};           // P, compression positive          [Pa]
+  alignas(64) double soft_shear_rate[kLanes] = {};    // of the soft zone (interface_slip)  [1/s]
+  alignas(64) double stress_minus[kLanes] = {};       // soft side                        [Pa]
+  alignas(64) double stress_plus[kLanes] = {};        // hard side                        [Pa]
+  alignas(64) double mass_minus[kLanes] = {};         // [kg/m2]
+  alignas(64) double mass_plus[kLanes] = {};          // [kg/m2]
+  alignas(64) double soft_plastic_rate[kLanes] = {};  // Ep_dot of the soft zone, not negative (plastic layer)  [1/s]
 };
 
 struct TileOutputs {

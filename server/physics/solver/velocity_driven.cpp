@@ -5,8 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/heated.hpp"
 #include "server/physics/solver/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -55,39 +57,6 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
   return problem.options.grid.thickness * inputs.soft_shear_rate[lane];
 }
 
-// One lane's temperatures, T = T_ad + q B, over the vertices that may be its hottest: z = 0 alone where that is where
-// all heat has ever entered and none ever leaves.
-struct Heated {
-  const double* T_ad;  // [vertex][lane], at the lane
-  const double* B;     // [vertex], or [vertex][lane] at the lane
-  std::ptrdiff_t stride;
-  int candidates;
-
-  double response(int i) const { return B[i * stride]; }
-  double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }
-  int hottest(double q) const {
-    int at = 0;
-    for (int i = 1; i < candidates; ++i) at = T(i, q) > T(at, q) ? i : at;
-    return at;
-  }
-};
-
-// The stress at which the first vertex reaches Y_max g(T(a)) / sqrt(3), `a_max` where none does. At the ceiling of the
-// vertex hottest so far another may be hotter: its ceiling is lower, and so on down to one that is the hottest under
-// its own.
-double ceiling_stress(const StressLimit& limit, const Heated& heated, double heating, double a_max, double guess,
-                      int& hottest) {
-  double a = a_max;
-  for (;;) {
-    const int before = hottest;
-    const double a_before = a;
-    hottest = heated.hottest(heating * a);
-    if (a < a_max && hottest == before) return a;
-    a = slip_stress(limit, {heated.T(hottest, 0.0), heated.response(hottest), heating, 0.0}, a, guess);
-    if (a >= a_before) return a;
-  }
-}
-
 // Trial stress, direction, heating and the bracket of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
              const Heated& heated, double s_start, double ep0) {
@@ -113,7 +82,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
   } else if (std::isfinite(limit.tresca)) {
-    const double ceiling = ceiling_stress(limit, heated, state.heating, state.hi, std::abs(s_start), state.hottest);
+    const double ceiling =
+        ceiling_stress(limit, heated, {0.0, 1.0, state.heating, 0.0}, state.hi, std::abs(s_start), state.hottest);
     if (ceiling < state.hi) {
       state.hi = ceiling;
       state.bound = Bound::kCeiling;
@@ -193,17 +163,6 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   } else {
     lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
   }
-}
-
-void set_load(const Material& soft, const Lane& lane, double pressure, int l, FlowLoad& load) {
-  load.bracket[l] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
-  load.T_melt[l] = soft.melting_temperature;
-  const double ratio = kSqrt3 * lane.a / soft.yield_strength;
-  const bool loads = lane.loaded && ratio >= std::numeric_limits<double>::min();
-  load.scaled_log[l] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
-  const double flux = lane.loaded ? lane.heating * lane.a : 0.0;
-  load.flux[l] = lane.fallen_back ? 0.0 : flux;
-  load.other_flux[l] = lane.fallen_back ? flux : 0.0;
 }
 
 // Share of the work that becomes heat in a step shaped so.
@@ -301,6 +260,10 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
   if (soft.varies_with_compression()) own.emplace();
   const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
+  const auto load_lane = [&](int l, double pressure) {
+    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+    if (lanes[l].fallen_back) std::swap(load.flux[l], load.other_flux[l]);
+  };
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
@@ -317,7 +280,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    set_load(soft_at(l), lanes[l], pressure, l, load);
+    load_lane(l, pressure);
   }
 
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
@@ -336,7 +299,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
         if (lanes[l].done) continue;
         const double tried = lanes[l].a;
         iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        set_load(soft_at(l), lanes[l], inputs.pressure[l], l, load);
+        load_lane(l, inputs.pressure[l]);
         all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
       }
       // What does not yield under more than every lane's answer does not yield: leave it out from here on.

@@ -1,0 +1,48 @@
+#include "hydro_stub/history_rows.hpp"
+
+#include <utility>
+
+#include "hydro_stub/history.hpp"
+
+namespace shearbus::hydro {
+
+HistoryRows::HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes)
+    : quantities_(std::move(quantities)), nodes_(nodes), values_(quantities_.size()) {}
+
+void HistoryRows::begin_row(double time) {
+  times_.push_back(time);
+}
+
+void HistoryRows::save(wire::DumpWriter& dump, const std::string& name) const {
+  dump.numbers(name + "/time", times_);
+  for (std::size_t q = 0; q < quantities_.size(); ++q) dump.numbers(name + "/" + quantities_[q].name, values_[q]);
+}
+
+void HistoryRows::load(const wire::DumpReader& dump, const std::string& name) {
+  times_ = dump.numbers(name + "/time");
+  for (std::size_t q = 0; q < quantities_.size(); ++q) {
+    values_[q].resize(times_.size() * nodes_);
+    dump.fill(name + "/" + quantities_[q].name, values_[q]);
+  }
+}
+
+void HistoryRows::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
+  wire::HistoryWriter writer(file, node_ids(nodes_), quantities_, meta);
+  std::vector<std::uint8_t> codes;
+  for (std::size_t row = 0; row < times_.size(); ++row) {
+    writer.begin_row(times_[row]);
+    for (std::size_t q = 0; q < quantities_.size(); ++q) {
+      const std::span<const double> values(values_[q].data() + row * nodes_, nodes_);
+      if (quantities_[q].is_regime) {
+        codes.assign(values.begin(), values.end());
+        writer.set(q, codes);
+      } else {
+        writer.set(q, values);
+      }
+    }
+    writer.end_row();
+  }
+  writer.close();
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,38 @@
+// Rows of a history, kept in memory until the run ends: a restart dump can hold them, and the run that goes on from it
+// ends with the file of one that was never stopped.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "proto/wire/dump.hpp"
+#include "proto/wire/recording.hpp"
+
+namespace shearbus::hydro {
+
+class HistoryRows {
+ public:
+  HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes);
+
+  void begin_row(double time);  // [s]
+  template <typename Values>    // of doubles, or of regimes
+  void set(std::size_t quantity, const Values& values) {
+    values_[quantity].insert(values_[quantity].end(), values.begin(), values.end());
+  }
+
+  void save(wire::DumpWriter& dump, const std::string& name) const;
+  void load(const wire::DumpReader& dump, const std::string& name);
+  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
+
+ private:
+  std::vector<wire::Quantity> quantities_;
+  std::size_t nodes_;
+  std::vector<double> times_;
+  std::vector<std::vector<double>> values_;  // [quantity][row, node]
+};
+
+}  // namespace shearbus::hydro

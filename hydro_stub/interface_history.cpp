@@ -1,0 +1,114 @@
+#include "hydro_stub/interface_history.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace shearbus::hydro {
+namespace {
+
+std::vector<wire::Quantity> interface_quantities() {
+  return {{.name = "shear_stress", .units = "Pa", .long_name = "shear stress at the interface, during the step"},
+          {.name = "sliding_velocity", .units = "m s-1", .long_name = "sliding velocity, mean of the step"},
+          {.name = "interface_temperature", .units = "K", .long_name = "temperature of the interface"},
+          {.name = "velocity_jump_new", .units = "m s-1", .long_name = "V_soft - V_hard as the law expects it"},
+          {.name = "pressure", .units = "Pa", .long_name = "sent: pressure on the interface"},
+          {.name = "velocity_jump", .units = "m s-1", .long_name = "sent: V_soft - V_hard at the start of the step"},
+          {.name = "stress_minus", .units = "Pa", .long_name = "sent: shear stress of the soft body's zones"},
+          {.name = "stress_plus", .units = "Pa", .long_name = "sent: shear stress of the hard body's zones"},
+          {.name = "zone_temperature", .units = "K", .long_name = "of the soft zones at the interface"},
+          {.name = "slip_distance", .units = "m", .long_name = "integral of |sliding velocity| while closed"},
+          {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
+          {.name = "height", .units = "m", .long_name = "second coordinate of the node"},
+          {.name = "regime", .units = "1", .long_name = "what held the shear stress", .is_regime = true}};
+}
+
+std::vector<wire::Quantity> surface_quantities() {
+  return {{.name = "axial_velocity", .units = "m s-1", .long_name = "along the second axis"},
+          {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
+          {.name = "height", .units = "m", .long_name = "second coordinate of the node"}};
+}
+
+}  // namespace
+
+InterfaceHistory::InterfaceHistory(std::size_t nodes) : rows_(interface_quantities(), nodes), slip_(nodes, 0.0) {}
+
+void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
+  const InterfaceInputs& in = cycle.contact().inputs();
+  const InterfaceAnswer& answer = cycle.contact().answer();
+  for (std::size_t i = 0; i < slip_.size(); ++i) {
+    const auto regime = static_cast<std::size_t>(answer.regime[i]);
+    ++regimes_[std::min(regime, regimes_.size() - 1)];
+    peaks_[kTemperature] = std::max(peaks_[kTemperature], answer.interface_temperature[i]);
+    peaks_[kPressure] = std::max(peaks_[kPressure], in.pressure[i]);
+    if (in.pressure[i] > 0.0) slip_[i] += std::abs(answer.sliding_velocity[i]) * in.dt;
+  }
+}
+
+void InterfaceHistory::record(const lagrange::Cycle& cycle) {
+  const InterfaceInputs& in = cycle.contact().inputs();
+  const InterfaceAnswer& answer = cycle.contact().answer();
+  std::vector<double> radius, height;
+  for (std::size_t i = 0; i < slip_.size(); ++i) {
+    const lagrange::Vec2 x = cycle.state().position[cycle.contact().weights().node(static_cast<int>(i))];
+    radius.push_back(x.x);
+    height.push_back(x.y);
+  }
+  rows_.begin_row(in.time);
+  std::size_t q = 0;
+  for (const std::vector<double>* values : std::initializer_list<const std::vector<double>*>{
+           &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature, &answer.velocity_jump_new,
+           &in.pressure, &in.velocity_jump, &in.stress_minus, &in.stress_plus, &in.zone_temperature, &slip_, &radius,
+           &height}) {
+    rows_.set(q++, *values);
+  }
+  rows_.set(q, answer.regime);
+}
+
+void InterfaceHistory::save(wire::DumpWriter& dump) const {
+  rows_.save(dump, "interface");
+  dump.numbers("interface_slip", slip_);
+  dump.numbers("interface_regimes", regimes_);
+  dump.numbers("interface_peaks", peaks_);
+}
+
+void InterfaceHistory::load(const wire::DumpReader& dump) {
+  rows_.load(dump, "interface");
+  dump.fill("interface_slip", slip_);
+  dump.fill("interface_regimes", regimes_);
+  dump.fill("interface_peaks", peaks_);
+}
+
+void InterfaceHistory::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
+  rows_.write(file, meta);
+}
+
+double InterfaceHistory::share(wire::Regime regime) const {
+  const double all = std::accumulate(regimes_.begin(), regimes_.end(), 0.0);
+  return all > 0.0 ? regimes_[static_cast<std::size_t>(regime)] / all : 0.0;
+}
+double InterfaceHistory::longest_slip() const {
+  return *std::ranges::max_element(slip_);
+}
+double InterfaceHistory::mean_slip() const {
+  return std::accumulate(slip_.begin(), slip_.end(), 0.0) / static_cast<double>(slip_.size());
+}
+
+SurfaceHistory::SurfaceHistory(std::vector<int> nodes)
+    : nodes_(std::move(nodes)), rows_(surface_quantities(), nodes_.size()) {}
+
+void SurfaceHistory::record(const lagrange::Cycle& cycle) {
+  std::vector<double> speed, radius, height;
+  for (const int n : nodes_) {
+    speed.push_back(cycle.state().velocity[n].y);
+    radius.push_back(cycle.state().position[n].x);
+    height.push_back(cycle.state().position[n].y);
+  }
+  rows_.begin_row(cycle.state().time);
+  rows_.set(0, speed);
+  rows_.set(1, radius);
+  rows_.set(2, height);
+}
+
+}  // namespace shearbus::hydro

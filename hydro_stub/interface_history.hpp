@@ -1,0 +1,60 @@
+// What a two-dimensional run records beside its fields: the interface nodes, and a free surface.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "hydro_stub/history_rows.hpp"
+#include "hydro_stub/lagrange/cycle.hpp"
+#include "proto/wire/messages.hpp"
+
+namespace shearbus::hydro {
+
+// Histories of the interface nodes, and what the summary says of them.
+class InterfaceHistory {
+ public:
+  explicit InterfaceHistory(std::size_t nodes);
+
+  void observe(const lagrange::Cycle& cycle);  // every step
+  void record(const lagrange::Cycle& cycle);   // a row
+
+  void save(wire::DumpWriter& dump) const;
+  void load(const wire::DumpReader& dump);
+  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
+
+  std::size_t nodes() const { return slip_.size(); }
+  double share(wire::Regime regime) const;  // of the node-steps
+  double hottest() const { return peaks_[kTemperature]; }
+  double highest_pressure() const { return peaks_[kPressure]; }
+  double longest_slip() const;
+  double mean_slip() const;
+
+ private:
+  enum Peak : std::size_t { kTemperature, kPressure };
+
+  HistoryRows rows_;
+  std::vector<double> slip_;         // integral of |[v]| while closed  [m]
+  std::array<double, 5> regimes_{};  // node-steps in each
+  std::array<double, 2> peaks_{};    // [K], [Pa]
+};
+
+// Nodes of a surface, as they are walked.
+class SurfaceHistory {
+ public:
+  explicit SurfaceHistory(std::vector<int> nodes);
+
+  void record(const lagrange::Cycle& cycle);
+  void save(wire::DumpWriter& dump) const { rows_.save(dump, "free_surface"); }
+  void load(const wire::DumpReader& dump) { rows_.load(dump, "free_surface"); }
+  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
+    rows_.write(file, meta);
+  }
+  bool empty() const { return nodes_.empty(); }
+
+ private:
+  std::vector<int> nodes_;
+  HistoryRows rows_;
+};
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,86 @@
+#include "hydro_stub/restart.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "proto/wire/status.hpp"
+
+namespace shearbus::hydro {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kKept = 2;
+
+// Newest first; the numbers in their names have one width.
+std::vector<fs::path> dumps_of(const fs::path& run) {
+  std::vector<fs::path> found;
+  std::error_code none;
+  for (const fs::directory_entry& entry : fs::directory_iterator(restart_directory(run), none)) {
+    if (entry.path().filename().string().starts_with("dump-") && entry.path().extension() == ".h5")
+      found.push_back(entry.path());
+  }
+  std::ranges::sort(found, std::greater());
+  return found;
+}
+
+}  // namespace
+
+fs::path restart_directory(const fs::path& run) {
+  return run / "restart";
+}
+
+wire::DumpReader newest_dump(const fs::path& run) {
+  for (const fs::path& file : dumps_of(run)) {
+    try {
+      return wire::DumpReader(file);
+    } catch (const wire::Error& fault) {
+      fmt::print(stderr, "shearbus-hydro: warning: a restart dump is damaged: {}\n", fault.what());
+    }
+  }
+  throw wire::Error({.code = wire::Code::kInvalidValue,
+                     .text = fmt::format("{} holds no restart dump that can be read", restart_directory(run).string()),
+                     .remedy = "Give the directory of a run that was stopped."});
+}
+
+fs::path server_directory(const fs::path& run) {
+  const fs::path directory = restart_directory(run) / "server";
+  fs::create_directories(directory);
+  return directory;
+}
+
+void make_room_for_dumps(const fs::path& run) {
+  if (dumps_of(run).empty()) {
+    fs::remove_all(restart_directory(run));  // of a run that ended before its first dump
+    return;
+  }
+  throw wire::Error({.code = wire::Code::kInvalidValue,
+                     .text = fmt::format("{} holds restart dumps of a run that was stopped", run.string()),
+                     .remedy = fmt::format("Go on with it (--restart {}), remove {}, or write elsewhere (--out).",
+                                           run.string(), restart_directory(run).string())});
+}
+
+bool RestartDumps::due(std::uint64_t steps) const {
+  const bool by_steps = schedule_.every_steps > 0 && steps % schedule_.every_steps == 0;
+  return by_steps || (schedule_.interval_s > 0.0 &&
+                      std::chrono::steady_clock::now() - last_ >= std::chrono::duration<double>(schedule_.interval_s));
+}
+
+void RestartDumps::write(std::uint64_t steps, const std::function<void(const std::string&, wire::DumpWriter&)>& fill) {
+  fs::create_directories(restart_directory(run_));
+  const std::string name = fmt::format("dump-{:012}", steps);
+  wire::DumpWriter dump(restart_directory(run_) / (name + ".h5"));
+  fill(name, dump);
+  dump.close();
+  const std::vector<fs::path> all = dumps_of(run_);
+  for (std::size_t i = kKept; i < all.size(); ++i) fs::remove(all[i]);
+  last_ = std::chrono::steady_clock::now();
+}
+
+void RestartDumps::remove() const {
+  fs::remove_all(restart_directory(run_));
+}
+
+}  // namespace shearbus::hydro

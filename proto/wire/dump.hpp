@@ -1,0 +1,55 @@
+// A restart dump on disk: arrays and texts by name, in one HDF5 file that is whole or not there. Every value is
+// checksummed; a flipped bit is an error. Throws wire::Error{kInvalidValue} with file and name in the text.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace shearbus::wire {
+
+class DumpWriter {
+ public:
+  // Works on FILE.partial, which only the owner may read: a dump may hold what gives access to a session.
+  explicit DumpWriter(std::filesystem::path file);
+  DumpWriter(const DumpWriter&) = delete;
+  DumpWriter& operator=(const DumpWriter&) = delete;
+  ~DumpWriter();  // of a writer that was not closed: removes the partial file
+
+  void numbers(const std::string& name, std::span<const double> values);
+  void counts(const std::string& name, std::span<const std::uint64_t> values);
+  void text(const std::string& name, std::string_view value);
+  void close();  // everything is on the disk, under the final name, when this returns
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// A dump read whole, so that one that is damaged is found at once.
+class DumpReader {
+ public:
+  explicit DumpReader(std::filesystem::path file);
+
+  const std::vector<double>& numbers(const std::string& name) const;
+  const std::vector<std::uint64_t>& counts(const std::string& name) const;
+  const std::string& text(const std::string& name) const;
+  // Fills `values`, which must have the dump's length.
+  void fill(const std::string& name, std::span<double> values) const;
+  void fill(const std::string& name, std::span<std::uint64_t> values) const;
+
+  const std::filesystem::path& file() const { return file_; }
+
+ private:
+  std::filesystem::path file_;
+  std::map<std::string, std::vector<double>> numbers_;
+  std::map<std::string, std::vector<std::uint64_t>> counts_;
+  std::map<std::string, std::string> texts_;
+};
+
+}  // namespace shearbus::wire

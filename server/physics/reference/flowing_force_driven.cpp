@@ -1,0 +1,198 @@
+// The force-driven step with plastic strain, every equation said once and every answer looked for.
+#include <algorithm>
+#include <cmath>
+
+#include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
+
+namespace shearbus::physics::reference {
+namespace {
+
+// One way the step of a flowing layer may end.
+struct Candidate {
+  double stress, flux, slip;
+  bool sticks;
+};
+
+// Everything DLP (48), (61), (64) and the interface law ask of the step of a flowing layer, said once per equation.
+struct FlowingStep {
+  FlowingStep(const ModelOptions& model_options, double step, const NodeInputs& inputs, const NodeState& state)
+      : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
+    T_ad = conduct(options, dt, {}, profile_of(state));
+    B = unit_response(options, dt, {}, T_ad);
+    jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
+    per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+    const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
+    direction = leads < 0.0 ? -1.0 : 1.0;
+    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_rate : 0.0;
+    ceiling_strength = soft.hardening_coefficient > 0.0 ? soft.yield_strength_max
+                                                        : std::min(soft.yield_strength, soft.yield_strength_max);
+    T_melt = at_pressure(soft, in.pressure).melting_temperature;
+  }
+
+  double T(int vertex, double q) const { return T_ad[vertex] + q * B[vertex]; }
+  int hottest(double q) const {
+    int at = 0;
+    for (int i = 1; i < grid.num_vertices(); ++i) at = T(i, q) > T(at, q) ? i : at;
+    return at;
+  }
+  double jump_new(double a) const { return direction * jump_free - a * per_stress; }
+  double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
+  double limit(double q) const {  // of the interface
+    return std::min(options.interface.friction_coefficient * in.pressure,
+                    options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
+  }
+  double ceiling(double q) const {  // of the layer
+    const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
+    return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
+  }
+  double flow(double a, double q) const {
+    if (!(soft.hardening_coefficient > 0.0) || a <= 0.0) return 0.0;
+    double sum = 0.0;
+    for (int i = 0; i < grid.num_vertices(); ++i) {
+      sum += grid.weight[i] * strain_increment(soft, a, in.pressure, T(i, q), old.plastic_strain[i]);
+    }
+    return kSqrt3 * sum / dt;  // [m/s]
+  }
+  double slip(double a, double q) const { return std::max(0.0, jump_mid(a) + drive - flow(a, q)); }
+  double stopping_slip(double a) const { return std::max(0.0, 0.5 * (direction * in.velocity_jump - jump_new(a))); }
+
+  const ModelOptions& options;
+  const Material& soft;
+  const NodeInputs& in;
+  const NodeState& old;
+  Grid grid;
+  double dt;
+  Profile T_ad, B;
+  double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
+};
+
+// The one stress at which the slip has ended by the end of the step.
+Candidate stick_of(const FlowingStep& step, double beta_T) {
+  const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
+  const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
+  const double most = bisect([&](double a) { return a - step.ceiling(flux(a)); }, 0.0, 2.0 * rigid + 1.0);
+  const double a =
+      bisect([&](double x) { return step.flow(x, flux(x)) - step.jump_new(x) - step.drive; }, 0.0, 2.0 * rigid + 1.0);
+  const double stress = std::min(a, most);
+  return {stress, flux(stress), step.stopping_slip(stress), true};
+}
+
+// Fluxes up to the one that melts the vertex, fine near melting.
+void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& fluxes) {
+  const double to_melting = step.T_melt - step.T_ad[vertex];
+  for (int i = 0; i < kScan / 8 && to_melting > 0.0; ++i) {
+    const double at = i / (kScan / 8.0);
+    fluxes.push_back(to_melting * at / step.B[vertex]);
+    fluxes.push_back(to_melting * (1.0 - std::exp(-30.0 * at)) / step.B[vertex]);
+    fluxes.push_back(to_melting * std::exp(-40.0 * at) / step.B[vertex]);
+  }
+}
+
+// Every slip: with the heat flux given, T0 is, and with it the stress; the slip must make that heat. In flux's order.
+std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
+  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // molten
+  const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
+  std::vector<double> fluxes;
+  scan_to_melting(step, 0, fluxes);
+  if (step.hottest(0.0) > 0) scan_to_melting(step, step.hottest(0.0), fluxes);
+  std::erase_if(fluxes, [&](double q) { return q >= melts; });
+  std::sort(fluxes.begin(), fluxes.end());
+  fluxes.erase(std::unique(fluxes.begin(), fluxes.end()), fluxes.end());
+  const auto stress = [&](double q) { return std::min(step.limit(q), step.ceiling(q)); };
+  const auto balance = [&](double q) { return q - beta_T * stress(q) * step.slip(stress(q), q); };
+  // At the ceiling the layer takes any slip: the interface slips beside it only where its own limit is as low.
+  const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
+  std::vector<Candidate> found;
+  const auto add = [&](double q) {
+    if (stress(q) > a_stick) return;  // it would have stuck before the step was over
+    const double a = stress(q);
+    found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
+  };
+  for (std::size_t i = 0; i + 1 < fluxes.size(); ++i) {
+    double lo = fluxes[i], hi = fluxes[i + 1];
+    if (at_interface(lo) != at_interface(hi)) {  // where both hold the layer takes what is left
+      const bool from_interface = at_interface(lo);
+      const double both = bisect([&](double x) { return at_interface(x) == from_interface ? -1.0 : 1.0; }, lo, hi);
+      if (balance(both) <= 0.0) add(both);
+      (from_interface ? hi : lo) = both;
+    } else if (!at_interface(lo)) {
+      continue;
+    }
+    if (i == 0 && balance(lo) == 0.0) {
+      if (balance(hi) >= 0.0) add(0.0);
+    } else if ((balance(lo) < 0.0) != (balance(hi) < 0.0)) {
+      const double sign = balance(lo) < 0.0 ? 1.0 : -1.0;
+      add(bisect([&](double x) { return sign * balance(x); }, lo, hi));
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+  const FlowingStep step(options, dt, in, state);
+  const double beta_T = conducted_share(options);
+  NodeOutputs out;
+  if (in.pressure <= 0.0) {
+    out.regime = state.regime = Regime::kOpen;
+    out.sliding_velocity = 0.5 * (in.velocity_jump + step.jump_free);
+    out.velocity_jump_new = step.jump_free;
+    out.interface_temperature = step.T_ad[0];
+    heat_up(state, step.T_ad, 0.0, step.B);
+    state.shear_stress = 0.0;
+    state.sticking = false;
+    return out;
+  }
+
+  // 1. Every answer. A stuck interface sticks if it can; a slipping one goes on beside a layer that does not flow, and
+  //    where that is none it sticks if it can.
+  const Candidate stick = stick_of(step, beta_T);
+  const bool can_stick = stick.stress <= step.limit(stick.flux) * (1.0 + 1e-13);
+  const std::vector<Candidate> slips = slips_of(step, beta_T, stick.stress);
+  const auto rigid_under = [&](double a, double q) { return step.flow(a, q) == 0.0 && a <= step.ceiling(q); };
+  const bool rigid_slip = !slips.empty() && rigid_under(slips.back().stress * (1.0 - 1e-11), slips.back().flux);
+  const bool by_rounding = rigid_slip && !rigid_under(slips.back().stress * (1.0 + 1e-9), slips.back().flux);
+  const bool molten = step.limit(0.0) <= 0.0;  // sticks to nothing
+  const bool sticks = (can_stick && !molten && (state.sticking || !rigid_slip)) || slips.empty();
+  const Candidate taken = sticks ? stick : slips.back();
+  out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
+  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // whether the layer flows decides, and just does
+
+  // 2. Strain, the surplus over (48) at the hottest vertex where the ceiling holds the stress.
+  const double a = taken.stress;
+  const double wanted = taken.sticks ? step.jump_new(a) + step.drive : step.jump_mid(a) + step.drive - taken.slip;
+  const double surplus = std::max(0.0, (wanted - step.flow(a, taken.flux)) * dt / kSqrt3);
+  const bool at_ceiling = a >= step.ceiling(taken.flux) * (1.0 - 1e-9);
+  const int hottest = step.hottest(taken.flux);
+  bool flows = false;
+  for (int i = 0; i < step.grid.num_vertices() && options.soft.hardening_coefficient > 0.0; ++i) {
+    const double dep = strain_increment(options.soft, a, in.pressure, step.T(i, taken.flux), state.plastic_strain[i]);
+    flows = flows || dep > 0.0;
+    state.plastic_strain[i] += dep;
+  }
+  if (at_ceiling) {
+    flows = flows || surplus > 0.0;
+    state.plastic_strain[hottest] += surplus / step.grid.weight[hottest];
+  }
+
+  // 3. Upscale.
+  heat_up(state, step.T_ad, taken.flux, step.B);
+  state.shear_stress = out.shear_stress = step.direction * a;
+  state.sticking = taken.sticks;
+  out.sliding_velocity = step.direction * taken.slip;
+  out.velocity_jump_new = step.jump_free - step.direction * a * step.per_stress;
+  out.friction_heat = taken.flux * dt;
+  out.interface_temperature = state.temperature[0];
+  const bool melting = state.temperature[taken.sticks ? hottest : 0] >= 0.99 * step.T_melt;
+  const bool coulomb = options.interface.friction_coefficient * in.pressure <= step.limit(taken.flux);
+  out.regime = taken.sticks && !flows     ? Regime::kStick
+               : !taken.sticks && coulomb ? Regime::kCoulomb
+               : melting                  ? Regime::kMelting
+                                          : Regime::kTresca;
+  state.regime = out.regime;
+  return out;
+}
+
+}  // namespace shearbus::physics::reference

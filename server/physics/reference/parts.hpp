@@ -1,0 +1,44 @@
+// What the twin's steps are made of.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "server/physics/reference/advance_one.hpp"
+
+namespace shearbus::physics::reference {
+
+inline constexpr int kScan = 4000;  // points in the search for sign changes
+
+// The only zero of f in [lo, hi], f rising from negative. No tolerance: until no number lies between.
+double bisect(const std::function<double(double)>& f, double lo, double hi);
+
+// One value per row of the heat grid, read from z = 0 into the soft body.
+struct Profile {
+  std::vector<double> rows;
+  std::size_t interface = 0;
+  double operator[](std::size_t vertex) const { return rows[interface + vertex]; }
+};
+
+Profile profile_of(const NodeState& state);
+
+// Share of the friction power that heats what conducts.
+double conducted_share(const ModelOptions& options);
+
+// Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
+// body and insulated far ends: DLP (20-31).
+Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old);
+
+// To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
+Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like);
+
+// T = T_ad + q B, kept.
+void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
+
+// dep of one vertex under a stress magnitude, DLP (48) as printed.
+double strain_increment(const Material& m, double a, double pressure, double T, double ep_old);
+
+// The force-driven step with plastic strain.
+NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+
+}  // namespace shearbus::physics::reference

@@ -1,0 +1,176 @@
+// The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
+// interface law together.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "server/physics/solver/flowing_slip.hpp"
+#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/substeps.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// One lane's host inputs and laws, for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
+                      const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
+  const InterfaceOptions& law = problem.options.interface;
+  FlowingStart start{};
+  start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
+                 &soft};
+  start.ceiling = strength_ceiling(soft) / kSqrt3;
+  start.hardens = soft.hardening_coefficient > 0.0;
+  start.first_weight = problem.grid.weight[0];
+  start.first_strain = first_strain;
+  start.layer = {T_ad + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1};
+  start.heat_partition = problem.heat_partition;
+  start.dt = heat.dt;
+  start.forcing = forcing_of(inputs, lane);
+  start.forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_rate[lane];
+  start.before = before;
+  return start;
+}
+
+void add_surplus(const Problem& problem, const FlowingSlip::Answer& answer, int lane, double* strain) {
+  strain[answer.hottest * kLanes + lane] +=
+      answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
+}
+
+// One substep of one lane, in place: temperature after conduction, strain of the last substep.
+LaneStep substep(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
+                 const HeatOperator& heat, const LaneStep& before, const double* T, double* strain) {
+  if (inputs.pressure[lane] <= 0.0) {
+    return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+  }
+  const FlowingStart start = start_of(problem, soft, inputs, lane, heat, T, strain[lane], before);
+  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, 0};
+  const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
+    if (!start.hardens) return 0.0;
+    FlowLoad load;
+    set_load(soft, inputs.pressure[lane], step.stress(), step.flux(), lane, load);
+    return flow_of_lane(flow, load, lane, strain_new);
+  };
+  FlowingSlip step(start);
+  while (!step.done()) step.take(slip_under(step, nullptr));
+  const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
+  add_surplus(problem, answer, lane, strain);
+  return answer.step;
+}
+
+void copy_lane(const double* from, double* to, int num_vertices, int lane) {
+  for (std::ptrdiff_t i = 0; i < num_vertices; ++i) to[i * kLanes + lane] = from[i * kLanes + lane];
+}
+
+}  // namespace
+
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const Material& soft = problem.options.soft;
+  const bool hardens = soft.hardening_coefficient > 0.0;
+  const int n = problem.heat_grid.num_vertices();
+  const HeatOperator& heat = operators.heat();
+  const double* T_old = committed + layout.first_temperature();
+  const double* strain = committed + layout.plastic_strain;
+  double* T_all = trial + layout.first_temperature();
+  double* T = trial + layout.temperature;
+  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answers are known
+
+  // 1. Conduction without friction: DLP (28-35).
+  conduct(heat, n, T_old, T_all);
+
+  // 2. Where each lane starts from.
+  FlowingSlip lanes[kLanes];
+  LaneStep before[kLanes];
+  FlowLoad load;
+  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
+  if (soft.varies_with_compression()) own.emplace();
+  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
+  for (int l = 0; l < kLanes; ++l) {
+    const bool active = (inputs.active >> l & 1u) != 0;
+    const double pressure = active ? inputs.pressure[l] : 0.0;
+    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
+    before[l] = {committed[layout.shear_stress + l],
+                 0.0,
+                 inputs.velocity_jump[l],
+                 0.0,
+                 static_cast<Regime>(static_cast<int>(committed[layout.regime + l])),
+                 committed[layout.sticking + l] != 0.0,
+                 true,
+                 false};
+    if (pressure > 0.0) {
+      lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l]));
+    }
+    set_load(soft_at(l), pressure, lanes[l].stress(), lanes[l].flux(), l, load);
+  }
+
+  // 3. Stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
+  FlowSum sum{};
+  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated()};
+  if (hardens) flow_thresholds(flow, load, strain_new);
+  for (;;) {
+    bool all_done = true;
+    for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
+    if (all_done) break;
+    if (hardens) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
+    for (int l = 0; l < kLanes; ++l) {
+      if (lanes[l].done()) continue;
+      lanes[l].take(sum.slip[l]);
+      set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
+    }
+  }
+  if (hardens) {
+    flow_to(flow, load, problem.grid.num_vertices(), strain_new, sum);
+  } else {
+    std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
+  }
+
+  // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
+  double flux[kLanes] = {};
+  for (int l = 0; l < kLanes; ++l) {
+    if (!(inputs.active >> l & 1u)) continue;
+    LaneResult result;
+    std::uint8_t outcome = 0;
+    if (inputs.pressure[l] <= 0.0) {
+      result.step = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
+    } else {
+      const FlowingSlip::Answer answer = lanes[l].answer(sum.slip[l]);
+      result.step = answer.step;
+      add_surplus(problem, answer, l, strain_new);
+    }
+    result.heat = result.step.flux * heat.dt;
+    if (result.step.unique) {
+      flux[l] = result.step.flux;
+    } else {
+      outcome = kSubstepped;
+      for (int k = 1; k <= operators.max_halvings(); ++k) {
+        const HeatOperator& shorter = operators.heat(k);
+        copy_lane(T_old, T_all, n, l);
+        copy_lane(strain, strain_new, problem.grid.num_vertices(), l);
+        if (run_substeps(shorter, n, 1 << k, k == operators.max_halvings(), l, before[l], T_all, result,
+                         [&](const LaneStep& last) {
+                           return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
+                         })) {
+          break;
+        }
+      }
+    }
+    if (result.step.several) outcome |= kMultipleRoots;
+    set_outputs(result, l, outputs);
+    outputs.outcome[l] = outcome;
+    trial[layout.shear_stress + l] = result.step.stress;
+    trial[layout.regime + l] = static_cast<double>(result.step.regime);
+    trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
+  }
+
+  // 5. The friction heat of this step: T = T_ad + q B.
+  add_flux(heat, n, flux, T_all);
+  for (int l = 0; l < kLanes; ++l) {
+    if (inputs.active >> l & 1u) outputs.interface_temperature[l] = T[l];
+  }
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,241 @@
+"""Runs that are killed and go on: the hydrocode, the server, or both, at random moments. What is left at the end must be, to the
+bit, what a run leaves to which nothing happens."""
+import argparse
+import json
+import os
+import pathlib
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import h5py
+import numpy
+
+OPTIONS = None
+SEED = int(os.environ.get("SHEARBUS_SEED", "1"))
+KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # of each test
+NOT_COMPARED = {"run_time_s", "service_share"}  # of the summary
+
+
+def shortened_cone(directory):
+    text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel_coarse.toml").read_text()
+    for key, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6"}.items():
+        text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
+        assert found == 1, key
+    path = directory / "cone.toml"
+    path.write_text(text)
+    return path
+
+
+def same(test, ours, theirs):
+    """Every dataset of histories and fields, every number of the summary."""
+    names = sorted(p.relative_to(theirs) for p in theirs.rglob("*.h5"))
+    test.assertEqual(sorted(p.relative_to(ours) for p in ours.rglob("*.h5")), names)
+    for name in names:
+        with h5py.File(ours / name) as a, h5py.File(theirs / name) as b:
+            found = []
+            b.visititems(lambda path, thing: found.append(path) if isinstance(thing, h5py.Dataset) else None)
+            for path in found:
+                if not path.startswith("meta"):
+                    numpy.testing.assert_array_equal(a[path][...], b[path][...], err_msg=f"{name} {path}")
+    a, b = (json.loads((run / "summary.json").read_text()) for run in (ours, theirs))
+    for key in b.keys() - NOT_COMPARED:
+        test.assertEqual(a[key], b[key], key)
+
+
+class Restart(unittest.TestCase):
+    def setUp(self):
+        self.random = random.Random(f"{SEED} {self.id()}")
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.path = pathlib.Path(scratch.name)
+        self.scene = shortened_cone(self.path)
+        self.endpoint = f"ipc://{self.path}/bus"
+        self.processes = []
+        self.addCleanup(self.end_all)
+
+    def end_all(self):
+        for process in self.processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            process.stdout.close()
+
+    def start(self, *command):
+        process = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.processes.append(process)
+        return process
+
+    def serve(self):
+        return self.start(OPTIONS.server, "--bind", self.endpoint, "--state-dir", self.path / "state", "--log-level", "off")
+
+    def undisturbed(self, *arguments):
+        out = self.path / "undisturbed"
+        done = subprocess.run([OPTIONS.hydro, str(self.scene), "--out", str(out), "--no-plot", *arguments],
+                              capture_output=True, text=True, timeout=120)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return out
+
+    def hydro(self, *arguments):
+        out = self.path / "run"
+        where = ("--restart", out) if list(out.glob("restart/dump-*.h5")) else (self.scene, "--out", out, *arguments)
+        server = ("--server", self.endpoint) if "--server" in arguments else ()
+        return out, self.start(OPTIONS.hydro, *where, *(server if where[0] == "--restart" else ()), "--no-plot", "--dump-every", 10)
+
+    def wait_for_a_new_dump(self, out, process):
+        """And a little longer, so that the kill comes anywhere in the steps or dumps that follow."""
+        before = set(out.glob("restart/dump-*.h5"))
+        end = time.monotonic() + 60
+        while set(out.glob("restart/dump-*.h5")) <= before and process.poll() is None:
+            self.assertLess(time.monotonic(), end, "no dump came")
+            time.sleep(0.002)
+        time.sleep(self.random.uniform(0.0, 0.1))
+
+    def finished(self, out, process, reference):
+        printed, _ = process.communicate(timeout=120)
+        self.assertEqual(process.returncode, 0, printed)
+        self.assertFalse((out / "restart").exists())
+        same(self, out, reference)
+
+    def killed_again_and_again(self, *arguments):
+        reference = self.undisturbed(*(a for a in arguments if a not in ("--server", self.endpoint)))
+        killed = 0
+        for _ in range(KILLS):
+            out, process = self.hydro(*arguments)
+            self.wait_for_a_new_dump(out, process)
+            process.kill()
+            printed, _ = process.communicate()
+            killed += process.returncode == -signal.SIGKILL
+            if process.returncode == 0:
+                break
+            self.assertEqual(process.returncode, -signal.SIGKILL, printed)
+            self.assertFalse((out / "summary.json").exists())
+        self.assertGreater(killed, 1)
+        if (out / "restart").exists():
+            out, process = self.hydro(*arguments)
+            self.finished(out, process, reference)
+        else:
+            same(self, out, reference)
+
+    def test_local_law(self):
+        self.killed_again_and_again("--interface-law", "coulomb_tresca")
+
+    def test_server_in_the_process(self):
+        self.killed_again_and_again()
+
+    def test_hydro_killed_beside_a_server(self):
+        self.serve()
+        self.killed_again_and_again("--server", self.endpoint)
+
+    def test_server_killed_under_a_hydro(self):
+        reference = self.undisturbed()
+        server = self.serve()
+        out, process = self.hydro("--server", self.endpoint)
+        for _ in range(KILLS):
+            self.wait_for_a_new_dump(out, process)
+            server.kill()
+            server.wait()
+            time.sleep(self.random.uniform(0.0, 0.2))
+            server = self.serve()
+        self.finished(out, process, reference)
+
+    def test_both_killed(self):
+        reference = self.undisturbed()
+        for _ in range(KILLS):
+            server = self.serve()
+            out, process = self.hydro("--server", self.endpoint)
+            self.wait_for_a_new_dump(out, process)
+            for victim in self.random.sample([server, process], 2):
+                victim.kill()
+                victim.wait()
+        self.serve()
+        if (out / "restart").exists():
+            out, process = self.hydro("--server", self.endpoint)
+            self.finished(out, process, reference)
+        else:
+            same(self, out, reference)
+
+    def test_interrupted_run_says_how_to_go_on(self):
+        reference = self.undisturbed("--interface-law", "coulomb_tresca")
+        out = self.path / "run"
+        process = self.start(OPTIONS.hydro, self.scene, "--out", out, "--no-plot", "--interface-law", "coulomb_tresca")
+        while not (out / "fields.xmf").exists() and process.poll() is None:
+            time.sleep(0.002)
+        process.send_signal(signal.SIGINT)
+        printed, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 3, printed)
+        self.assertIn(f"go on with: shearbus-hydro --restart {out}", printed)
+        self.assertFalse((out / "interface.h5").exists())
+        self.assertFalse(list(out.rglob("*.partial")))
+        begun_anew = self.start(OPTIONS.hydro, self.scene, "--out", out, "--no-plot", "--interface-law", "coulomb_tresca")
+        printed, _ = begun_anew.communicate(timeout=60)
+        self.assertEqual(begun_anew.returncode, 1)
+        self.assertIn("holds restart dumps of a run that was stopped", printed)
+        self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference)
+
+    def test_layers_that_end_with_the_process_are_not_dumped(self):
+        out = self.path / "run"
+        process = self.start(OPTIONS.hydro, self.scene, "--out", out, "--no-plot")
+        while not (out / "fields.xmf").exists() and process.poll() is None:
+            time.sleep(0.002)
+        process.send_signal(signal.SIGTERM)
+        printed, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 1, printed)
+        self.assertIn("no restart dump: the layers live in this process", printed)
+
+    def test_damaged_dump_gives_way_to_the_one_before(self):
+        reference = self.undisturbed("--interface-law", "coulomb_tresca")
+        out, process = self.hydro("--interface-law", "coulomb_tresca")
+        for _ in range(2):
+            self.wait_for_a_new_dump(out, process)
+        process.kill()
+        process.communicate()
+        dumps = sorted(out.glob("restart/dump-*.h5"))
+        self.assertEqual(len(dumps), 2)
+        bytes_ = bytearray(dumps[-1].read_bytes())
+        with h5py.File(dumps[-1]) as f:
+            place = f["numbers/cycle/velocity"].id.get_chunk_info(0).byte_offset
+        bytes_[place + 1001] ^= 4
+        dumps[-1].write_bytes(bytes_)
+        process = self.start(OPTIONS.hydro, "--restart", out, "--no-plot")
+        printed, _ = process.communicate(timeout=60)
+        self.assertIn("a restart dump is damaged", printed)
+        self.assertEqual(process.returncode, 0, printed)
+        same(self, out, reference)
+
+    def test_restart_of_nothing(self):
+        done = subprocess.run([OPTIONS.hydro, "--restart", str(self.path / "none")], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("holds no restart dump", done.stderr)
+        done = subprocess.run([OPTIONS.hydro, "--restart", str(self.path), str(self.scene)], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2)
+
+    def test_session_that_is_gone(self):
+        server = self.serve()
+        out, process = self.hydro("--server", self.endpoint)
+        self.wait_for_a_new_dump(out, process)
+        process.kill()
+        process.communicate()
+        server.kill()
+        server.wait()
+        shutil.rmtree(self.path / "state")
+        self.serve()
+        out, process = self.hydro("--server", self.endpoint)
+        printed, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 1, printed)
+        self.assertIn("UNKNOWN_SESSION", printed)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--hydro", required=True)
+    parser.add_argument("--server", required=True)
+    parser.add_argument("--problems", required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=[sys.argv[0], *rest])

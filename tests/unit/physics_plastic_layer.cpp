@@ -1,0 +1,343 @@
+// The force-driven step with a flowing layer: its limits, and what it must not do.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+ModelOptions plastic_options() {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven));
+  options.plastic_layer = true;
+  return options;
+}
+
+void set_masses(Rig& rig, double zone = 5e-6) {
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.mass_minus[l] = 2703.0 * 0.5 * zone;
+    rig.inputs.mass_plus[l] = 7900.0 * 0.5 * zone;
+  }
+}
+
+// A layer of unlimited strength is the simplified model, to the last bit and whatever the inputs.
+TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
+  Draw draw(21);
+  for (int scene = 0; scene < 60; ++scene) {
+    ModelOptions options = random_options(draw, Strategy::kForceDriven, scene % 2 == 1);
+    options.soft.yield_strength = 1e300;
+    options.soft.melting_curve = MeltingCurve::kConstant;  // a vertex molten by release has no strength left
+    options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
+    options.plastic_layer = true;
+    ModelOptions simplified = options;
+    simplified.plastic_layer = false;
+    Rig rig(options), other(simplified);
+    for (int step = 0; step < 20; ++step) {
+      random_inputs(draw, rig, scene % 2 == 1);
+      for (int l = 0; l < kLanes; ++l) {
+        rig.inputs.soft_plastic_rate[l] = 0.0;  // the simplified model knows no such thing
+        // Of the masses, those a server lets through: below, the jump's last digit decides what sticks.
+        rig.inputs.mass_minus[l] = std::max(rig.inputs.mass_minus[l], 1e-9);
+        rig.inputs.mass_plus[l] = std::max(rig.inputs.mass_plus[l], 1e-9);
+      }
+      other.inputs = rig.inputs;
+      const double dt = random_dt(draw, scene % 2 == 1);
+      rig.step(dt);
+      other.step(dt);
+      const std::size_t vertices = rig.model.layout().num_vertices * kLanes * sizeof(double);
+      ASSERT_EQ(std::memcmp(rig.committed.data(), other.committed.data(), vertices), 0) << scene << " " << step;
+      for (int l = 0; l < kLanes; ++l) {
+        ASSERT_EQ(rig.outputs.shear_stress[l], other.outputs.shear_stress[l]);
+        ASSERT_EQ(rig.outputs.sliding_velocity[l], other.outputs.sliding_velocity[l]);
+        ASSERT_EQ(rig.outputs.velocity_jump_new[l], other.outputs.velocity_jump_new[l]);
+        ASSERT_EQ(rig.outputs.friction_heat[l], other.outputs.friction_heat[l]);
+        ASSERT_EQ(rig.outputs.regime[l], other.outputs.regime[l]);
+        ASSERT_EQ(rig.outputs.outcome[l], other.outputs.outcome[l]);
+        ASSERT_EQ(rig.plastic_slip(l), 0.0);
+      }
+    }
+  }
+}
+
+TEST(PhysicsPlasticLayer, StateIsThereOnlyWhenAskedFor) {
+  ModelOptions options = plastic_options();
+  const TileLayout with = Model(options).layout();
+  options.plastic_layer = false;
+  const TileLayout without = Model(options).layout();
+  EXPECT_EQ(without.plastic_strain, TileLayout::kAbsent);
+  EXPECT_EQ(without.sticking, TileLayout::kAbsent);
+  EXPECT_EQ(without.doubles, (61u + 2u) * kLanes);  // T, s, regime
+  EXPECT_EQ(with.doubles, without.doubles + (61u + 1u) * kLanes);
+}
+
+// Heavy bodies keep their jump: the force-driven layer under a stiff drive is the velocity-driven one. An interface
+// stronger than the layer leaves all the shear to the flow, which makes no friction heat: compare at low speed, where
+// the velocity-driven law's surface heating is small.
+TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
+  ModelOptions options = plastic_options();
+  options.interface = {10.0, 1e12};
+  ModelOptions imposed = graded(paper_options(Strategy::kVelocityDriven));
+  Rig rig(options, 1), other(imposed, 1);
+  const double jump = 1.0;
+  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e6;
+  rig.set_all(jump, 11.2e9);
+  other.set_all(jump, 11.2e9);
+  for (int n = 0; n < 50; ++n) {
+    rig.inputs.velocity_jump[0] = jump;
+    rig.step(1e-7);
+    other.step(1e-7);
+    ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump, 1e-4);
+  }
+  // The layer of (64) has no elastic shear of its own to load, the velocity-driven one does: h s/G0 of slip apart.
+  const double elastic = options.grid.thickness * other.stress() / options.soft.shear_modulus;
+  EXPECT_NEAR(rig.plastic_slip(), other.plastic_slip() + elastic, 1e-3 * rig.plastic_slip());
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kTresca);
+  EXPECT_NEAR(rig.stress() / other.stress(), 1.0, 0.02);
+}
+
+// Bodies thrown against each other with a weak layer between. The interface of `yield` sticks and the layer alone stops
+// them, or both give way at once.
+struct Stop {
+  double stress, T0, jump, plastic_slip, interface_slip;
+};
+Stop stop_bodies(const InterfaceOptions& interface, double zone, double prestrain, double dt, double end) {
+  ModelOptions options = plastic_options();
+  options.interface = interface;
+  Rig rig(options, 1);
+  set_masses(rig, zone);
+  std::fill_n(rig.committed.data() + rig.model.layout().plastic_strain, rig.model.layout().num_strain_vertices * kLanes,
+              prestrain);
+  Stop stop{0.0, 0.0, 60.0, 0.0, 0.0};
+  const int steps = static_cast<int>(std::lround(end / dt));
+  for (int n = 0; n < steps; ++n) {
+    rig.set_all(stop.jump, 11.2e9);
+    rig.step(dt);
+    EXPECT_LE(rig.outputs.velocity_jump_new[0], stop.jump) << n;
+    EXPECT_GE(rig.outputs.velocity_jump_new[0], 0.0) << n;
+    stop.jump = rig.outputs.velocity_jump_new[0];
+    stop.interface_slip += rig.outputs.sliding_velocity[0] * dt;
+  }
+  stop.stress = rig.stress();
+  stop.T0 = rig.T(0);
+  stop.plastic_slip = rig.plastic_slip();
+  return stop;
+}
+
+TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
+  struct Case {
+    const char* name;
+    InterfaceOptions interface;
+    double zone, prestrain, end;
+    bool interface_slips;
+  };
+  // Beside a slip at mu P a layer hardened to just that stress flows because it is heated.
+  const double carried = 210e6;
+  const Material soft = plastic_options().soft;
+  const double hardened = carried * kSqrt3 / flow_stress(soft, 0.0, 11.2e9, 300.0);
+  const double prestrain = (std::pow(hardened, 1.0 / soft.hardening_exponent) - 1.0) / soft.hardening_coefficient;
+  for (const Case& c : {Case{"stuck interface", {0.3, 400e6}, 5e-6, 0.0, 1.024e-9, false},
+                        Case{"slip beside flow", {carried / 11.2e9, 1e9}, 100e-6, prestrain, 20.48e-9, true}}) {
+    SCOPED_TRACE(c.name);
+    const auto stop = [&](int steps) { return stop_bodies(c.interface, c.zone, c.prestrain, c.end / steps, c.end); };
+    const Stop exact = stop(4096);
+    EXPECT_GT(exact.jump, 1.0);  // still moving: the comparison is of a flow, not of rest
+    const double before = kSqrt3 * 20e-6 * c.prestrain;
+    EXPECT_GT(exact.plastic_slip, before * 1.001);
+    double error[3][4];
+    for (int k = 0; k < 3; ++k) {
+      const Stop coarse = stop(64 << k);
+      const double found[] = {coarse.stress / exact.stress, coarse.T0 / exact.T0, coarse.jump / exact.jump,
+                              (coarse.plastic_slip - before) / (exact.plastic_slip - before)};
+      for (int i = 0; i < 4; ++i) error[k][i] = std::abs(found[i] - 1.0);
+      EXPECT_EQ(coarse.interface_slip > 0.1 * (coarse.plastic_slip - before), c.interface_slips);
+    }
+    constexpr const char* kNames[] = {"s", "T0", "[V]", "layer slip"};
+    for (int i = 0; i < 4; ++i) {
+      std::printf("%s, %s: relative error %.2e %.2e %.2e\n", c.name, kNames[i], error[0][i], error[1][i], error[2][i]);
+      if (error[2][i] < 1e-10) continue;  // under mu P s and [V] do not depend on the step length
+      EXPECT_NEAR(error[0][i] / error[1][i], 2.0, 0.25) << kNames[i];
+      EXPECT_NEAR(error[1][i] / error[2][i], 2.0, 0.25) << kNames[i];
+      EXPECT_LT(error[2][i], 0.01) << kNames[i];
+    }
+  }
+}
+
+TEST(PhysicsPlasticLayer, StickingDoesNotRing) {
+  ModelOptions options = plastic_options();
+  options.interface.yield_strength = 1e9;
+  Rig rig(options, 1);
+  set_masses(rig);
+  double jump = 1.0, strain = 0.0;
+  int flowing = 0;
+  for (int n = 0; n < 500; ++n) {
+    rig.set_all(jump, 11.2e9);
+    rig.inputs.stress_minus[0] = 2.9e8 * std::sin(0.05 * n);
+    rig.step(1e-9);
+    const double before = jump;
+    jump = rig.outputs.velocity_jump_new[0];
+    ASSERT_LT(std::abs(jump), 60.0) << n;
+    ASSERT_EQ(rig.committed[rig.model.layout().sticking], 1.0) << n;
+    if (rig.outputs.regime[0] == Regime::kStick) {
+      ASSERT_EQ(jump, 0.0) << n;
+      ASSERT_EQ(rig.plastic_slip(), strain) << n;
+    } else {
+      ++flowing;
+      ASSERT_GT(rig.plastic_slip(), strain) << n;
+      // What flows goes the way of the stress: no sign flips from step to step.
+      ASSERT_GE(jump * rig.stress(), 0.0) << n << " from " << before;
+    }
+    strain = rig.plastic_slip();
+  }
+  EXPECT_GT(flowing, 5);
+}
+
+// At constant drive near melting neither stress nor regime may jump back and forth.
+TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
+  for (double dt : {1e-9, 0.25e-9}) {
+    for (double yield : {200e6, 260e6, 400e6}) {
+      ModelOptions options = plastic_options();
+      options.interface.yield_strength = yield;
+      Rig rig(options, 1);
+      rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e3;  // keeps the jump
+      int turns = 0, changes = 0;
+      double s_before = 0.0, ds_before = 0.0;
+      Regime regime = Regime::kOpen;
+      const int steps = static_cast<int>(std::lround(1.5e-6 / dt));
+      for (int n = 0; n < steps; ++n) {
+        rig.set_all(150.0, 11.2e9);
+        rig.step(dt);
+        const double ds = rig.stress() - s_before;
+        if (n > 2 && ds * ds_before < 0.0 && std::abs(ds) > 1e-6 * rig.stress()) ++turns;
+        changes += rig.outputs.regime[0] != regime;
+        regime = rig.outputs.regime[0];
+        ds_before = ds;
+        s_before = rig.stress();
+      }
+      EXPECT_LE(turns, 2) << dt << " " << yield;
+      EXPECT_LE(changes, 4) << dt << " " << yield;
+    }
+  }
+}
+
+// mu P above what the softened layer carries: slip and flow share the jump so that T0 stays where both hold.
+TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
+  ModelOptions options = plastic_options();
+  options.soft.yield_strength_max = 300e6;
+  options.interface = {0.0125, 1e9};  // mu P = 140 MPa, below 300 MPa g / sqrt(3) when cold
+  Rig rig(options, 1);
+  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e3;
+  bool shared = false;
+  for (int n = 0; n < 3000; ++n) {
+    rig.set_all(300.0, 11.2e9);
+    const double ep = rig.ep(0);
+    const double flow = rig.plastic_slip();
+    rig.step(1e-9);
+    const double v = rig.outputs.sliding_velocity[0];
+    const double mid = 0.5 * (300.0 + rig.outputs.velocity_jump_new[0]);
+    ASSERT_NEAR(v + (rig.plastic_slip() - flow) / 1e-9, mid, 1e-6) << n;
+    const double ceiling = 300e6 * softening(options.soft, 11.2e9, rig.T(0)).g / kSqrt3;
+    ASSERT_LE(rig.stress(), ceiling * (1 + 1e-9)) << n;
+    if (v > 1.0 && v < 290.0 && rig.ep(0) > ep) {
+      shared = true;
+      ASSERT_NEAR(rig.stress(), 0.0125 * 11.2e9, 1e-6 * rig.stress());
+      ASSERT_NEAR(rig.stress() / ceiling, 1.0, 1e-9);
+    }
+  }
+  EXPECT_TRUE(shared);
+}
+
+// A layer that the hard body has cooled from below is weakest inside: there its ceiling acts, and there the surplus
+// goes.
+TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
+  ModelOptions options = two_sided(plastic_options());
+  options.soft.hardening_coefficient = 0.0;
+  options.interface = {0.3, 1e9};
+  options.initial_temperature = 900.0;
+  Rig rig(options, 1);
+  rig.start_hard(300.0);
+  set_masses(rig);
+  for (int n = 0; n < 300; ++n) {
+    rig.set_all(50.0, 11.2e9);
+    rig.step(1e-9);
+  }
+  ASSERT_LT(rig.T(0), rig.T(60));
+  EXPECT_NEAR(rig.stress() / (200e6 * softening(options.soft, 11.2e9, rig.T(60)).g / kSqrt3), 1.0, 1e-12);
+  EXPECT_EQ(rig.ep(0), 0.0);
+  EXPECT_GT(rig.ep(60), 0.0);
+  EXPECT_EQ(rig.committed[rig.model.layout().sticking], 1.0);
+}
+
+// Vernotte: on grids scaled like the heat depths both bodies share the heat as the partition coefficient says.
+TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
+  ModelOptions options = plastic_options();
+  options.interface.yield_strength = 230e6;
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  Rig one(options, 1), two(two_sided(options), 1);
+  for (int n = 0; n < 1000; ++n) {
+    for (Rig* rig : {&one, &two}) {
+      rig->inputs.mass_minus[0] = rig->inputs.mass_plus[0] = 1e3;
+      rig->set_all(150.0, 11.2e9);
+      rig->step(1e-9);
+    }
+    ASSERT_NEAR(two.T(0) / one.T(0), 1.0, 1e-10) << n;
+    ASSERT_NEAR(two.stress() / one.stress(), 1.0, 1e-7) << n;
+    ASSERT_NEAR(two.plastic_slip() / one.plastic_slip(), 1.0, 1e-7) << n;
+    ASSERT_EQ(two.outputs.regime[0], one.outputs.regime[0]) << n;
+  }
+  EXPECT_GT(one.plastic_slip(), 0.0);
+  EXPECT_EQ(one.outputs.regime[0], Regime::kMelting);
+}
+
+// Options of the material under pressure are worked into its constants: under a constant pressure nothing else differs.
+TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
+  ModelOptions options = plastic_options();
+  options.interface.yield_strength = 230e6;
+  options.soft.melting_curve = MeltingCurve::kLindemann;
+  options.soft.pressure_term = PressureTerm::kCompressed;
+  ModelOptions there = options;
+  there.soft = at_pressure(options.soft, 11.2e9);
+  Rig varying(options, 1), fixed(there, 1);
+  ASSERT_GT(there.soft.melting_temperature, 1700.0);
+  for (int n = 0; n < 1500; ++n) {
+    for (Rig* rig : {&varying, &fixed}) {
+      rig->inputs.mass_minus[0] = rig->inputs.mass_plus[0] = 1e3;
+      rig->set_all(150.0, 11.2e9);
+      rig->step(1e-9);
+    }
+    ASSERT_EQ(std::memcmp(varying.committed.data(), fixed.committed.data(), varying.committed.size() * sizeof(double)),
+              0)
+        << n;
+  }
+  EXPECT_GT(varying.T(0), 1300.0);
+}
+
+// The plastic shear of the host's own zone is not slip of the interface twice: it adds to [v], and a stuck interface
+// gives it back.
+TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
+  ModelOptions options = plastic_options();
+  options.soft.yield_strength = 1e12;  // the layer itself does not flow
+  Rig rig(options, 1), still(options, 1);
+  for (Rig* r : {&rig, &still}) {
+    set_masses(*r);
+    r->set_all(100.0, 11.2e9);
+  }
+  rig.inputs.soft_plastic_rate[0] = 1e5;
+  rig.step(1e-9);
+  still.step(1e-9);
+  const double drive = kSqrt3 * options.grid.thickness * 1e5;
+  const double mid = 0.5 * (100.0 + rig.outputs.velocity_jump_new[0]);
+  EXPECT_NEAR(rig.outputs.sliding_velocity[0], mid + drive, 1e-9);
+  EXPECT_GT(rig.outputs.sliding_velocity[0], still.outputs.sliding_velocity[0] + 0.9 * drive);
+  rig.set_all(0.0, 11.2e9);
+  rig.inputs.stress_minus[0] = 1e6;
+  rig.step(1e-9);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
+  EXPECT_DOUBLE_EQ(rig.outputs.velocity_jump_new[0], -drive);
+}
+
+}  // namespace
+}  // namespace shearbus::testing
