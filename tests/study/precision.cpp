@@ -101,8 +101,8 @@ double melting_range(const Problem& problem) {
 
 // Finest settings, extrapolated: h^2 in space; dt^2 for sdirk2 and dt for backward Euler.
 Reference by_extrapolation(const Problem& problem, bool quick) {
-  const int steps = quick ? 400 : 8000;
-  const std::uint32_t cells = quick ? 120 : 960;
+  const int steps = quick ? 400 : 16000;
+  const std::uint32_t cells = quick ? 120 : 1600;
   const double grading = std::pow(1.08, 60.0 / cells);
   const auto at = [&](bool sdirk2, std::uint32_t n, int m) {
     return run(problem,
