@@ -133,7 +133,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   EXPECT_LT(several, compared / 100);
   EXPECT_GT(second_order, 300);
   if (GetParam() == Strategy::kVelocityDriven) {
-    EXPECT_GT(worst.shapes, 500);
+    EXPECT_GT(worst.shapes, 300);
   }
 }
 
