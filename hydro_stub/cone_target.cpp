@@ -12,30 +12,15 @@
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
-namespace {
 
 using lagrange::Side;
 using lagrange::Vec2;
 
-lagrange::BodyMaterial body_material(const physics::Material& metal, const wire::MieGrueneisen& eos,
-                                     double temperature) {
-  lagrange::MieGrueneisen m = {.density = metal.density,
-                               .sound_speed = eos.sound_speed_m_per_s,
-                               .s1 = eos.hugoniot_slope,
-                               .gamma0 = eos.grueneisen_coefficient,
-                               .specific_heat = metal.specific_heat,
-                               .reference_temperature = temperature};
-  if (eos.tension_limit_pa) m.tension_limit = *eos.tension_limit_pa;
-  return {.eos = lagrange::Eos(m), .strength = metal};
-}
-
-}  // namespace
-
 ConeTarget make_cone_target(const wire::Scene& scene) {
   ConeTarget problem{.scene = *scene.hydro->cone_target,
                      .end_time = scene.hydro->end_time_s,
-                     .soft = resolve(scene.soft, "soft"),
-                     .hard = resolve(scene.hard, "hard")};
+                     .soft = make_metal(scene.soft, "soft", scene.hydro->cone_target->soft_eos),
+                     .hard = make_metal(scene.hard, "hard", scene.hydro->cone_target->hard_eos)};
   const wire::ConeTarget& cone = problem.scene;
   const double widest = std::max(cone.front_radius_m, cone.back_radius_m);
   if (!(widest < cone.confinement_radius_m)) {
@@ -91,24 +76,17 @@ lagrange::Bodies make_bodies(const ConeTarget& problem) {
   const lagrange::Block target_cone = bodies.mesh.blocks()[ConeTarget::kCone];
   const lagrange::Block confinement = bodies.mesh.blocks()[ConeTarget::kConfinement];
   const lagrange::Block flyer = bodies.mesh.blocks()[ConeTarget::kFlyer];
-  const auto fill = [&](const lagrange::Block& block, const physics::Material& metal, double speed) {
-    std::fill_n(bodies.density.begin() + block.first_zone, block.num_zones(), metal.density);
-    std::fill_n(bodies.velocity.begin() + block.first_node, block.num_nodes(), Vec2{0.0, speed});
-  };
-  constexpr double kRoomTemperature = 300.0;
-  bodies.materials = {body_material(problem.soft, cone.soft_eos, kRoomTemperature),
-                      body_material(problem.hard, cone.hard_eos, kRoomTemperature),
-                      body_material(problem.hard, cone.hard_eos, kRoomTemperature)};
-  fill(target_cone, problem.soft, 0.0);
-  fill(confinement, problem.hard, 0.0);
-  fill(flyer, problem.hard, cone.flyer_speed_m_per_s);
+  bodies.materials = {body_material(problem.soft), body_material(problem.hard), body_material(problem.hard)};
+  fill(bodies, target_cone, problem.soft.eos.density, 0.0, {});
+  fill(bodies, confinement, problem.hard.eos.density, 0.0, {});
+  fill(bodies, flyer, problem.hard.eos.density, 0.0, {0.0, cone.flyer_speed_m_per_s});
   bodies.walls = {{target_cone.side(Side::kLeft), {1.0, 0.0}, 0.0}, {flyer.side(Side::kLeft), {1.0, 0.0}, 0.0}};
   bodies.slide_lines = {
       {surface(target_cone, Side::kRight), surface(confinement, Side::kLeft), true},
       {surface(target_cone, Side::kBottom), surface(flyer, Side::kTop), false},
       {surface(confinement, Side::kBottom), surface(flyer, Side::kTop), false},
   };
-  bodies.contact.soft_share = physics::heat_partition(problem.soft, problem.hard);
+  bodies.contact.soft_share = physics::heat_partition(problem.soft.strength, problem.hard.strength);
   bodies.time_step.cfl = cone.courant;
   return bodies;
 }
@@ -120,6 +98,8 @@ Problem2d make_problem2d(const ConeTarget& problem) {
   made.end_time = problem.end_time;
   made.history_interval = problem.scene.history_interval_s;
   made.frames = problem.scene.frames;
+  made.soft = problem.soft.strength;
+  made.hard = problem.hard.strength;
   return made;
 }
 

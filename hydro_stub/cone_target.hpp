@@ -11,18 +11,16 @@
 //      |____________________|_______|
 #pragma once
 
-#include "hydro_stub/lagrange/cycle.hpp"
+#include "hydro_stub/metal.hpp"
 #include "hydro_stub/problem2d.hpp"
 #include "proto/wire/scene.hpp"
-#include "server/physics/material/material.hpp"
 
 namespace shearbus::hydro {
 
 struct ConeTarget {
   wire::ConeTarget scene;
   double end_time = 0.0;  // [s]
-  physics::Material soft;
-  physics::Material hard;
+  Metal soft, hard;
 
   // Blocks of the mesh.
   static constexpr int kCone = 0;

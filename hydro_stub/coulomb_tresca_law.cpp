@@ -8,45 +8,11 @@
 
 namespace shearbus::hydro {
 
-double CoulombBranch::coefficient(double velocity) const {
-  return fast + (at_rest - fast) * std::exp(-decay * std::max(0.0, velocity));
-}
-
-// h(s) = mu(velocity - compliance s) P - s is convex where friction falls with velocity (concave and falling where it
-// rises), and h(0) >= 0: the smallest root, if any, lies left of the minimum, where h falls.
-double coulomb_stress(const CoulombBranch& branch, double pressure, double velocity, double compliance) {
-  const double at_rest = branch.at_rest * pressure;
-  if (velocity <= 0.0) return at_rest;
-  const auto residual = [&](double s) { return branch.coefficient(velocity - compliance * s) * pressure - s; };
-
-  double right = velocity / compliance;  // here the slip ends
-  const double steepness = (branch.at_rest - branch.fast) * pressure * branch.decay * compliance;
-  if (steepness > 0.0) {
-    const double minimum = (velocity - std::log(steepness) / branch.decay) / compliance;
-    right = std::clamp(minimum, 0.0, right);
-  }
-  if (residual(right) > 0.0) return at_rest;  // no state slips against the falling branch
-
-  double left = 0.0;
-  double s = 0.0;
-  for (int iteration = 0; iteration < 200; ++iteration) {  // Newton, kept inside the bracket
-    const double value = residual(s);
-    (value > 0.0 ? left : right) = s;
-    const double slope =
-        (branch.coefficient(velocity - compliance * s) - branch.fast) * branch.decay * compliance * pressure - 1.0;
-    double next = s - value / slope;
-    if (!(next > left && next < right)) next = 0.5 * (left + right);
-    if (std::abs(next - s) <= 1e-15 * right || right - left <= 1e-15 * right) return next;
-    s = next;
-  }
-  return s;
-}
-
 CoulombTrescaLaw::CoulombTrescaLaw(const wire::CoulombTresca& constants, const physics::Material& soft,
                                    const physics::Material& hard, std::span<const double> initial_temperature)
-    : branch_{.at_rest = constants.friction_coefficient_at_rest,
-              .fast = constants.friction_coefficient_fast,
-              .decay = constants.velocity_decay_s_per_m},
+    : friction_{.at_rest = constants.friction_coefficient_at_rest,
+                .fast = constants.friction_coefficient_fast,
+                .decay = constants.velocity_decay_s_per_m},
       yield_fraction_(constants.yield_fraction),
       soft_(soft),
       heat_share_(physics::heat_partition(soft, hard)),
@@ -79,9 +45,9 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
         yield_fraction_ * physics::flow_stress(soft_, plastic_strain, pressure, temperature) / std::numbers::sqrt3;
     const double sticking = std::abs(free.jump) / free.compliance;
     const double sliding =
-        coulomb_stress(branch_, pressure, 0.5 * direction * (jump + free.jump), 0.5 * free.compliance);
+        physics::sliding_stress(friction_, pressure, 0.5 * direction * (jump + free.jump), 0.5 * free.compliance);
     const bool was_sticking = jump == 0.0;
-    const double limit = std::min(was_sticking ? branch_.at_rest * pressure : sliding, yield);
+    const double limit = std::min(was_sticking ? friction_.at_rest * pressure : sliding, yield);
     sticks = sticking <= limit;
     stress = sticks ? sticking : std::min(sliding, yield);
     regime = sticks             ? wire::Regime::kStick

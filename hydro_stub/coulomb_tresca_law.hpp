@@ -12,23 +12,10 @@
 
 #include "hydro_stub/interface_law.hpp"
 #include "proto/wire/scene.hpp"
+#include "server/physics/interface/velocity_weakening.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::hydro {
-
-// The Coulomb branch for one node: friction falls with velocity from mu_0 at rest to mu_inf.
-struct CoulombBranch {
-  double at_rest;  // mu_0
-  double fast;     // mu_inf
-  double decay;    // theta  [s/m]
-
-  double coefficient(double velocity) const;
-};
-
-// The smallest s >= 0 that satisfies s = mu(max(0, velocity - compliance s)) P: of the states that slip, the one that
-// slips most. There is always one; where friction falls steeply with velocity there may be three, and sliding goes on
-// in this one.
-double coulomb_stress(const CoulombBranch& branch, double pressure, double velocity, double compliance);
 
 class CoulombTrescaLaw : public InterfaceLaw {
  public:
@@ -36,12 +23,12 @@ class CoulombTrescaLaw : public InterfaceLaw {
                    std::span<const double> initial_temperature);
 
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
-  LawTime time_spent() const override { return {.solver = spent_}; }
+  LawTime time_spent() const override { return {.solver = spent_, .waited = spent_, .cpu = spent_}; }
 
  private:
   void advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer);
 
-  CoulombBranch branch_;
+  physics::VelocityWeakening friction_;
   double yield_fraction_;  // mu_T
   physics::Material soft_;
   double heat_share_;                     // beta_T: of the friction heat, into the soft body

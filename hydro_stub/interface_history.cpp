@@ -44,6 +44,7 @@ void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
     peaks_[kPressure] = std::max(peaks_[kPressure], in.pressure[i]);
     if (in.pressure[i] > 0.0) slip_[i] += std::abs(answer.sliding_velocity[i]) * in.dt;
   }
+  energy_.add(answer.energy);
 }
 
 void InterfaceHistory::record(const lagrange::Cycle& cycle) {
@@ -71,6 +72,7 @@ void InterfaceHistory::save(wire::DumpWriter& dump) const {
   dump.numbers("interface_slip", slip_);
   dump.numbers("interface_regimes", regimes_);
   dump.numbers("interface_peaks", peaks_);
+  dump.numbers("interface_energy", energy_.numbers());
 }
 
 void InterfaceHistory::load(const wire::DumpReader& dump) {
@@ -78,6 +80,7 @@ void InterfaceHistory::load(const wire::DumpReader& dump) {
   dump.fill("interface_slip", slip_);
   dump.fill("interface_regimes", regimes_);
   dump.fill("interface_peaks", peaks_);
+  dump.fill("interface_energy", energy_.numbers());
 }
 
 void InterfaceHistory::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {

@@ -7,6 +7,7 @@
 
 #include "hydro_stub/history_rows.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
+#include "proto/wire/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::hydro {
@@ -25,6 +26,7 @@ class InterfaceHistory {
 
   std::size_t nodes() const { return slip_.size(); }
   double share(wire::Regime regime) const;  // of the node-steps
+  const wire::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
   double longest_slip() const;
@@ -37,6 +39,7 @@ class InterfaceHistory {
   std::vector<double> slip_;         // integral of |[v]| while closed  [m]
   std::array<double, 5> regimes_{};  // node-steps in each
   std::array<double, 2> peaks_{};    // [K], [Pa]
+  wire::EnergyTotals energy_;
 };
 
 // Nodes of a surface, as they are walked.

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::hydro {
@@ -54,13 +55,16 @@ struct InterfaceAnswer {
   std::vector<double> interface_temperature;  // at n+1/2                         [K]
   std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
+  wire::EnergyTotals energy;                  // of the layers in the step; empty: of laws without layers
   std::uint64_t flagged = 0;  // nodes whose answer came with a remark (substepped, several roots, failed)
 };
 
 // Where the time of a law went; a law that computes in place spends it all in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  std::chrono::nanoseconds bus{0};
+  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
+  std::chrono::nanoseconds waited{0};  // in which the host could do nothing else
+  std::chrono::nanoseconds cpu{0};     // of the host's own thread, spent on asking
 };
 
 class InterfaceLaw {
@@ -71,6 +75,10 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
+  // The same in two halves, for a host that has other work meanwhile: the answer is there after finish(), and until
+  // then inputs and answer stay where they are.
+  virtual void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) { advance(inputs, answer); }
+  virtual void finish() {}
   // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;

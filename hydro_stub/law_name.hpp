@@ -4,7 +4,7 @@
 
 namespace shearbus::hydro {
 
-// As scenes write it: "subgrid", "coulomb_tresca", "free_slip", "stick".
+// As scenes write it: "subgrid", "coulomb_tresca", "free_slip", "stick", "constant".
 inline const char* name(wire::InterfaceLaw law) {
   switch (law) {
     case wire::InterfaceLaw::kCoulombTresca:
@@ -13,6 +13,8 @@ inline const char* name(wire::InterfaceLaw law) {
       return "free_slip";
     case wire::InterfaceLaw::kStick:
       return "stick";
+    case wire::InterfaceLaw::kConstant:
+      return "constant";
     case wire::InterfaceLaw::kSubgrid:
     case wire::InterfaceLaw::kUnspecified:
       break;

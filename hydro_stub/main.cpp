@@ -3,6 +3,9 @@
 
 #include <cctype>
 #include <exception>
+#include <memory>
+#include <utility>
+#include <vector>
 
 #include "hydro_stub/cone_target.hpp"
 #include "hydro_stub/options.hpp"
@@ -10,6 +13,8 @@
 #include "hydro_stub/restart.hpp"
 #include "hydro_stub/run.hpp"
 #include "hydro_stub/run2d.hpp"
+#include "hydro_stub/simple_laws.hpp"
+#include "hydro_stub/verification/problems.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 
@@ -25,44 +30,63 @@ std::filesystem::path output_directory(const Options& options, const wire::Scene
   return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro->interface_law));
 }
 
-wire::Scene effective_scene(wire::Scene scene, const physics::Material& soft, const physics::Material& hard) {
-  scene.soft.given = physics::constants_of(soft);
-  scene.hard.given = physics::constants_of(hard);
+bool has_problem2d(const wire::Hydro& hydro) {
+  return hydro.cone_target || hydro.piston || hydro.flyer_impact || hydro.implosion || hydro.gas_flow ||
+         hydro.taylor_bar || hydro.sliding_plates;
+}
+
+// The scene with the constants it is run with, of the bodies it has.
+wire::Scene effective_scene(wire::Scene scene) {
+  for (const auto& [body, table] : {std::pair{&scene.soft, "soft"}, std::pair{&scene.hard, "hard"}}) {
+    if (body->given_at_all()) body->given = physics::constants_of(resolve(*body, table));
+  }
   return scene;
 }
 
-void carry_out_cone_target(const Options& options, const wire::SceneFile& file, const wire::DumpReader* from) {
-  const wire::Scene& scene = file.scene;
-  const ConeTarget cone = make_cone_target(scene);
-  Problem2d problem = make_problem2d(cone);
+// Without nodes that rub there is nobody to ask a law.
+std::unique_ptr<InterfaceLaw> make_law_2d(const wire::Scene& scene, const Problem2d& problem,
+                                          const SubgridServer& server, const std::string& kept) {
   const std::vector<double> temperature(interface_nodes(problem.bodies), scene.layer.initial_temperature_k);
+  if (temperature.empty()) return std::make_unique<FreeSlipLaw>();
+  return make_law(scene, problem.soft, problem.hard, temperature, server, kept);
+}
+
+void carry_out_2d(const Options& options, const wire::SceneFile& file, const wire::DumpReader* from) {
+  const wire::Scene& scene = file.scene;
+  if (wire::Status fault = wire::check_scene(scene); !fault.ok()) throw wire::Error(std::move(fault));
+  const bool cone = scene.hydro->cone_target.has_value();
+  Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
+  problem.bodies.contact.overlap = options.overlap;
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
                  .progress = options.progress,
                  .dumps = options.dumps,
-                 .server = options.server};
+                 .server = options.server.endpoint};
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
-  SubgridServer server{.endpoint = run.server, .state_dir = {}};
+  SubgridServer server{.address = options.server, .state_dir = {}};
+  server.address.endpoint = run.server;
   if (!options.check) {
     if (from == nullptr) make_room_for_dumps(run.out);
     // A server in this process outlives it by its journal, beside the dumps.
-    if (run.server.empty() && (from != nullptr || run.dumps.wanted())) server.state_dir = server_directory(run.out);
+    const bool subgrid = scene.hydro->interface_law == wire::InterfaceLaw::kSubgrid;
+    if (subgrid && run.server.empty() && (from != nullptr || run.dumps.wanted()))
+      server.state_dir = server_directory(run.out);
   }
   const std::unique_ptr<InterfaceLaw> law =
-      make_law(scene, cone.soft, cone.hard, temperature, server, from != nullptr ? from->text("kept") : "");
+      make_law_2d(scene, problem, server, from != nullptr ? from->text("kept") : "");
   if (options.check) {
     fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.file,
-               problem.bodies.mesh.num_zones(), temperature.size(), name(scene.hydro->interface_law));
+               problem.bodies.mesh.num_zones(), interface_nodes(problem.bodies), name(scene.hydro->interface_law));
     return;
   }
-  run_problem2d(scene, effective_scene(scene, cone.soft, cone.hard), std::move(problem), *law, run, from);
-  if (options.plot) plot_cone(run.out);
+  run_problem2d(scene, effective_scene(scene), std::move(problem), *law, run, from);
+  if (options.plot && cone) plot_cone(run.out);
   fmt::print("  {:<24}{}\n", "results", run.out.string());
 }
 
 void carry_out(const Options& options, wire::SceneFile& file) {
   wire::Scene& scene = file.scene;
   if (options.interface_law && scene.hydro) scene.hydro->interface_law = *options.interface_law;
-  if (scene.hydro && scene.hydro->cone_target) return carry_out_cone_target(options, file, nullptr);
+  if (scene.hydro && has_problem2d(*scene.hydro)) return carry_out_2d(options, file, nullptr);
   if (options.dumps.wanted())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = "runs of shear_column write no restart dumps, problems in two dimensions do",
@@ -71,7 +95,7 @@ void carry_out(const Options& options, wire::SceneFile& file) {
   const Problem problem = make_problem(scene);
   const std::unique_ptr<InterfaceLaw> law =
       make_law(scene, problem.soft_material, problem.hard_material, problem.initial_temperature,
-               {.endpoint = options.server, .state_dir = {}});
+               {.address = options.server, .state_dir = {}});
   if (options.check) {
     fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.file, problem.columns,
                problem.steps, problem.dt * 1e9, name(scene.hydro->interface_law));
@@ -86,14 +110,14 @@ void carry_out(const Options& options, wire::SceneFile& file) {
 void go_on(const Options& options, wire::SceneFile& file) {
   const wire::DumpReader dump = newest_dump(options.restart);
   file = wire::parse_scene(dump.text("scene"), dump.file().string());
-  carry_out_cone_target(options, file, &dump);
+  carry_out_2d(options, file, &dump);
 }
 
 int shearbus_hydro(int argc, char** argv) {
-  const CommandLine line = parse_command_line(argc, argv);
-  if (line.exit_code) return *line.exit_code;
   wire::SceneFile file;
   try {
+    const CommandLine line = parse_command_line(argc, argv);
+    if (line.exit_code) return *line.exit_code;
     if (!line.options.restart.empty()) {
       go_on(line.options, file);
     } else {

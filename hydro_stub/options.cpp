@@ -16,19 +16,27 @@ CommandLine parse_command_line(int argc, char** argv) {
       app.add_option("--restart", options.restart, "directory of a run that was stopped: go on from its last dump");
   app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)")->excludes(restart);
   app.add_option(
-      "--server", options.server,
+      "--server", options.server.endpoint,
       "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
-  app.add_option("--interface-law", law, "subgrid, coulomb_tresca, free_slip or stick, in place of the scene's")
+  std::filesystem::path server_key;
+  std::filesystem::path key;
+  app.add_option("--server-key", server_key, "by tcp: file of the server's public key");
+  app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen");
+  app.add_option("--interface-law", law,
+                 "subgrid, coulomb_tresca, free_slip, stick or constant, in place of the scene's")
       ->transform(CLI::Transformer(
           std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
                                                     {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
                                                     {"free_slip", wire::InterfaceLaw::kFreeSlip},
-                                                    {"stick", wire::InterfaceLaw::kStick}}))
+                                                    {"stick", wire::InterfaceLaw::kStick},
+                                                    {"constant", wire::InterfaceLaw::kConstant}}))
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
                  "restart dump after every so many seconds (default: none)")
       ->check(CLI::NonNegativeNumber);
+  app.add_flag("--overlap,!--no-overlap", options.overlap,
+               "go on with zones off the interface while the law answers, in two dimensions (default: yes; same bits)");
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
@@ -40,6 +48,7 @@ CommandLine parse_command_line(int argc, char** argv) {
     line.exit_code = app.exit(error) == 0 ? 0 : 2;
     return line;
   }
+  wire::read_keys_into(options.server, server_key, key);
   if (law != wire::InterfaceLaw::kUnspecified) options.interface_law = law;
   return line;
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "hydro_stub/restart.hpp"
+#include "proto/wire/key_file.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
@@ -14,15 +15,17 @@ struct Options {
   std::filesystem::path scene;                      // this, or
   std::filesystem::path restart;                    // the directory of a run to go on with
   std::filesystem::path out;                        // empty: out/<scene name>-<interface law>
-  std::string server;                               // endpoint; empty: in this process
+  wire::ServerAddress server;                       // no endpoint: in this process
   std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
   DumpSchedule dumps;
+  bool overlap = true;
   bool check = false;
   bool plot = true;
   bool progress = true;
 };
 
-// The options, or the exit code where there is nothing (more) to do: --help, or a faulty command line.
+// The options, or the exit code where there is nothing (more) to do: --help, or a faulty command line. Parsing throws
+// std::runtime_error for key files that cannot be used.
 struct CommandLine {
   Options options;
   std::optional<int> exit_code;

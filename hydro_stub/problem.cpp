@@ -8,6 +8,7 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
+#include "server/physics/material/flow_laws.hpp"
 
 namespace shearbus::hydro {
 
@@ -19,7 +20,8 @@ namespace shearbus::hydro {
 }
 
 physics::Material resolve(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult result = physics::make_material(body.material, body.given);
+  physics::MaterialResult result =
+      physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
   if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
   return result.material;
 }

@@ -54,6 +54,11 @@ std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::
       return std::make_unique<FreeSlipLaw>();
     case wire::InterfaceLaw::kStick:
       return std::make_unique<StickLaw>();
+    case wire::InterfaceLaw::kConstant:
+      if (!scene.hydro->constant_shear_stress_pa)
+        refuse("hydro.constant_shear_stress_pa", "interface_law constant needs hydro.constant_shear_stress_pa",
+               "give it, in Pa");
+      return std::make_unique<ConstantFrictionLaw>(*scene.hydro->constant_shear_stress_pa);
     case wire::InterfaceLaw::kSubgrid:
     case wire::InterfaceLaw::kUnspecified:
       break;

@@ -7,9 +7,10 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
+#include <functional>
 #include <map>
-#include <numbers>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -17,11 +18,11 @@
 #include "hydro_stub/interface_history.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/law_name.hpp"
+#include "hydro_stub/summary2d.hpp"
 #include "proto/wire/fields.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/scene_file.hpp"
-#include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -70,51 +71,11 @@ void write_fields(wire::FieldWriter& writer, const Cycle& cycle) {
   writer.frame(s.time, three(s.position), three(s.velocity), zones);
 }
 
-struct Times {
-  double total, solver, bus, output;  // [s]
-};
-
-void summarize(const std::filesystem::path& out, const wire::Scene& scene, const Cycle& cycle, const Ledger& start,
-               const InterfaceHistory& interface, const Times& times) {
-  const Ledger end = cycle.ledger();
-  constexpr double kTurn = 2.0 * std::numbers::pi;  // the mesh holds one radian
-  const double energy_residual = (end.total_energy() - end.work_given) / start.total_energy() - 1.0;
-  const double momentum_residual = (end.momentum.y - end.impulse_given.y) / start.momentum.y - 1.0;
-  const double service = (times.solver + times.bus) / times.total;
-  const std::string law = name(scene.hydro->interface_law);
-  fmt::print(
-      "{}, interface law {}\n"
-      "  zones, steps            {}, {} (taken back: {})\n"
-      "  regime shares           open {:.1f} %, stick {:.1f} %, Coulomb {:.1f} %, Tresca {:.1f} %, melting {:.1f} %\n"
-      "  slip distance           mean {:.4f} mm, longest {:.4f} mm\n"
-      "  hottest interface       {:.1f} K; highest pressure {:.3f} GPa\n"
-      "  friction heat           {:.4f} J of {:.1f} J kinetic at the start; closing the gaps {:.4f} J\n"
-      "  ledger residuals        energy {:.1e}, axial momentum {:.1e}\n"
-      "  run time                {:.2f} s: law's solver {:.2f}, bus {:.2f} ({:.1f} % together), output {:.2f}\n",
-      scene.name, law, cycle.mesh().num_zones(), cycle.steps(), cycle.rejected_steps(),
-      100.0 * interface.share(wire::Regime::kOpen), 100.0 * interface.share(wire::Regime::kStick),
-      100.0 * interface.share(wire::Regime::kCoulomb), 100.0 * interface.share(wire::Regime::kTresca),
-      100.0 * interface.share(wire::Regime::kMelting), 1e3 * interface.mean_slip(), 1e3 * interface.longest_slip(),
-      interface.hottest(), 1e-9 * interface.highest_pressure(), kTurn * end.friction_heat, kTurn * start.kinetic,
-      kTurn * end.closing_heat, energy_residual, momentum_residual, times.total, times.solver, times.bus,
-      100.0 * service, times.output);
-  std::ofstream json(out / "summary.json", std::ios::binary);
-  json << fmt::format(
-      "{{\n  \"interface_law\": \"{}\",\n  \"zones\": {},\n  \"steps\": {},\n  \"steps_taken_back\": {},\n"
-      "  \"share_open\": {:.17g},\n  \"share_stick\": {:.17g},\n  \"share_coulomb\": {:.17g},\n  \"share_tresca\": "
-      "{:.17g},\n"
-      "  \"share_melting\": {:.17g},\n  \"mean_slip_m\": {:.17g},\n  \"longest_slip_m\": {:.17g},\n"
-      "  \"peak_interface_temperature_k\": {:.17g},\n  \"peak_pressure_pa\": {:.17g},\n  \"friction_heat_j\": "
-      "{:.17g},\n"
-      "  \"energy_residual\": {:.3e},\n  \"momentum_residual\": {:.3e},\n  \"run_time_s\": {:.6g},\n"
-      "  \"service_share\": {:.6g}\n}}\n",
-      law, cycle.mesh().num_zones(), cycle.steps(), cycle.rejected_steps(), interface.share(wire::Regime::kOpen),
-      interface.share(wire::Regime::kStick), interface.share(wire::Regime::kCoulomb),
-      interface.share(wire::Regime::kTresca), interface.share(wire::Regime::kMelting), interface.mean_slip(),
-      interface.longest_slip(), interface.hottest(), interface.highest_pressure(), kTurn * end.friction_heat,
-      energy_residual, momentum_residual, times.total, service);
-  json.close();
-  if (!json) throw std::system_error(errno, std::generic_category(), "cannot write " + (out / "summary.json").string());
+void write_text(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream stream(file, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (!stream) throw std::system_error(errno, std::generic_category(), "cannot write " + file.string());
 }
 
 class Run {
@@ -128,6 +89,8 @@ class Run {
         end_time_(problem.end_time),
         history_interval_(problem.history_interval),
         frames_(problem.frames),
+        over_(std::move(problem.over)),
+        compare_(std::move(problem.compare)),
         dumps_(options.out, options.dumps),
         interface_(interface_nodes(problem.bodies)),
         surface_(problem.free_surface),
@@ -148,6 +111,10 @@ class Run {
       step();
       bar.at(part(cycle_.state().time));
       if (cycle_.state().time >= end_time_) break;
+      if (over_ && over_(cycle_)) {
+        if (cycle_.state().time > fields_.times_s().back()) timed([&] { write_fields(fields_, cycle_); });
+        break;
+      }
       if (wire::interrupted()) stop();
       if (dumps_.due(cycle_.steps())) timed([&] { dump(); });
     }
@@ -222,12 +189,18 @@ class Run {
       if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
-    const LawTime spent = law_.time_spent();
-    summarize(options_.out, scene_, cycle_, start_, interface_,
-              {.total = seconds(Clock::now() - begun_),
-               .solver = seconds(spent.solver),
-               .bus = seconds(spent.bus),
-               .output = seconds(output_)});
+    const Summary2d summary{.scene = scene_.name,
+                            .interface_law = name(scene_.hydro->interface_law),
+                            .cycle = cycle_,
+                            .start = start_,
+                            .interface = interface_,
+                            .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
+                            .time = {.total = seconds(Clock::now() - begun_),
+                                     .output = seconds(output_),
+                                     .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
+                                     .law = law_.time_spent()}};
+    write_text(options_.out / "summary.json", summary.json());
+    fmt::print("{}", summary.text());
     law_.close();
     dumps_.remove();
   }
@@ -239,6 +212,8 @@ class Run {
   double end_time_;
   double history_interval_;
   std::uint32_t frames_;
+  std::function<bool(const Cycle&)> over_;
+  std::function<std::vector<Comparison>(const Cycle&)> compare_;
   RestartDumps dumps_;
   InterfaceHistory interface_;
   SurfaceHistory surface_;

@@ -1,5 +1,8 @@
 #include "hydro_stub/simple_laws.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace shearbus::hydro {
 namespace {
 
@@ -37,6 +40,18 @@ void StickLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
     answer_without_heat(inputs, i, closed ? free.jump / free.compliance : 0.0, answer);
     if (closed) answer.velocity_jump_new[i] = 0.0;
     set_regime(inputs, i, wire::Regime::kStick, answer);
+  }
+}
+
+void ConstantFrictionLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
+  for (std::size_t i = 0; i < inputs.velocity_jump.size(); ++i) {
+    const FreeJump free = free_jump(inputs, i);
+    const double sticking = free.jump / free.compliance;
+    const bool sticks = std::abs(sticking) <= limit_;
+    answer_without_heat(inputs, i, sticks ? sticking : std::copysign(limit_, sticking), answer);
+    if (sticks) answer.velocity_jump_new[i] = 0.0;
+    answer.friction_heat[i] = std::max(0.0, answer.shear_stress[i] * answer.sliding_velocity[i] * inputs.dt);
+    answer.regime[i] = static_cast<std::uint8_t>(sticks ? wire::Regime::kStick : wire::Regime::kTresca);
   }
 }
 

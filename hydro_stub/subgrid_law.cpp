@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <chrono>
+#include <ctime>
 #include <functional>
 #include <optional>
 #include <sstream>
@@ -16,20 +18,44 @@
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
+ClientOptions client_options(const wire::ServerAddress& address, const std::optional<server::Embedded>& embedded) {
   ClientOptions options;
   options.name = "shearbus-hydro";
-  options.endpoint = embedded ? embedded->endpoint() : server.endpoint;
+  options.endpoint = embedded ? embedded->endpoint() : address.endpoint;
+  options.server_key = address.server_key;
+  options.secret_key = address.secret_key;
   options.context = embedded ? embedded->context() : nullptr;
   return options;
 }
 
 std::optional<server::Embedded> embed(const SubgridServer& server) {
-  if (!server.endpoint.empty()) return std::nullopt;
+  if (!server.address.endpoint.empty()) return std::nullopt;
   server::ServerOptions options;
   options.state_dir = server.state_dir.string();
   return std::optional<server::Embedded>(std::in_place, options);
 }
+
+// Books what a stretch of the host's thread takes.
+class Stopwatch {
+ public:
+  explicit Stopwatch(LawTime& time) : time_(time) {}
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+  ~Stopwatch() {
+    time_.waited += std::chrono::steady_clock::now() - start_;
+    time_.cpu += thread_cpu() - cpu_;
+  }
+
+ private:
+  static std::chrono::nanoseconds thread_cpu() {
+    timespec now{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return std::chrono::seconds(now.tv_sec) + std::chrono::nanoseconds(now.tv_nsec);
+  }
+  LawTime& time_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::chrono::nanoseconds cpu_ = thread_cpu();
+};
 
 // What was kept, as a line of text: MARK SESSION TOKEN, the ids in hexadecimal.
 template <std::size_t kSize>
@@ -73,12 +99,14 @@ void copy(std::span<const double> from, std::span<double> to) {
 struct SubgridLaw::Impl {
   Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
       : embedded(embed(where)),
-        client(client_options(where, embedded)),
+        client(client_options(where.address, embedded)),
         session(enter(client)),
         wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
         request(session.request()),
-        server(embedded ? "in this process" : where.endpoint),
-        outlives_process(!embedded || !where.state_dir.empty()) {}
+        server(embedded ? "in this process" : where.address.endpoint),
+        outlives_process(!embedded || !where.state_dir.empty()) {
+    session.want_energy_ledger();
+  }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   ~Impl() {
@@ -93,6 +121,8 @@ struct SubgridLaw::Impl {
   std::string server;
   bool outlives_process;
   LawTime time;
+  const InterfaceInputs* asked = nullptr;  // of the step under way
+  InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
 };
@@ -114,6 +144,12 @@ SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
 SubgridLaw::~SubgridLaw() = default;
 
 void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
+  start(in, answer);
+  finish();
+}
+
+void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
+  const Stopwatch stopwatch(impl_->time);
   if (impl_->wants_plastic_rate && !in.zone_plastic_rate.empty()) {
     impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
     impl_->wants_plastic_rate = false;
@@ -127,9 +163,16 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
   copy(in.stress_plus, request.f64(Field::kStressPlus));
   copy(in.mass_minus, request.f64(Field::kMassMinus));
   copy(in.mass_plus, request.f64(Field::kMassPlus));
-
-  const StepResult& result = impl_->session.trial(
+  impl_->session.start_trial(
       request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
+  impl_->asked = &in;
+  impl_->answer = &answer;
+}
+
+void SubgridLaw::finish() {
+  const Stopwatch stopwatch(impl_->time);
+  const StepResult& result = impl_->session.finish_trial();
+  InterfaceAnswer& answer = *impl_->answer;
   impl_->trial_stands = true;
   const std::chrono::nanoseconds solver(result.upscale().solver_ns);
   impl_->time.solver += solver;
@@ -140,6 +183,7 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
   if (failed != outcome.end()) {
     const auto row = static_cast<std::size_t>(failed - outcome.begin());
     const std::uint64_t node = impl_->session.node_ids()[row];
+    const InterfaceInputs& in = *impl_->asked;
     throw Error({.code = Code::kUnexpectedReply,
                  .text = fmt::format("the server found no answer for node {} in step {} ([V] {} m/s, P {} Pa, dt {} s)",
                                      node, in.step, in.velocity_jump[row], in.pressure[row], in.dt),
@@ -152,6 +196,8 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
   copy(result.interface_temperature_k(), answer.interface_temperature);
   copy(result.friction_heat_j_per_m2(), answer.friction_heat);
   std::ranges::copy(result.regime(), answer.regime.begin());
+  answer.energy = {};
+  answer.energy.add(result.batch());
   answer.flagged = result.upscale().flagged_nodes;
 }
 

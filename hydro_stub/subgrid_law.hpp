@@ -10,13 +10,14 @@
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
+#include "proto/wire/key_file.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 // Where the layers are computed.
 struct SubgridServer {
-  std::string endpoint;             // empty: in this process
+  wire::ServerAddress address;      // no endpoint: in this process
   std::filesystem::path state_dir;  // of a server in this process: where its sessions outlive it; empty: they do not
 };
 
@@ -31,6 +32,8 @@ class SubgridLaw : public InterfaceLaw {
 
   // A step is a trial until the next one, which commits it in the same round trip, or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
+  void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends
+  void finish() override;                                                       // waits
   void take_back() override;
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;

@@ -48,10 +48,16 @@ Summary::Summary(const Problem& problem, std::string interface_law)
       hard_zones_(problem.hard.zones),
       soft_length_(problem.soft.zone_width * static_cast<double>(problem.soft.zones)),
       hard_length_(problem.hard.zone_width * static_cast<double>(problem.hard.zones)),
-      melting_threshold_(physics::kMeltingShare * problem.soft_material.melting_temperature),
+      soft_(problem.soft_material),
       heat_share_(physics::heat_partition(problem.soft_material, problem.hard_material)),
       melting_time_(problem.columns, -1.0),
       slip_(problem.columns, 0.0) {}
+
+double Summary::melting_threshold(double pressure) const {
+  const bool rises = soft_.melting_curve != physics::MeltingCurve::kConstant;
+  return physics::kMeltingShare *
+         (rises ? physics::at_pressure(soft_, pressure).melting_temperature : soft_.melting_temperature);
+}
 
 void Summary::observe(const ShearColumn& column) {
   const InterfaceAnswer& answer = column.answer();
@@ -59,11 +65,13 @@ void Summary::observe(const ShearColumn& column) {
   for (std::size_t i = 0; i < columns_; ++i) {
     const double temperature = answer.interface_temperature[i];
     if (temperature > peak_.value) peak_ = {.node = i, .time = column.time(), .value = temperature};
-    if (temperature >= melting_threshold_ && melting_time_[i] < 0.0) melting_time_[i] = column.time();
+    if (melting_time_[i] < 0.0 && temperature >= melting_threshold(column.inputs().pressure[i]))
+      melting_time_[i] = column.time();
     slip_[i] += std::abs(answer.sliding_velocity[i]) * dt;
     ++regime_count_[answer.regime[i]];
     heat_ += answer.friction_heat[i];
   }
+  energy_.add(answer.energy);
   flagged_ += answer.flagged;
 }
 
@@ -104,7 +112,7 @@ std::string Summary::text() const {
     for (const double t : melting_time_) first = t >= 0.0 ? std::min(first, t) : first;
     line("0.99 T_melt", fmt::format("reached by {} of {} columns, first at {:.6g} µs", melted, columns_, first * 1e6));
   } else {
-    line("0.99 T_melt", fmt::format("not reached ({:.1f} K)", melting_threshold_));
+    line("0.99 T_melt", fmt::format("not reached ({:.1f} K at rest)", melting_threshold(0.0)));
   }
   const auto [least, most] = std::ranges::minmax_element(slip_);
   line("slip distance", columns_ == 1 ? fmt::format("{:.6g} µm", *least * 1e6)
@@ -118,6 +126,8 @@ std::string Summary::text() const {
   line("friction work",
        fmt::format("{:.6g} kJ/m2, heat into the soft body {:.6g} kJ/m2 (heat partition {:.4f}), all columns",
                    friction_work_ * 1e-3, heat_ * 1e-3, heat_share_));
+  if (!energy_.empty())
+    for (const auto& [label, value] : energy_.lines()) line(label.c_str(), value);
   line("momentum ledger", fmt::format("closed to {:.1e}", momentum_residual_));
   line("energy ledger", fmt::format("closed to {:.1e} (kinetic + elastic + friction + far ends)", energy_residual_));
   if (flagged_ > 0) line("remarks", fmt::format("{} node-steps were substepped or had several answers", flagged_));
@@ -160,13 +170,14 @@ std::string Summary::json() const {
   field("peak_interface_temperature_k", number(peak_.value));
   field("peak_node", number(peak_.node));
   field("peak_time_s", number(peak_.time));
-  field("melting_threshold_k", number(melting_threshold_));
+  field("melting_threshold_k", number(melting_threshold(0.0)));
   field("time_to_melting_threshold_s", list(melting_time_, true));
   field("slip_distance_m", list(slip_, false));
   field("node_step_share", "{" + shares + "}");
   field("friction_work_j_per_m2", number(friction_work_));
   field("heat_into_soft_body_j_per_m2", number(heat_));
   field("heat_partition", number(heat_share_));
+  if (!energy_.empty()) field("layer_energy", energy_.json());
   field("momentum_residual", number(momentum_residual_));
   field("energy_residual", number(energy_residual_));
   field("flagged_node_steps", number(flagged_));

@@ -49,13 +49,16 @@ class Summary {
   std::size_t soft_zones_, hard_zones_;
   double soft_length_, hard_length_;  // [m]
 
-  double melting_threshold_;  // [K]
-  double heat_share_;         // beta_T
+  double melting_threshold(double pressure) const;  // [K]
+
+  physics::Material soft_;
+  double heat_share_;  // beta_T
   Peak peak_;
   std::vector<double> melting_time_;  // first time at or above the threshold, negative: not yet  [s]
   std::vector<double> slip_;          // integral of |[v]|  [m]
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // sum over nodes  [J/m2]
+  wire::EnergyTotals energy_;
   std::uint64_t flagged_ = 0;
 
   double friction_work_ = 0.0;      // sum over nodes  [J/m2]

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/server.hpp"
 
@@ -23,13 +24,15 @@ namespace {
 
 using shearbus::server::Server;
 using shearbus::server::ServerOptions;
+using shearbus::server::ServiceManager;
 
 constexpr int kExitFault = 1;
 constexpr int kExitUsage = 2;
 
 void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--bind", options.endpoints,
-                 "Where to listen, repeatable: ipc://PATH (this machine, this user) or tcp://127.0.0.1:PORT")
+                 "Where to listen, repeatable: ipc://PATH (this machine; in a directory of the server's own) or "
+                 "tcp://ADDRESS:PORT (with keys)")
       ->type_name("ENDPOINT")
       ->required();
   app.add_option("--threads", options.threads, "Threads that solve layers; 0: one per core")
@@ -55,10 +58,24 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--checkpoint-after", options.checkpoint_after_mb, "MB of journal between two checkpoints")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 20))
       ->capture_default_str();
+  app.add_option(
+         "--capsules", options.max_capsules,
+         "Failure capsules kept in --state-dir, of nodes that had no answer; shearbus-replay --capsule runs one again")
+      ->check(CLI::Range(std::size_t{0}, std::size_t{10'000}))
+      ->capture_default_str();
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
+  app.add_option("--allow-uid", options.allow_uids,
+                 "Users who may connect by ipc, by number, repeatable; by default the one the server runs as")
+      ->type_name("UID");
+  app.add_option("--curve-secret", options.curve_secret,
+                 "File of the server's secret key, from shearbus-ctl keygen: tcp clients must have keys, too")
+      ->type_name("FILE");
+  app.add_option("--authorized-keys", options.authorized_keys,
+                 "File of the public keys of tcp clients, one a line; read again when it has changed")
+      ->type_name("FILE");
   app.add_flag("--insecure-plaintext", options.insecure_plaintext,
-               "Allow addresses that other machines reach, though clients are not authenticated");
+               "Allow tcp without keys: whoever reaches the address is served, unknown and unencrypted");
   app.add_option("--log-level", options.log_level, "How much to say")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
@@ -92,9 +109,10 @@ int block_stop_signals() {
 void run(const ServerOptions& options) {
   const int stop_fd = block_stop_signals();
   start_log(options);
+  ServiceManager manager;
   spdlog::info(
-      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, insecure "
-      "plaintext {}, log level {}",
+      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, log "
+      "level {}",
       SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
       options.state_dir.empty()
@@ -102,12 +120,17 @@ void run(const ServerOptions& options) {
           : fmt::format("{}, durability {}{}, a checkpoint every {} s or {} MB", options.state_dir, options.durability,
                         options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
                         options.checkpoint_after_mb),
-      options.insecure_plaintext, options.log_level);
+      options.log_level);
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
                             .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
+    if (!options.curve_secret.empty())
+      spdlog::info("clients by tcp need this server key: {}", server.access().public_key());
+    if (options.insecure_plaintext)
+      spdlog::warn("INSECURE: whoever reaches a tcp address of this server is served, unknown and unencrypted");
     for (const std::string& endpoint : options.endpoints) spdlog::info("listening on {}", server.bind(endpoint));
-    server.run(stop_fd);
+    manager.ready(fmt::format("listening on {}", fmt::join(options.endpoints, ", ")));
+    server.run(stop_fd, &manager);
     const auto status = server.status();
     spdlog::info(
         "stopping: {} requests ({} refused, {} repeated), {} node-steps, {} sessions were open, {} answers "

@@ -17,8 +17,12 @@ struct ServerOptions {
   std::string durability = "process";       // of a reply, with state_dir: none, process or power (store.hpp)
   double checkpoint_every_s = 600.0;        // of a server that is at work; the journal since is replayed at a start
   std::uint64_t checkpoint_after_mb = 256;  // of journal, whichever comes first
+  std::size_t max_capsules = 16;            // failure capsules kept in state_dir, the first ones
   bool accept_empty = false;                // set state files that cannot be used aside, and start without them
-  bool insecure_plaintext = false;          // allow tcp addresses that other machines reach, without authentication
+  std::vector<std::uint32_t> allow_uids;    // who may use ipc endpoints; empty: the user the server runs as
+  std::string curve_secret;                 // file of the server's secret key; tcp clients must have keys then,
+  std::string authorized_keys;              // and theirs are in this file
+  bool insecure_plaintext = false;          // tcp without keys: whoever reaches it is served
   std::string log_level = "info";           // trace, debug, info, warn, error, off
   std::string log_file;                     // empty: standard error
 };

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <random>
 #include <stdexcept>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -17,6 +18,7 @@
 namespace shearbus::server {
 namespace {
 
+constexpr int kLookAfterMs = 1'000;
 constexpr std::size_t kRefusedAtStop =
     4 * wire::kMaxSessions;  // more requests than this cannot wait without being sent again
 
@@ -59,6 +61,7 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
   return {.durability = durability_from(options.durability),
           .epoch = epoch,
           .checkpoint_bytes = options.checkpoint_after_mb << 20,
+          .max_capsules = options.max_capsules,
           .accept_empty = options.accept_empty,
           .log = log.info};
 }
@@ -71,12 +74,18 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
     : pool_(thread_count(options.threads)),
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
       store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
-      service_(service_options(options, epoch, log), pool_, store_.get()),
+      service_(with_hooks(service_options(options, epoch, log)), pool_, store_.get()),
+      access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
+               .authorise = [this](const transport::Peer& peer) { return access_.judge(peer); },
+               .ipc_for_others = access_.for_other_users(),
+               .curve_secret_key = access_.secret_key(),
                .insecure_plaintext = options.insecure_plaintext,
-               .log = log.debug}),
+               .log = log.debug,
+               .log_access = log.info}),
       checkpoint_every_ns_(static_cast<std::uint64_t>(1e9 * options.checkpoint_every_s)),
-      last_checkpoint_ns_(monotonic_ns()) {
+      last_checkpoint_ns_(monotonic_ns()),
+      log_(log.info) {
   service_.recover();
 }
 
@@ -86,14 +95,58 @@ void Server::checkpoint_if_due() {
   const std::uint64_t now = monotonic_ns();
   if (!store_->checkpoint_due() && now - last_checkpoint_ns_ < checkpoint_every_ns_) return;
   service_.checkpoint();
-  last_checkpoint_ns_ = monotonic_ns();
 }
 
-void Server::run(int stop_fd) {
-  const transport::Handler handler = [this](transport::Frames frames) {
+service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
+  options.complete_status = [this](wire::ServerStatus& status) { complete_status(status); };
+  options.around_checkpoint = [this](bool begins) {
+    if (!begins) last_checkpoint_ns_ = monotonic_ns();
+    if (manager_ == nullptr) return;
+    if (begins)
+      manager_->checkpoint_begins();
+    else
+      manager_->checkpoint_ends();
+  };
+  return options;
+}
+
+// Where no file can be opened nobody new can connect; those who are connected are served.
+void Server::look_after() {
+  const std::uint64_t now = monotonic_ns();
+  if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
+  looked_after_ns_ = now;
+  manager_->alive();
+  const bool run_out = files_run_out();
+  if (run_out != files_run_out_ && log_)
+    log_(run_out ? "ALARM: four fifths of the files this process may open are open; soon nobody can connect any more. "
+                   "Raise LimitNOFILE (ulimit -n), or find who opens so many connections"
+                 : "files can be opened again");
+  files_run_out_ = run_out;
+}
+
+void Server::complete_status(wire::ServerStatus& status) const {
+  const transport::RouterCounters& messages = router_.counters();
+  status.messages_received = messages.received;
+  status.messages_sent = messages.sent;
+  status.answers_undeliverable = messages.peer_gone + messages.peer_full;
+  status.messages_without_user = messages.without_user;
+  if (const transport::AccessHandler* door = router_.access()) {
+    status.connections_admitted = door->admitted();
+    status.connections_refused = door->refused();
+    status.admitting = door->alive();
+  }
+  const ProcessUse use = process_use();
+  status.resident_bytes = use.resident_bytes;
+  status.open_files = use.open_files;
+  status.max_open_files = use.max_open_files;
+}
+
+void Server::run(int stop_fd, ServiceManager* manager) {
+  manager_ = manager;
+  const transport::Handler handler = [this](transport::Frames frames, std::string_view user) {
     checkpoint_if_due();
     std::vector<transport::OutFrame> sent;
-    if (auto reply = service_.handle(frames)) {
+    if (auto reply = service_.handle(frames, Access::caller(user))) {
       auto header = std::make_shared<const std::string>(std::move(reply->header));
       sent.push_back({std::as_bytes(std::span(*header)), header});
       if (reply->has_payload) sent.push_back({reply->payload, std::move(reply->owner)});
@@ -103,14 +156,22 @@ void Server::run(int stop_fd) {
     }
     return sent;
   };
-  router_.run(handler, stop_fd);
-  std::array<char, 128> asked;  // a signal's description, or the count of an event
-  static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
+  // A program looks after itself now and then, a server inside another program sleeps.
+  const transport::Pulse pulse = {.every_ms = manager == nullptr ? -1 : kLookAfterMs, .beat = [&] {
+                                    if (manager != nullptr) look_after();
+                                    return !service_.drained();
+                                  }};
+  router_.run(handler, stop_fd, pulse);
+  if (manager != nullptr) manager->stopping();
+  pollfd stop{.fd = stop_fd, .events = POLLIN, .revents = 0};
+  if (::poll(&stop, 1, 0) > 0) {
+    std::array<char, 128> asked;  // a signal's description, or the count of an event
+    static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
+  }
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);
   // Asked a second time: the journal holds everything.
-  pollfd again{.fd = stop_fd, .events = POLLIN, .revents = 0};
-  const bool in_haste = ::poll(&again, 1, 0) > 0 && store_ && store_->journaling();
+  const bool in_haste = ::poll(&stop, 1, 0) > 0 && store_ && store_->journaling();
   if (store_ && store_->changed_since_checkpoint() && !in_haste) service_.checkpoint();
 }
 

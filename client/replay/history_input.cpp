@@ -8,7 +8,9 @@
 namespace shearbus::replay {
 
 HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop)
-    : history_(history), force_driven_(scene.strategy == wire::Strategy::kForceDriven) {
+    : history_(history),
+      force_driven_(scene.strategy == wire::Strategy::kForceDriven),
+      components_(scene.tangential_components) {
   if (closed_loop && !force_driven_)
     throw Error(
         {.code = Code::kInvalidValue,
@@ -33,11 +35,18 @@ HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, boo
   if (history_.has("initial_temperature")) initial_temperature_ = history_.per_node("initial_temperature");
 }
 
-void HistoryInput::need(Field field, const char* dataset) {
-  if (history_.has(dataset))
-    rows_.push_back({field, dataset});
-  else
-    missing_.push_back(fmt::format("/{} [T,N]", dataset));
+std::string HistoryInput::second(const std::string& dataset) {
+  return dataset + "_second";
+}
+
+void HistoryInput::need(Field field, const std::string& dataset) {
+  for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? components_ : 1); ++component) {
+    const std::string name = component == 0 ? dataset : second(dataset);
+    if (history_.has(name))
+      rows_.push_back({field, name, component});
+    else
+      missing_.push_back(fmt::format("/{} [T,N]", name));
+  }
 }
 
 void HistoryInput::take(Field field, const char* dataset, bool wanted, const char* why_not) {
@@ -65,13 +74,19 @@ void HistoryInput::choose_jump(bool closed_loop) {
       notes_.emplace_back("/initial_velocity_jump is not used: /velocity_jump is there; --closed-loop would use it");
     return;
   }
-  if (initial) {
-    first_jump_ = history_.per_node("initial_velocity_jump");
-    jump_origin_ = "closed loop from /initial_velocity_jump";
-  } else {
-    first_jump_.resize(history_.nodes());
-    history_.row("velocity_jump", 0, first_jump_);
-    jump_origin_ = "closed loop from the first row of /velocity_jump";
+  const std::string from = initial ? "initial_velocity_jump" : "velocity_jump";
+  jump_origin_ =
+      initial ? "closed loop from /initial_velocity_jump" : "closed loop from the first row of /velocity_jump";
+  for (std::uint32_t component = 0; component < components_; ++component) {
+    const std::string name = component == 0 ? from : second(from);
+    if (!history_.has(name)) {
+      missing_.push_back(fmt::format("/{} [{}]", name, initial ? "N" : "T,N"));
+    } else if (initial) {
+      first_jump_[component] = history_.per_node(name);
+    } else {
+      first_jump_[component].resize(history_.nodes());
+      history_.row(name, 0, first_jump_[component]);
+    }
   }
 }
 
@@ -92,15 +107,18 @@ void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
 void HistoryInput::prepare(Batch& request) const {
   for (const Column& column : fixed_)
     std::ranges::copy(history_.per_node(column.dataset), request.f64(column.field).begin());
-  if (closed_loop_) std::ranges::copy(first_jump_, request.f64(Field::kVelocityJump).begin());
+  for (std::uint32_t component = 0; closed_loop_ && component < components_; ++component)
+    std::ranges::copy(first_jump_[component], request.f64(Field::kVelocityJump, component).begin());
 }
 
 void HistoryInput::fill(std::size_t step, Batch& request) {
-  for (const Column& column : rows_) history_.row(column.dataset, step, request.f64(column.field));
+  for (const Column& column : rows_) history_.row(column.dataset, step, request.f64(column.field, column.component));
 }
 
 void HistoryInput::feed_back(const StepResult& result, Batch& request) const {
-  if (closed_loop_) std::ranges::copy(result.velocity_jump_new_m_per_s(), request.f64(Field::kVelocityJump).begin());
+  for (std::uint32_t component = 0; closed_loop_ && component < components_; ++component)
+    std::ranges::copy(result.velocity_jump_new_m_per_s(component),
+                      request.f64(Field::kVelocityJump, component).begin());
 }
 
 void HistoryInput::check_all_rows() {

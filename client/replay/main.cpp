@@ -3,23 +3,37 @@
 
 #include <CLI/CLI.hpp>
 #include <exception>
+#include <filesystem>
 
+#include "client/replay/capsule.hpp"
 #include "client/replay/replay.hpp"
 
 namespace {
 
-constexpr int kRunError = 1;
+constexpr int kRunError = 1;  // also: the capsule's answer is another one now
 constexpr int kUsageError = 2;
 
-void describe(CLI::App& app, shearbus::replay::Options& options) {
+struct KeyFiles {
+  std::filesystem::path server;
+  std::filesystem::path own;
+};
+
+void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys, std::filesystem::path& capsule) {
   app.set_version_flag("--version", options.version);
-  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->required()->type_name("");
-  app.add_option("--scene", options.scene, "scene to replay it through")->required()->type_name("SCENE.toml");
+  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->type_name("");
+  app.add_option("--scene", options.scene, "scene to replay it through")->type_name("SCENE.toml");
+  app.add_option("--capsule", capsule,
+                 "instead of a history: run the node of this failure capsule again, alone, and compare every column")
+      ->type_name("FILE.h5");
   app.add_option("--out", options.out,
                  "HDF5 file for the answers; a file of that name is replaced once the run has succeeded")
       ->type_name("RESULT.h5");
-  app.add_option("--server", options.server, "tcp://host:port or ipc://path of a server; none: one inside this process")
+  app.add_option("--server", options.server.endpoint,
+                 "tcp://host:port or ipc://path of a server; none: one inside this process")
       ->type_name("ENDPOINT");
+  app.add_option("--server-key", keys.server, "by tcp: file of the server's public key")->type_name("FILE");
+  app.add_option("--key", keys.own, "by tcp: file of one's own secret key, from shearbus-ctl keygen")
+      ->type_name("FILE");
   app.add_flag("--check", options.check, "read every value, compare with the scene, open a session; replay nothing");
   app.add_flag("--closed-loop", options.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
@@ -33,14 +47,22 @@ void describe(CLI::App& app, shearbus::replay::Options& options) {
 int main(int argc, char** argv) {
   shearbus::replay::Options options{.version = SHEARBUS_VERSION};
   CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
-  describe(app, options);
+  KeyFiles keys;
+  std::filesystem::path capsule;
+  describe(app, options, keys, capsule);
   try {
     app.parse(argc, argv);
-    if (options.out.empty() && !options.check) throw CLI::RequiredError("--out");
+    const bool has_history = !options.history.empty() || !options.scene.empty() || !options.out.empty();
+    if (!capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "HISTORY.h5, --scene and --out");
+    if (capsule.empty() && options.history.empty()) throw CLI::RequiredError("HISTORY.h5");
+    if (capsule.empty() && options.scene.empty()) throw CLI::RequiredError("--scene");
+    if (capsule.empty() && options.out.empty() && !options.check) throw CLI::RequiredError("--out");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kUsageError;
   }
   try {
+    if (!capsule.empty()) return shearbus::replay::run_capsule(capsule) ? 0 : kRunError;
+    shearbus::wire::read_keys_into(options.server, keys.server, keys.own);
     shearbus::replay::run(options);
     return 0;
   } catch (const std::exception& error) {

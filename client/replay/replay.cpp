@@ -24,11 +24,14 @@ using Clock = std::chrono::steady_clock;
 
 // The named server, or one on a thread of this process.
 struct Service {
-  explicit Service(const std::string& endpoint)
-      : embedded(endpoint.empty() ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
-                                  : std::nullopt),
-        client({.endpoint = embedded ? embedded->endpoint() : endpoint,
+  explicit Service(const wire::ServerAddress& server)
+      : embedded(server.endpoint.empty()
+                     ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
+                     : std::nullopt),
+        client({.endpoint = embedded ? embedded->endpoint() : server.endpoint,
                 .context = embedded ? embedded->context() : nullptr,
+                .server_key = server.server_key,
+                .secret_key = server.secret_key,
                 .name = "shearbus-replay"}) {}
   std::optional<server::Embedded> embedded;
   Client client;
@@ -49,7 +52,20 @@ Session open(Client& client, const wire::SceneFile& scene, const wire::HistoryRe
 
 enum Output : std::size_t { kStress, kVelocity, kTemperature, kRegime, kOutcome, kHeat, kJump };
 
-std::vector<wire::Quantity> quantities(bool force_driven) {
+// Vectors whose second component follows the quantities above, in this order.
+std::vector<std::size_t> vectors_of(const HistoryInput& input) {
+  if (input.components() == 1) return {};
+  return input.force_driven() ? std::vector<std::size_t>{kStress, kVelocity, kJump}
+                              : std::vector<std::size_t>{kStress, kVelocity};
+}
+
+std::span<const double> component_of(const StepResult& result, std::size_t vector, std::uint32_t component) {
+  return vector == kStress     ? result.shear_stress_pa(component)
+         : vector == kVelocity ? result.sliding_velocity_m_per_s(component)
+                               : result.velocity_jump_new_m_per_s(component);
+}
+
+std::vector<wire::Quantity> quantities(const HistoryInput& input) {
   std::vector<wire::Quantity> all = {
       {.name = "shear_stress", .units = "Pa", .long_name = "shear stress, positive where it holds the soft body back"},
       {.name = "sliding_velocity", .units = "m s-1", .long_name = "sliding velocity of the interface"},
@@ -58,12 +74,19 @@ std::vector<wire::Quantity> quantities(bool force_driven) {
       {.name = "outcome", .units = "1", .long_name = "flags of the solution", .is_outcome = true},
       {.name = "friction_heat", .units = "J m-2", .long_name = "friction heat that entered the layer in the step"},
   };
-  if (force_driven)
+  if (input.force_driven())
     all.push_back({.name = "velocity_jump_new", .units = "m s-1", .long_name = "velocity jump at the end of the step"});
+  for (const std::size_t vector : vectors_of(input)) {
+    wire::Quantity second = all[vector];
+    second.name = HistoryInput::second(second.name);
+    second.long_name += ", second direction";
+    all.push_back(second);
+  }
   return all;
 }
 
-void write_row(wire::HistoryWriter& writer, const StepResult& result, double time_s, double dt_s, bool force_driven) {
+void write_row(wire::HistoryWriter& writer, const StepResult& result, double time_s, double dt_s,
+               const HistoryInput& input) {
   writer.begin_row(time_s, dt_s);
   writer.set(kStress, result.shear_stress_pa());
   writer.set(kVelocity, result.sliding_velocity_m_per_s());
@@ -71,7 +94,9 @@ void write_row(wire::HistoryWriter& writer, const StepResult& result, double tim
   writer.set(kRegime, result.regime());
   writer.set(kOutcome, result.outcome());
   writer.set(kHeat, result.friction_heat_j_per_m2());
-  if (force_driven) writer.set(kJump, result.velocity_jump_new_m_per_s());
+  std::size_t next = kJump;
+  if (input.force_driven()) writer.set(next++, result.velocity_jump_new_m_per_s());
+  for (const std::size_t vector : vectors_of(input)) writer.set(next++, component_of(result, vector, 1));
   writer.end_row();
 }
 
@@ -107,7 +132,7 @@ void replay(const Options& options, wire::HistoryReader& history, HistoryInput& 
 
     const auto answered = Clock::now();
     const double dt_s = history.dt_s()[step];
-    write_row(writer, result, history.times_s()[step], dt_s, input.force_driven());
+    write_row(writer, result, history.times_s()[step], dt_s, input);
     time.writing += Clock::now() - answered;
     tally.add(result, history.times_s()[step], dt_s);
     input.feed_back(result, request);
@@ -143,6 +168,7 @@ void run(const Options& options) {
 
   Service service(options.server);
   Session session = open(service.client, scene, history, input);
+  session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
@@ -162,8 +188,7 @@ void run(const Options& options) {
       {"input_hash", wire::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
   };
-  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(input.force_driven()), meta,
-                             history.start_time_s());
+  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(input), meta, history.start_time_s());
   Tally tally(history.node_ids());
   replay(options, history, input, session, writer, tally, time);
   session.close();

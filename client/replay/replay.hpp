@@ -4,15 +4,17 @@
 #include <filesystem>
 #include <string>
 
+#include "proto/wire/key_file.hpp"
+
 namespace shearbus::replay {
 
 struct Options {
   std::filesystem::path history;
   std::filesystem::path scene;
   std::filesystem::path out;
-  std::string server;        // endpoint; empty: a server inside this process
-  bool check = false;        // read, compare and open a session; replay nothing
-  bool closed_loop = false;  // force-driven: feed each new jump back even where /velocity_jump is recorded
+  wire::ServerAddress server;  // no endpoint: a server inside this process
+  bool check = false;          // read, compare and open a session; replay nothing
+  bool closed_loop = false;    // force-driven: feed each new jump back even where /velocity_jump is recorded
   bool progress = true;
   std::string version;  // of this program, for the result's /meta
 };

@@ -27,11 +27,12 @@ Tally::Tally(const std::vector<std::uint64_t>& node_ids)
 void Tally::add(const StepResult& result, double time_s, double dt_s) {
   const auto temperature = result.interface_temperature_k();
   const auto velocity = result.sliding_velocity_m_per_s();
+  const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty where slip has one component
   const auto heat = result.friction_heat_j_per_m2();
   const auto regime = result.regime();
   const auto outcome = result.outcome();
   for (std::size_t node = 0; node < node_ids_.size(); ++node) {
-    slip_[node] += std::abs(velocity[node]) * dt_s;
+    slip_[node] += std::hypot(velocity[node], second_velocity.empty() ? 0.0 : second_velocity[node]) * dt_s;
     heat_[node] += heat[node];
     if (temperature[node] > peak_temperature_k_) {
       peak_temperature_k_ = temperature[node];
@@ -46,6 +47,7 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
     flagged_ += outcome[node] != wire::kOutcomeOk;
     for (std::size_t bit = 0; bit < outcomes_.size(); ++bit) outcomes_[bit] += (outcome[node] >> bit) & 1u;
   }
+  energy_.add(result.batch());
   node_steps_ += node_ids_.size();
 }
 
@@ -85,6 +87,7 @@ std::string Tally::text(const RunTime& time) const {
                       id(static_cast<std::size_t>(most_slip - slip_.begin())));
   text += fmt::format("  friction heat in the layer  {:.6g} J/m2 mean, {:.6g} J/m2 most\n", mean(heat_),
                       *std::max_element(heat_.begin(), heat_.end()));
+  for (const auto& [label, value] : energy_.lines()) text += fmt::format("  {:<28}{}\n", label, value);
   text += fmt::format("  regimes                     {}\n", regimes_text());
   text += fmt::format("  flagged                     {}\n", outcomes_text());
   text += fmt::format(

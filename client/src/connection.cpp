@@ -1,12 +1,15 @@
 #include "client/src/connection.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <random>
+#include <stdexcept>
 #include <string_view>
 #include <thread>
 #include <utility>
@@ -14,6 +17,7 @@
 #include <zmq.hpp>
 
 #include "proto/wire/codec.hpp"
+#include "proto/wire/key_file.hpp"
 
 namespace shearbus {
 namespace {
@@ -23,8 +27,8 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
+constexpr int kSilentFailures = 3;     // in a row, before they are taken for a wrong key
 constexpr int kGoodbyeLingerMs = 100;  // how long a goodbye may hold up the end of the program
-constexpr std::size_t kMaxFrames = 2;
 
 [[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
@@ -41,11 +45,22 @@ void check_endpoint(const ClientOptions& options) {
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("{} can be reached only through its server's context; none was given", endpoint),
                  .remedy = "Set ClientOptions::context to Embedded::context()."});
+  if (options.server_key.empty() && options.secret_key.empty()) return;
+  if (!endpoint.starts_with("tcp://"))
+    throw Error({.code = Code::kAuth,
+                 .text = fmt::format("{} takes no keys: it is on this machine, where the user is known", endpoint),
+                 .remedy = "Leave server_key and secret_key empty."});
+  if (!wire::is_key(options.server_key) || !wire::is_key(options.secret_key))
+    throw Error(
+        {.code = Code::kAuth,
+         .text = fmt::format("server_key or secret_key is not a key of {} characters of Z85", wire::kKeyCharacters),
+         .remedy = "Give both, or neither; shearbus-ctl keygen makes a pair."});
 }
 
 }  // namespace
 
 void SocketConnection::CloseSocket::operator()(void* socket) const {
+  zmq_socket_monitor(socket, nullptr, 0);  // or its events would wait for a reader that has gone
   zmq_close(socket);
 }
 void SocketConnection::CloseContext::operator()(void* context) const {
@@ -59,6 +74,14 @@ SocketConnection::SocketConnection(ClientOptions options) : Connection(std::move
 }
 
 SocketConnection::~SocketConnection() = default;
+
+KeyPair make_key_pair() {
+  std::array<char, wire::kKeyCharacters + 1> public_key{};
+  std::array<char, wire::kKeyCharacters + 1> secret_key{};
+  if (zmq_curve_keypair(public_key.data(), secret_key.data()) != 0)
+    throw std::runtime_error("this libzmq was built without CURVE: it makes no keys");
+  return {public_key.data(), secret_key.data()};
+}
 
 std::uint64_t Connection::next_request_id() {
   if (last_request_id_ == 0) {
@@ -79,6 +102,7 @@ void Connection::pause(std::chrono::milliseconds time) {
 }
 
 void SocketConnection::connect() {
+  refusal_ = {};
   void* context = own_context_ ? own_context_.get() : options().context;
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
   if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
@@ -93,6 +117,12 @@ void SocketConnection::connect() {
   socket.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
   socket.set(zmq::sockopt::tcp_keepalive, 1);
   if (options().endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
+  if (!options().server_key.empty()) {
+    socket.set(zmq::sockopt::curve_serverkey, options().server_key);
+    socket.set(zmq::sockopt::curve_publickey, own_public_key());
+    socket.set(zmq::sockopt::curve_secretkey, options().secret_key);
+  }
+  watch_handshakes();
   if (zmq_connect(socket_.get(), options().endpoint.c_str()) != 0) {
     const std::string why = zmq_strerror(zmq_errno());
     socket_.reset();
@@ -100,15 +130,97 @@ void SocketConnection::connect() {
   }
 }
 
-// False where `until` has come first.
+std::string SocketConnection::own_public_key() const {
+  std::array<char, wire::kKeyCharacters + 1> key{};
+  zmq_curve_public(key.data(), options().secret_key.c_str());  // fails only for what is_key() has refused
+  return key.data();
+}
+
+void SocketConnection::watch_handshakes() {
+  static std::atomic<unsigned> counter{0};  // names are the context's, which may be shared
+  const std::string name = fmt::format("inproc://shearbus-client-{}", ++counter);
+  constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
+                          ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+  void* context = own_context_ ? own_context_.get() : options().context;
+  monitor_.reset(zmq_socket(context, ZMQ_PAIR));
+  const int unlimited = 0;  // an event that finds no room would hold up the I/O thread
+  if (!monitor_ || zmq_socket_monitor(socket_.get(), name.c_str(), kEvents) != 0 ||
+      zmq_setsockopt(monitor_.get(), ZMQ_RCVHWM, &unlimited, sizeof unlimited) != 0 ||
+      zmq_connect(monitor_.get(), name.c_str()) != 0)
+    unreachable(options(), fmt::format("no monitor: {}", zmq_strerror(zmq_errno())));
+}
+
+void SocketConnection::read_handshakes() {
+  for (;;) {
+    zmq::message_t event;
+    zmq::message_t address;
+    if (zmq_msg_recv(event.handle(), monitor_.get(), ZMQ_DONTWAIT) < 0) {
+      if (zmq_errno() == EINTR) continue;
+      return;
+    }
+    while (zmq_msg_recv(address.handle(), monitor_.get(), 0) < 0 && zmq_errno() == EINTR) {
+    }
+    std::uint16_t number = 0;
+    std::uint32_t detail = 0;
+    if (event.size() < sizeof number + sizeof detail) continue;
+    std::memcpy(&number, event.data(), sizeof number);
+    std::memcpy(&detail, static_cast<const char*>(event.data()) + sizeof number, sizeof detail);
+    handshake_failed(number, detail);
+  }
+}
+
+// Keeps the reason where it says that trying again is in vain.
+void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
+  const bool keys = !options().server_key.empty();
+  const auto refused = [&](std::string why, std::string remedy) {
+    refusal_ = {.code = Code::kAuth,
+                .text = fmt::format("{}: {}", options().endpoint, std::move(why)),
+                .remedy = std::move(remedy)};
+  };
+  if (event == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
+    silent_failures_ = 0;
+  } else if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH && keys) {
+    refused("the server does not admit this client's key",
+            fmt::format("Ask its operator to add this line to the file --authorized-keys: {} {}", own_public_key(),
+                        options().name));
+  } else if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
+    refused(fmt::format("the server does not admit this client, of uid {}", ::geteuid()),
+            fmt::format("Run as the server's user, or have it started with --allow-uid {}.", ::geteuid()));
+  } else if (event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL && detail == ZMQ_PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH) {
+    if (keys)
+      refused("the server has no keys, and this client expects it to prove that it is the right one",
+              "Leave out server_key and secret_key, or have the server started with --curve-secret.");
+    else
+      refused("the server expects clients with keys, and this one has none",
+              "Give server_key and secret_key; shearbus-ctl keygen makes a pair.");
+  } else if (keys &&
+             ((event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL && detail == ZMQ_PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC) ||
+              (event == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL && ++silent_failures_ == kSilentFailures))) {
+    // A server that cannot open what was sealed for another key says nothing.
+    refused(
+        "the connection is broken off in the handshake: the server has no keys, or not the secret one to server_key",
+        "Take the server's public key from the line it logs at its start.");
+  }
+}
+
+void SocketConnection::refused(bool sent) const {
+  if (!sent) throw Error(refusal_);
+  throw Error({.code = Code::kUnknownOutcome,
+               .text = fmt::format("{}; the request had been sent before, and may or may not have run", refusal_.text),
+               .remedy = refusal_.remedy});
+}
+
+// False where `until` has come first, or the server has refused the connection.
 bool SocketConnection::wait(short events, Clock::time_point until) {
-  zmq_pollitem_t item{socket_.get(), 0, events, 0};
+  std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
   for (;;) {
     // Rounded up: a wait of less than a millisecond must not become a busy loop.
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
-    const int found = zmq_poll(&item, 1, std::max<long>(left, 0));
-    if (found > 0) return true;
-    if (found == 0 && Clock::now() >= until) return false;
+    const int found = zmq_poll(items.data(), static_cast<int>(items.size()), std::max<long>(left, 0));
+    if (found > 0 && items[0].revents != 0) return true;
+    if (found > 0) read_handshakes();
+    if (!refusal_.ok()) return false;
+    if (found >= 0 && Clock::now() >= until) return false;
     if (found < 0 && zmq_errno() != EINTR) unreachable(options(), zmq_strerror(zmq_errno()));
   }
 }
@@ -133,8 +245,8 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
 // Waits for the reply to `request_id`; answers to earlier requests are passed over. False where `until` has come first.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   while (wait(ZMQ_POLLIN, until)) {
-    std::array<std::shared_ptr<zmq::message_t>, kMaxFrames + 1> frames;
-    std::array<std::span<const std::byte>, kMaxFrames + 1> views;
+    std::array<std::shared_ptr<zmq::message_t>, wire::kMaxFrames + 1> frames;
+    std::array<std::span<const std::byte>, wire::kMaxFrames + 1> views;
     std::size_t count = 0;
     for (bool more = true; more;) {
       auto frame = std::make_shared<zmq::message_t>();
@@ -166,23 +278,38 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
   return false;
 }
 
+void SocketConnection::post(const wire::Request& request) {
+  posted_.reset();
+  if (!socket_) connect();
+  const auto now = Clock::now();
+  if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
+}
+
 Received SocketConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
   const auto last_moment = started + deadline;
   const std::string header = wire::encode_header(request);
-  bool sent = false;
+  bool under_way = posted_ && posted_->request_id == request.request_id;
+  const auto asked = under_way ? posted_->at : started;
+  posted_.reset();
+  bool sent = under_way;
   for (;;) {
     if (!socket_) connect();
-    while (!send(header, request.batch))
-      if (!wait(ZMQ_POLLOUT, last_moment)) give_up(sent, Clock::now() - started);
+    while (!under_way && !send(header, request.batch)) {
+      if (wait(ZMQ_POLLOUT, last_moment)) continue;
+      if (!refusal_.ok()) refused(sent);
+      give_up(sent, Clock::now() - started);
+    }
+    under_way = false;
     sent = true;
     Received received;
     if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
-      received.round_trip = Clock::now() - started;
+      received.round_trip = Clock::now() - asked;
       if (!received.reply.status.ok()) throw Error(received.reply.status);
       return received;
     }
     socket_.reset();
+    if (!refusal_.ok()) refused(sent);
     if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
   }
 }

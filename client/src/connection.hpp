@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -31,9 +32,13 @@ class Connection {
   virtual ~Connection() = default;
 
   // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without
-  // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left,
-  // kUnknownOutcome where it left and nothing came back before the deadline.
+  // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left, kAuth as soon
+  // as the server refuses the connection, kUnknownOutcome where it left and nothing came back before the deadline.
   virtual Received call(const wire::Request& request, std::chrono::milliseconds deadline) = 0;
+
+  // Sends `request` now, if that can be done without waiting; the call() of the same request that must follow then only
+  // waits for its reply.
+  virtual void post(const wire::Request& /*request*/) {}
 
   // Sends without waiting for anything, if that can be done now.
   virtual void say(const wire::Request& request) noexcept = 0;
@@ -49,6 +54,11 @@ class Connection {
   std::uint64_t claimant() {
     return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
   }  // random, of this client
+
+  // An opening that got no session: nobody knows its outcome, or it was refused, and a late copy may still succeed
+  // (when the disk has room again). The same one again must have the same bytes, so that it is one session that holds
+  // the nodes.
+  std::optional<wire::Request> opening_in_doubt;
 
   bool durable() const { return durable_; }  // the server's sessions outlive it, says its welcome
   void set_durable(bool durable) { durable_ = durable; }
@@ -66,9 +76,14 @@ class SocketConnection final : public Connection {
   ~SocketConnection() override;
 
   Received call(const wire::Request& request, std::chrono::milliseconds deadline) override;
+  void post(const wire::Request& request) override;
   void say(const wire::Request& request) noexcept override;
 
  private:
+  struct Posted {
+    std::uint64_t request_id;
+    Clock::time_point at;
+  };
   struct CloseSocket {
     void operator()(void* socket) const;
   };
@@ -77,13 +92,22 @@ class SocketConnection final : public Connection {
   };
 
   void connect();
+  void watch_handshakes();
+  std::string own_public_key() const;
   bool wait(short events, Clock::time_point until);
   bool send(const std::string& header, const wire::Batch& batch);
+  void read_handshakes();
   bool receive(std::uint64_t request_id, Clock::time_point until, Received& received);
+  void handshake_failed(int event, std::uint32_t detail);
+  [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
   std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
-  std::unique_ptr<void, CloseSocket> socket_;  // null after a timeout: a late reply must not be taken for another's
+  std::optional<Posted> posted_;
+  std::unique_ptr<void, CloseSocket> monitor_;  // libzmq's word on the handshakes of socket_
+  std::unique_ptr<void, CloseSocket> socket_;   // null after a timeout: a late reply must not be taken for another's
+  wire::Status refusal_;                        // the server has refused the connection; OK: not so far
+  int silent_failures_ = 0;                     // handshakes in a row that were broken off without a reason
 };
 
 }  // namespace shearbus

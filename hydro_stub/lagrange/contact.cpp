@@ -37,13 +37,23 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
   inputs_.zone_plastic_rate.assign(weights_.rubbing(), 0.0);
 }
 
-void Contact::apply(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
-                    std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new) {
+void Contact::ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
+                  std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new) {
   weights_.find(middle_position);
   std::ranges::fill(impulse_, Vec2{});
   std::ranges::fill(pressing_, 0.0);
   press(guides, state, dt, velocity_new);
   ask_law(state, dt, step, law, velocity_new);
+}
+
+void Contact::answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
+                       std::vector<Vec2>& velocity_new) {
+  if (law != nullptr && size() > 0 && options_.overlap) law->finish();
+  for (int i = 0; i < size(); ++i) {
+    if (std::isfinite(answer_.shear_stress[i])) continue;
+    throw std::runtime_error(fmt::format("the interface law answered shear stress {} Pa for node {} in step {}",
+                                         answer_.shear_stress[i], i, inputs_.step));
+  }
   rub(guides, state, dt, velocity_new);
   press(guides, state, dt, velocity_new);
 }
@@ -141,11 +151,10 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   }
   std::ranges::fill(answer_.shear_stress, 0.0);
   if (law == nullptr || size == 0) return;
-  law->advance(inputs_, answer_);
-  for (int i = 0; i < size; ++i) {
-    if (std::isfinite(answer_.shear_stress[i])) continue;
-    throw std::runtime_error(fmt::format("the interface law answered shear stress {} Pa for node {} in step {}",
-                                         answer_.shear_stress[i], i, step));
+  if (options_.overlap) {
+    law->start(inputs_, answer_);
+  } else {
+    law->advance(inputs_, answer_);
   }
 }
 

@@ -23,6 +23,7 @@
 namespace shearbus::lagrange {
 
 struct ContactOptions {
+  bool overlap = true;      // the law answers while zones off the slide lines are computed; the bits are the same
   double soft_share = 0.5;  // of friction heat, to the soft body
   // Of the gap that is made up in a step, to keep surfaces together that curve under each other (Baumgarte, Comput.
   // Methods Appl. Mech. Eng. 1 (1972) 1).
@@ -34,9 +35,13 @@ class Contact {
  public:
   Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes);
 
-  // Adds the step's impulses to `velocity_new`, which holds velocities after all other forces. `law` null: free slip.
-  void apply(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
-             std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
+  // Adds the step's impulses to `velocity_new`, which holds velocities after all other forces; only nodes on slide
+  // lines change. In two halves, between which the law may be at work: steps 1 and the question of 2; the rest. `law`
+  // null: free slip.
+  void ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
+           std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
+  void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
+                std::vector<Vec2>& velocity_new);
 
   // Once the step stands: gives the lost energy to the zones, and books it.
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,

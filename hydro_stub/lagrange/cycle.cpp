@@ -38,12 +38,18 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
       viscous_rate_(bodies_.mesh.num_zones(), 0.0),
       heating_(bodies_.mesh.num_zones(), 0.0),
       heating_new_(bodies_.mesh.num_zones(), 0.0),
-      dilatation_(bodies_.mesh.num_zones(), 0.0) {
+      dilatation_(bodies_.mesh.num_zones(), 0.0),
+      xx_new_(bodies_.mesh.num_zones(), 0.0),
+      yy_new_(bodies_.mesh.num_zones(), 0.0),
+      xy_new_(bodies_.mesh.num_zones(), 0.0),
+      plastic_strain_new_(bodies_.mesh.num_zones(), 0.0),
+      on_rim_(bodies_.mesh.num_zones(), 0) {
   const Mesh& mesh = bodies_.mesh;
   if (bodies_.materials.size() != mesh.blocks().size()) {
     throw std::invalid_argument(
         fmt::format("{} materials for {} blocks; give one for each", bodies_.materials.size(), mesh.blocks().size()));
   }
+  find_rim();
   state_.position = mesh.places();
   state_.velocity = bodies_.velocity;
   state_.energy = bodies_.energy;
@@ -99,8 +105,11 @@ bool Cycle::try_step(double dt) {
   find_forces();
   // 4. momentum, walls
   accelerate(dt);
-  // 5. slide lines: bodies press and rub on each other
-  contact_.apply(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
+  // 5. slide lines: bodies press and rub on each other; while the law is at work, the deviators of zones off the lines
+  contact_.ask(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
+  find_mean_velocities();
+  advance_stress(dt, Reach::kInner);
+  contact_.answered(state_, guides_, dt, law_, velocity_new_);
   // 6. places at the end
   if (!go_to_end(dt)) {
     if (law_ != nullptr) law_->take_back();
@@ -110,8 +119,12 @@ bool Cycle::try_step(double dt) {
   do_work(dt);
   contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
   book_boundaries(dt);
-  // 8. deviators over the whole step; density, pressure, sound speed, temperature
-  advance_stress(dt);
+  // 8. deviators of the zones on slide lines; density, pressure, sound speed, temperature
+  advance_stress(dt, Reach::kRim);
+  state_.deviator_xx.swap(xx_new_);
+  state_.deviator_yy.swap(yy_new_);
+  state_.deviator_xy.swap(xy_new_);
+  state_.plastic_strain.swap(plastic_strain_new_);
   state_.position.swap(position_new_);
   state_.velocity.swap(velocity_new_);
   state_.volume.swap(volume_new_);
@@ -230,13 +243,17 @@ void Cycle::accelerate(double dt) {
   }
 }
 
-bool Cycle::go_to_end(double dt) {
+void Cycle::find_mean_velocities() {
   const int nodes = bodies_.mesh.num_nodes();
 #pragma omp parallel for schedule(static) if (nodes >= kFewestForThreads)
-  for (int n = 0; n < nodes; ++n) {
-    velocity_mean_[n] = 0.5 * (state_.velocity[n] + velocity_new_[n]);
-    position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
-  }
+  for (int n = 0; n < nodes; ++n) velocity_mean_[n] = 0.5 * (state_.velocity[n] + velocity_new_[n]);
+}
+
+bool Cycle::go_to_end(double dt) {
+  const int nodes = bodies_.mesh.num_nodes();
+  find_mean_velocities();  // slide lines have changed those of their nodes
+#pragma omp parallel for schedule(static) if (nodes >= kFewestForThreads)
+  for (int n = 0; n < nodes; ++n) position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
   measure_volumes(bodies_.mesh, position_new_, volume_new_);
   for (int z = 0; z < bodies_.mesh.num_zones(); ++z) {
     const double change = volume_new_[z] - state_.volume[z];
@@ -284,7 +301,19 @@ void Cycle::book_boundaries(double dt) {
   }
 }
 
-void Cycle::advance_stress(double dt) {
+void Cycle::find_rim() {
+  std::vector<bool> on_line(bodies_.mesh.num_nodes(), false);
+  for (const SlideLine& line : bodies_.slide_lines) {
+    for (const int n : line.soft.nodes) on_line[n] = true;
+    for (const int n : line.hard.nodes) on_line[n] = true;
+  }
+  for (int z = 0; z < bodies_.mesh.num_zones(); ++z) {
+    const int* n = bodies_.mesh.zone_nodes(z);
+    on_rim_[z] = static_cast<std::uint8_t>(std::any_of(n, n + 4, [&](int node) { return on_line[node]; }));
+  }
+}
+
+void Cycle::advance_stress(double dt, Reach reach) {
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
     const Block& block = bodies_.mesh.blocks()[body];
     const std::optional<physics::Material>& strength = bodies_.materials[body].strength;
@@ -292,16 +321,17 @@ void Cycle::advance_stress(double dt) {
     const int last = first + block.num_zones();
 #pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
     for (int z = first; z < last; ++z) {
+      if ((on_rim_[z] != 0) != (reach == Reach::kRim)) continue;
       const Gradient d = velocity_gradient(bodies_.mesh, middle_, velocity_mean_, z);
       dilatation_[z] = d.dilatation();
       if (!strength) continue;
       const Deviator old = {state_.deviator_xx[z], state_.deviator_yy[z], state_.deviator_xy[z]};
       const StrengthStep step =
           advance_deviator(*strength, old, d, dt, state_.plastic_strain[z], middle_pressure_[z], state_.temperature[z]);
-      state_.deviator_xx[z] = step.deviator.xx;
-      state_.deviator_yy[z] = step.deviator.yy;
-      state_.deviator_xy[z] = step.deviator.xy;
-      state_.plastic_strain[z] += step.plastic_strain_increment;
+      xx_new_[z] = step.deviator.xx;
+      yy_new_[z] = step.deviator.yy;
+      xy_new_[z] = step.deviator.xy;
+      plastic_strain_new_[z] = state_.plastic_strain[z] + step.plastic_strain_increment;
     }
   }
 }

@@ -93,9 +93,12 @@ class Cycle {
   void predict_state(double dt);
   void find_forces();
   void accelerate(double dt);
+  void find_mean_velocities();
   bool go_to_end(double dt);
   void do_work(double dt);
-  void advance_stress(double dt);
+  enum class Reach { kInner, kRim };  // zones with no node on a slide line; the others
+  void advance_stress(double dt, Reach reach);
+  void find_rim();
   void book_boundaries(double dt);
   void update_state(const std::vector<double>& volume, const std::vector<double>& energy, std::vector<double>& density,
                     std::vector<double>& pressure);
@@ -134,6 +137,8 @@ class Cycle {
   std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // dV/dt / V of the last step  [1/s]
+  std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
+  std::vector<std::uint8_t> on_rim_;  // of each zone
 };
 
 }  // namespace shearbus::lagrange

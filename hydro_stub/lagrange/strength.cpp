@@ -17,22 +17,26 @@ Deviator rotated(const Deviator& s, double spin, double dt) {
           sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
 }
 
-// Solves Y(ep + x) + 3 G x = trial for the plastic strain increment x. Hardening is concave, so Newton's iterates rise
-// to the root from x = 0 and cannot pass it.
-double plastic_increment(const physics::Material& metal, double trial, double yield, double g, double plastic_strain) {
+// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x. The balance falls strictly: Newton, kept
+// between 0 and what perfect plasticity would take. Concave hardening needs no keeping: its iterates rise to the root
+// from x = 0 and cannot pass it.
+double plastic_increment(const physics::Material& metal, double trial, double yield, double g, double plastic_strain,
+                         double dt) {
   const double stiffness = 3.0 * metal.shear_modulus;
-  if (metal.hardening_coefficient == 0.0) return (trial - yield) / stiffness;
-  constexpr int kMostIterations = 50;
-  const double cap = metal.yield_strength_max * g;
+  double left = 0.0;
+  double right = (trial - yield) / stiffness;
+  if (!physics::hardens(metal)) return right;
+  constexpr int kMostIterations = 200;
+  constexpr double kConverged = 1e-13;
   double x = 0.0;
   double strength = yield;
   for (int i = 0; i < kMostIterations; ++i) {
     const double missing = trial - stiffness * x - strength;
-    if (missing <= 1e-13 * trial) break;
-    const double hardening = metal.hardening_exponent * metal.hardening_coefficient /
-                             (1.0 + metal.hardening_coefficient * (plastic_strain + x));
-    x += missing / (stiffness + (strength < cap ? strength * hardening : 0.0));
-    strength = physics::hardened_strength(metal, plastic_strain + x) * g;
+    if (std::abs(missing) <= kConverged * trial) break;
+    (missing > 0.0 ? left : right) = x;
+    const double next = x + missing / (stiffness + physics::hardening_slope(metal, plastic_strain, x, dt) * g);
+    x = next > left && next <= right ? next : 0.5 * (left + right);
+    strength = physics::hardened_strength(metal, plastic_strain + x, x / dt) * g;
   }
   return x;
 }
@@ -60,7 +64,7 @@ StrengthStep advance_deviator(const physics::Material& metal, const Deviator& ol
   const double g = physics::softening(metal, pressure, temperature).g;
   const double yield = physics::hardened_strength(metal, plastic_strain) * g;
   if (trial <= yield) return {s, 0.0};
-  const double increment = plastic_increment(metal, trial, yield, g, plastic_strain);
+  const double increment = plastic_increment(metal, trial, yield, g, plastic_strain, dt);
   const double keep = std::fmax(0.0, 1.0 - 3.0 * metal.shear_modulus * increment / trial);
   return {{keep * s.xx, keep * s.yy, keep * s.xy}, increment};
 }

@@ -38,6 +38,15 @@ constexpr std::array kFields = {
     FieldInfo{Field::kRegime, Element::kUint8, "regime"},
     FieldInfo{Field::kOutcome, Element::kUint8, "outcome"},
     FieldInfo{Field::kFrictionHeat, Element::kFloat64, "friction_heat_j_per_m2"},
+    FieldInfo{Field::kInterfaceWork, Element::kFloat64, "interface_work_j_per_m2"},
+    FieldInfo{Field::kHeatToSoft, Element::kFloat64, "heat_to_soft_j_per_m2"},
+    FieldInfo{Field::kHeatToHard, Element::kFloat64, "heat_to_hard_j_per_m2"},
+    FieldInfo{Field::kPlasticWork, Element::kFloat64, "plastic_work_j_per_m2"},
+    FieldInfo{Field::kStoredHeatSoft, Element::kFloat64, "stored_heat_soft_j_per_m2"},
+    FieldInfo{Field::kStoredHeatHard, Element::kFloat64, "stored_heat_hard_j_per_m2"},
+    FieldInfo{Field::kElasticEnergy, Element::kFloat64, "elastic_energy_j_per_m2"},
+    FieldInfo{Field::kHeatResidual, Element::kFloat64, "heat_residual_j_per_m2"},
+    FieldInfo{Field::kEnergyResidual, Element::kFloat64, "energy_residual_j_per_m2"},
 };
 
 const FieldInfo* info(Field field) {
@@ -82,12 +91,28 @@ const char* name(Field field) {
   return found ? found->name : "?";
 }
 
-Batch Batch::of(std::span<const Field> fields, std::size_t count) {
+bool is_tangential(Field field) {
+  switch (field) {
+    case Field::kVelocityJump:
+    case Field::kStressMinus:
+    case Field::kStressPlus:
+    case Field::kShearStress:
+    case Field::kSlidingVelocity:
+    case Field::kVelocityJumpNew:
+      return true;
+    default:
+      return false;
+  }
+}
+
+Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
   Batch batch;
   for (Field field : fields) {
     const Element element = element_of(field);
-    batch.columns_.push_back({field, 0, element, batch.size_, count});
-    batch.size_ += padded(count * size_of(element));
+    for (std::uint32_t component = 0; component < (is_tangential(field) ? components : 1); ++component) {
+      batch.columns_.push_back({field, component, element, batch.size_, count});
+      batch.size_ += padded(count * size_of(element));
+    }
   }
   batch.owned_ = std::make_unique<std::uint64_t[]>(batch.size_ / 8);
   batch.data_ = reinterpret_cast<const std::byte*>(batch.owned_.get());

@@ -31,12 +31,22 @@ enum class Field : std::uint32_t {
   kRegime = 34,
   kOutcome = 35,
   kFrictionHeat = 36,
+  kInterfaceWork = 40,
+  kHeatToSoft = 41,
+  kHeatToHard = 42,
+  kPlasticWork = 43,
+  kStoredHeatSoft = 44,
+  kStoredHeatHard = 45,
+  kElasticEnergy = 46,
+  kHeatResidual = 47,
+  kEnergyResidual = 48,
 };
 
 enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };
 
 std::size_t size_of(Element element);
 Element element_of(Field field);  // every field has one element type
+bool is_tangential(Field field);  // a vector along the interface: has a second component where the scene's slip has one
 const char* name(Field field);    // with unit: "pressure_pa"; "?" for a number that is no field
 
 struct Column {
@@ -52,8 +62,9 @@ class Batch {
  public:
   Batch() = default;
 
-  // A block of its own, zeroed, with one column of `count` values for each field. Write through the spans below.
-  static Batch of(std::span<const Field> fields, std::size_t count);
+  // A block of its own, zeroed, with one column of `count` values for each field, and with `components` = 2 a second
+  // one for each that is tangential. Write through the spans below.
+  static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
 
   // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out
   // such frames below 8 kB) are copied. Throws Error{kShape} where a column leaves the frame, overlaps another, is

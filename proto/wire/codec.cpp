@@ -7,11 +7,13 @@
 #include <xxhash.h>
 
 #include <bit>
+#include <memory>
 #include <type_traits>
 #include <utility>
 
 #include "proto/wire/envelope_message.hpp"
 #include "proto/wire/envelope_scan.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/envelope.pb.h"
 
 static_assert(std::endian::native == std::endian::little, "columns are sent as they stand in memory");
@@ -52,10 +54,12 @@ void put_payload(const Batch& batch, v1::Payload& to) {
 
 template <typename Header, typename Value>
 std::string encode(const Value& value) {
-  thread_local Header header;  // reused: its strings and columns keep their memory
-  to_message(value, header);
-  if (!value.batch.columns().empty()) put_payload(value.batch, *header.mutable_payload());
-  std::string frame = header.SerializeAsString();
+  thread_local std::unique_ptr<Header> reused;  // its strings and columns keep their memory
+  std::string frame = with_message(reused, [&](Header& header) {
+    to_message(value, header);
+    if (!value.batch.columns().empty()) put_payload(value.batch, *header.mutable_payload());
+    return header.SerializeAsString();
+  });
   if (frame.size() > kMaxHeaderBytes)
     refuse(Code::kLimit, fmt::format("header of {} bytes, at most {} fit a message", frame.size(), kMaxHeaderBytes));
   return frame;
@@ -106,9 +110,11 @@ void check_parts(const Message& message, const std::string& path, bool strict) {
 template <typename Header>
 bool may_carry_payload(const Header& header) {
   if constexpr (std::is_same_v<Header, v1::RequestHeader>)
-    return header.has_open_session() || header.has_downscale();
+    return header.has_open_session() || header.has_downscale() || header.has_register_nodes() ||
+           header.has_retire_nodes() || header.has_offer_nodes();
   else
-    return header.has_upscale() || header.has_session_resumed();
+    return header.has_upscale() || header.has_session_resumed() || header.has_nodes_changed() ||
+           header.has_rolled_back() || header.has_inspected();
 }
 
 // The payload frame, if there is one, is exactly what the header says of it.
@@ -146,7 +152,7 @@ Batch take_payload(const Header& header, Frames frames) {
 }
 
 void check_frames(Frames frames) {
-  if (frames.empty() || frames.size() > 2)
+  if (frames.empty() || frames.size() > kMaxFrames)
     refuse(Code::kBadFraming, fmt::format("{} frames, expected a header and at most one payload", frames.size()));
   if (frames[0].size() > kMaxHeaderBytes)
     refuse(Code::kLimit,
@@ -188,13 +194,15 @@ void decode_as(Frames frames, Value& message) {
     refuse(Code::kUnsupported,
            fmt::format("body {} is not one of protocol {}.{}", scan.body, kProtocolMajor, kProtocolMinor));
 
-  thread_local Header header;
+  thread_local std::unique_ptr<Header> reused;
   const google::protobuf::LogSilencer quiet;  // a stranger's bytes are no reason to write to stderr
-  if (!header.ParseFromArray(frames[0].data(), static_cast<int>(frames[0].size())))
-    refuse(Code::kMalformed, "the header frame does not parse");
-  check_parts(header, "", scan.protocol_minor <= kProtocolMinor);
-  from_message(header, message);
-  message.batch = take_payload(header, frames);
+  with_message(reused, [&](Header& header) {
+    if (!header.ParseFromArray(frames[0].data(), static_cast<int>(frames[0].size())))
+      refuse(Code::kMalformed, "the header frame does not parse");
+    check_parts(header, "", scan.protocol_minor <= kProtocolMinor);
+    from_message(header, message);
+    message.batch = take_payload(header, frames);
+  });
 }
 
 }  // namespace
@@ -211,6 +219,10 @@ void decode(Frames frames, Request& message) {
 }
 void decode(Frames frames, Reply& message) {
   decode_as<v1::ReplyHeader>(frames, message);
+}
+
+bool declares_payload(std::span<const std::byte> header_frame) {
+  return scan_envelope(header_frame).has_payload;
 }
 
 std::uint64_t hash_of(Frames frames) {

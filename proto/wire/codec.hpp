@@ -22,6 +22,9 @@ std::string encode_header(const Reply& reply);
 void decode(std::span<const std::span<const std::byte>> frames, Request& message);
 void decode(std::span<const std::span<const std::byte>> frames, Reply& message);
 
+// Whether a payload frame, though it may be empty, belongs to this header.
+bool declares_payload(std::span<const std::byte> header_frame);
+
 // XXH3-64 of bytes as received: what a session keeps to know a repeated request from a different one.
 std::uint64_t hash_of(std::span<const std::span<const std::byte>> frames);
 

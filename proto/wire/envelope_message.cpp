@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/wire/scene_message.hpp"
+#include "proto/wire/status_message.hpp"
 #include "proto/wire/text.hpp"
 #include "shearbus/v1/envelope.pb.h"
 
@@ -30,10 +31,20 @@ static_assert(
     same(Field::kSlidingVelocity, v1::FIELD_SLIDING_VELOCITY_M_PER_S) &&
     same(Field::kInterfaceTemperature, v1::FIELD_INTERFACE_TEMPERATURE_K) &&
     same(Field::kVelocityJumpNew, v1::FIELD_VELOCITY_JUMP_NEW_M_PER_S) && same(Field::kRegime, v1::FIELD_REGIME) &&
-    same(Field::kOutcome, v1::FIELD_OUTCOME) && same(Field::kFrictionHeat, v1::FIELD_FRICTION_HEAT_J_PER_M2));
+    same(Field::kOutcome, v1::FIELD_OUTCOME) && same(Field::kFrictionHeat, v1::FIELD_FRICTION_HEAT_J_PER_M2) &&
+    same(Field::kInterfaceWork, v1::FIELD_INTERFACE_WORK_J_PER_M2) &&
+    same(Field::kHeatToSoft, v1::FIELD_HEAT_TO_SOFT_J_PER_M2) &&
+    same(Field::kHeatToHard, v1::FIELD_HEAT_TO_HARD_J_PER_M2) &&
+    same(Field::kPlasticWork, v1::FIELD_PLASTIC_WORK_J_PER_M2) &&
+    same(Field::kStoredHeatSoft, v1::FIELD_STORED_HEAT_SOFT_J_PER_M2) &&
+    same(Field::kStoredHeatHard, v1::FIELD_STORED_HEAT_HARD_J_PER_M2) &&
+    same(Field::kElasticEnergy, v1::FIELD_ELASTIC_ENERGY_J_PER_M2) &&
+    same(Field::kHeatResidual, v1::FIELD_HEAT_RESIDUAL_J_PER_M2) &&
+    same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2));
 static_assert(same(Element::kFloat64, v1::ELEMENT_FLOAT64) && same(Element::kUint64, v1::ELEMENT_UINT64) &&
               same(Element::kUint8, v1::ELEMENT_UINT8));
-static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL));
+static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL) &&
+              same(Policy::kAccept, v1::POLICY_ACCEPT) && same(Policy::kAllOrNothing, v1::POLICY_ALL_OR_NOTHING));
 static_assert(same(Regime::kOpen, v1::REGIME_OPEN) && same(Regime::kStick, v1::REGIME_STICK) &&
               same(Regime::kCoulomb, v1::REGIME_COULOMB) && same(Regime::kTresca, v1::REGIME_TRESCA) &&
               same(Regime::kMelting, v1::REGIME_MELTING));
@@ -52,6 +63,10 @@ static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
               same(InterfaceLaw::kCoulombTresca, v1::INTERFACE_LAW_COULOMB_TRESCA) &&
               same(InterfaceLaw::kFreeSlip, v1::INTERFACE_LAW_FREE_SLIP) &&
               same(InterfaceLaw::kStick, v1::INTERFACE_LAW_STICK) &&
+              same(InterfaceLaw::kConstant, v1::INTERFACE_LAW_CONSTANT) && same(Symmetry::kPlane, v1::SYMMETRY_PLANE) &&
+              same(Symmetry::kAxisymmetric, v1::SYMMETRY_AXISYMMETRIC) && same(Shell::kCylinder, v1::SHELL_CYLINDER) &&
+              same(Shell::kSphere, v1::SHELL_SPHERE) && same(GasTest::kNoh, v1::GAS_TEST_NOH) &&
+              same(GasTest::kSedov, v1::GAS_TEST_SEDOV) && same(GasTest::kSaltzman, v1::GAS_TEST_SALTZMAN) &&
               same(FarEnd::kTransmitting, v1::FAR_END_TRANSMITTING) && same(FarEnd::kFree, v1::FAR_END_FREE));
 static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_BAD_FRAMING) &&
               same(Code::kMalformed, v1::CODE_MALFORMED) && same(Code::kVersion, v1::CODE_VERSION) &&
@@ -65,7 +80,14 @@ static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_B
               same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
               same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
               same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
-              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE));
+              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE) &&
+              same(Code::kTrialStands, v1::CODE_TRIAL_STANDS) &&
+              same(Code::kUnknownTransfer, v1::CODE_UNKNOWN_TRANSFER) && same(Code::kNodeOwned, v1::CODE_NODE_OWNED) &&
+              same(Code::kOtherScene, v1::CODE_OTHER_SCENE) && same(Code::kStepFailed, v1::CODE_STEP_FAILED) &&
+              same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED) && same(Code::kDraining, v1::CODE_DRAINING) &&
+              same(Code::kCheckpointFailed, v1::CODE_CHECKPOINT_FAILED));
+static_assert(same(Top::kHottest, v1::TOP_HOTTEST) && same(Top::kFastest, v1::TOP_FASTEST) &&
+              same(Top::kMolten, v1::TOP_MOLTEN));
 
 [[noreturn]] void refuse(Code code, std::string text, std::string field) {
   throw Error({.code = code, .text = std::move(text), .field = std::move(field)});
@@ -100,6 +122,7 @@ void put(const OpenSession& from, v1::RequestHeader& header) {
   put_scene(from.scene, *header.mutable_open_session()->mutable_scene());
   header.mutable_open_session()->set_session_id(id_bytes(from.session_id));
   header.mutable_open_session()->set_resume_token(id_bytes(from.resume_token));
+  header.mutable_open_session()->set_domain(as_utf8(from.domain, kMaxTextBytes));
 }
 void put(const Downscale& from, v1::RequestHeader& header) {
   v1::Downscale& to = *header.mutable_downscale();
@@ -110,6 +133,7 @@ void put(const Downscale& from, v1::RequestHeader& header) {
   to.set_mode(static_cast<v1::Mode>(from.mode));
   to.set_commit_previous(from.commit_previous);
   for (Field field : from.wanted) to.add_wanted(static_cast<std::uint32_t>(field));
+  to.set_policy(static_cast<v1::Policy>(from.policy));
 }
 void put(const Commit&, v1::RequestHeader& header) {
   header.mutable_commit();
@@ -120,11 +144,34 @@ void put(const Rollback& from, v1::RequestHeader& header) {
 void put(const Mark& from, v1::RequestHeader& header) {
   header.mutable_mark()->set_name(as_utf8(from.name, kMaxTextBytes));
 }
+void put(const RegisterNodes&, v1::RequestHeader& header) {
+  header.mutable_register_nodes();
+}
+void put(const RetireNodes&, v1::RequestHeader& header) {
+  header.mutable_retire_nodes();
+}
+void put(const OfferNodes& from, v1::RequestHeader& header) {
+  header.mutable_offer_nodes()->set_transfer_id(id_bytes(from.transfer_id));
+}
+void put(const AcceptNodes& from, v1::RequestHeader& header) {
+  header.mutable_accept_nodes()->set_transfer_id(id_bytes(from.transfer_id));
+}
 void put(const CloseSession& from, v1::RequestHeader& header) {
   header.mutable_close_session()->set_reason(as_utf8(from.reason, kMaxTextBytes));
 }
 void put(const ServerStatusQuery&, v1::RequestHeader& header) {
   header.mutable_server_status();
+}
+void put(const Checkpoint&, v1::RequestHeader& header) {
+  header.mutable_checkpoint();
+}
+void put(const Drain& from, v1::RequestHeader& header) {
+  header.mutable_drain()->set_exit(from.exit);
+}
+void put(const Inspect& from, v1::RequestHeader& header) {
+  header.mutable_inspect()->set_after(id_bytes(from.after));
+  header.mutable_inspect()->set_top(static_cast<v1::Top>(from.top));
+  header.mutable_inspect()->set_count(from.count);
 }
 void put(const ResumeSession& from, v1::RequestHeader& header) {
   v1::ResumeSession& to = *header.mutable_resume_session();
@@ -143,8 +190,11 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   to.mutable_limits()->set_max_nodes_per_session(from.limits.max_nodes_per_session);
   to.mutable_limits()->set_max_sessions(from.limits.max_sessions);
   to.mutable_limits()->set_max_marks(from.limits.max_marks);
+  to.mutable_limits()->set_max_frames(from.limits.max_frames);
+  to.mutable_limits()->set_max_state_bytes(from.limits.max_state_bytes);
   for (const std::string& capability : from.capabilities) to.add_capabilities(as_utf8(capability, kMaxTextBytes));
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
+  to.set_access(as_utf8(from.access, kMaxTextBytes));
 }
 void put(const SessionOpened& from, v1::SessionOpened& to) {
   put_scene(from.effective_scene, *to.mutable_effective_scene());
@@ -161,6 +211,7 @@ void put(const SessionResumed& from, v1::ReplyHeader& header) {
   to.set_state_version(from.state_version);
   to.set_trial_stands(from.trial_stands);
   to.set_claim(from.claim);
+  for (const TransferId& offer : from.offers) to.add_offers(id_bytes(offer));
 }
 void put(const Upscale& from, v1::ReplyHeader& header) {
   v1::Upscale& to = *header.mutable_upscale();
@@ -181,6 +232,9 @@ void put(const Marked& from, v1::ReplyHeader& header) {
   to.set_state_version(from.state_version);
   for (const std::string& mark : from.names) to.add_names(as_utf8(mark, kMaxTextBytes));
 }
+void put(const NodesChanged& from, v1::ReplyHeader& header) {
+  header.mutable_nodes_changed()->set_nodes(from.nodes);
+}
 void put(const SessionClosed& from, v1::ReplyHeader& header) {
   v1::SessionClosed& to = *header.mutable_session_closed();
   to.set_requests(from.requests);
@@ -188,18 +242,17 @@ void put(const SessionClosed& from, v1::ReplyHeader& header) {
   to.set_solver_ns(from.solver_ns);
 }
 void put(const ServerStatus& from, v1::ReplyHeader& header) {
-  v1::ServerStatus& to = *header.mutable_server_status();
-  to.set_sessions(from.sessions);
-  to.set_nodes(from.nodes);
-  to.set_requests(from.requests);
-  to.set_refused(from.refused);
-  to.set_replayed(from.replayed);
-  to.set_node_steps(from.node_steps);
-  to.set_solver_ns(from.solver_ns);
-  to.set_state_bytes(from.state_bytes);
-  to.set_uptime_ns(from.uptime_ns);
-  to.set_threads(from.threads);
-  to.set_server_version(as_utf8(from.server_version, kMaxTextBytes));
+  to_message(from, *header.mutable_server_status());
+}
+void put(const Inspected& from, v1::ReplyHeader& header) {
+  to_message(from, *header.mutable_inspected());
+}
+void put(const Checkpointed& from, v1::ReplyHeader& header) {
+  header.mutable_checkpointed()->set_bytes(from.bytes);
+  header.mutable_checkpointed()->set_duration_ns(from.duration_ns);
+}
+void put(const Draining& from, v1::ReplyHeader& header) {
+  header.mutable_draining()->set_sessions(from.sessions);
 }
 template <typename Header>
 void put(const std::monostate&, Header&) {}
@@ -242,7 +295,8 @@ OpenSession take(const v1::OpenSession& from) {
   if (!from.has_scene()) refuse(Code::kMalformed, "open_session has no scene", "open_session.scene");
   return {.scene = take_scene(from.scene()),
           .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id"),
-          .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token")};
+          .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token"),
+          .domain = from.domain()};
 }
 Downscale take(const v1::Downscale& from) {
   Downscale to{.dt_s = from.dt_s(),
@@ -251,7 +305,8 @@ Downscale take(const v1::Downscale& from) {
                .attempt = from.attempt(),
                .mode = static_cast<Mode>(from.mode()),
                .commit_previous = from.commit_previous(),
-               .wanted = {}};
+               .wanted = {},
+               .policy = static_cast<Policy>(from.policy())};
   if (to.mode == Mode::kUnspecified)
     refuse(Code::kMalformed, "downscale.mode is not given, expected ADVANCE or TRIAL", "downscale.mode");
   if (static_cast<std::size_t>(from.wanted_size()) > kMaxColumns)
@@ -282,9 +337,12 @@ Welcome take(const v1::Welcome& from) {
                      .max_payload_bytes = from.limits().max_payload_bytes(),
                      .max_nodes_per_session = from.limits().max_nodes_per_session(),
                      .max_sessions = from.limits().max_sessions(),
-                     .max_marks = from.limits().max_marks()},
+                     .max_marks = from.limits().max_marks(),
+                     .max_frames = from.limits().max_frames(),
+                     .max_state_bytes = from.limits().max_state_bytes()},
           .capabilities = {from.capabilities().begin(), from.capabilities().end()},
-          .durability = from.durability()};
+          .durability = from.durability(),
+          .access = from.access()};
 }
 SessionOpened take(const v1::SessionOpened& from) {
   if (!from.has_effective_scene())
@@ -294,11 +352,18 @@ SessionOpened take(const v1::SessionOpened& from) {
           .warnings = {from.warnings().begin(), from.warnings().end()}};
 }
 SessionResumed take(const v1::SessionResumed& from) {
-  return {.session = take(from.session()),
-          .last_sequence = from.last_sequence(),
-          .state_version = from.state_version(),
-          .trial_stands = from.trial_stands(),
-          .claim = from.claim()};
+  if (static_cast<std::size_t>(from.offers_size()) > kMaxOffers)
+    refuse(Code::kLimit, fmt::format("{} offers, at most {} allowed", from.offers_size(), kMaxOffers),
+           "session_resumed.offers");
+  SessionResumed to{.session = take(from.session()),
+                    .last_sequence = from.last_sequence(),
+                    .state_version = from.state_version(),
+                    .trial_stands = from.trial_stands(),
+                    .claim = from.claim(),
+                    .offers = {}};
+  for (const std::string& offer : from.offers())
+    to.offers.push_back(id_from(bytes_of(offer), "session_resumed.offers"));
+  return to;
 }
 Upscale take(const v1::Upscale& from) {
   return {.nodes = from.nodes(),
@@ -310,20 +375,11 @@ Upscale take(const v1::Upscale& from) {
 SessionClosed take(const v1::SessionClosed& from) {
   return {.requests = from.requests(), .node_steps = from.node_steps(), .solver_ns = from.solver_ns()};
 }
-ServerStatus take(const v1::ServerStatus& from) {
-  return {.sessions = from.sessions(),
-          .nodes = from.nodes(),
-          .requests = from.requests(),
-          .refused = from.refused(),
-          .replayed = from.replayed(),
-          .node_steps = from.node_steps(),
-          .solver_ns = from.solver_ns(),
-          .state_bytes = from.state_bytes(),
-          .uptime_ns = from.uptime_ns(),
-          .threads = from.threads(),
-          .server_version = from.server_version()};
+Inspect take(const v1::Inspect& from) {
+  return {.after = id_from(bytes_of(from.after()), "inspect.after"),
+          .top = static_cast<Top>(from.top()),
+          .count = from.count()};
 }
-
 void take_body(const v1::RequestHeader& header, Request& message) {
   switch (header.body_case()) {
     case v1::RequestHeader::kHello:
@@ -352,6 +408,27 @@ void take_body(const v1::RequestHeader& header, Request& message) {
       break;
     case v1::RequestHeader::kMark:
       message.body = Mark{.name = header.mark().name()};
+      break;
+    case v1::RequestHeader::kRegisterNodes:
+      message.body = RegisterNodes{};
+      break;
+    case v1::RequestHeader::kRetireNodes:
+      message.body = RetireNodes{};
+      break;
+    case v1::RequestHeader::kOfferNodes:
+      message.body = OfferNodes{id_from(bytes_of(header.offer_nodes().transfer_id()), "offer_nodes.transfer_id")};
+      break;
+    case v1::RequestHeader::kAcceptNodes:
+      message.body = AcceptNodes{id_from(bytes_of(header.accept_nodes().transfer_id()), "accept_nodes.transfer_id")};
+      break;
+    case v1::RequestHeader::kCheckpoint:
+      message.body = Checkpoint{};
+      break;
+    case v1::RequestHeader::kDrain:
+      message.body = Drain{.exit = header.drain().exit()};
+      break;
+    case v1::RequestHeader::kInspect:
+      message.body = take(header.inspect());
       break;
     case v1::RequestHeader::BODY_NOT_SET:
       refuse(Code::kMalformed, "the request has no body: nothing is asked", "body");
@@ -398,14 +475,27 @@ void take_body(const v1::ReplyHeader& header, Reply& message) {
       message.body = take(header.session_closed());
       break;
     case v1::ReplyHeader::kServerStatus:
-      message.body = take(header.server_status());
+      message.body = from_message(header.server_status());
       break;
     case v1::ReplyHeader::kMarked:
       message.body = Marked{.state_version = header.marked().state_version(),
                             .names = {header.marked().names().begin(), header.marked().names().end()}};
       break;
+    case v1::ReplyHeader::kNodesChanged:
+      message.body = NodesChanged{header.nodes_changed().nodes()};
+      break;
     case v1::ReplyHeader::kSessionResumed:
       message.body = take(header.session_resumed());
+      break;
+    case v1::ReplyHeader::kCheckpointed:
+      message.body =
+          Checkpointed{.bytes = header.checkpointed().bytes(), .duration_ns = header.checkpointed().duration_ns()};
+      break;
+    case v1::ReplyHeader::kDraining:
+      message.body = Draining{.sessions = header.draining().sessions()};
+      break;
+    case v1::ReplyHeader::kInspected:
+      message.body = from_message(header.inspected());
       break;
     case v1::ReplyHeader::BODY_NOT_SET:
       break;

@@ -12,7 +12,7 @@ enum WireType : std::uint32_t { kVarint = 0, kFixed64 = 1, kLength = 2, kFixed32
 
 // Field numbers of RequestHeader and ReplyHeader, which are the same up to 8.
 constexpr std::uint32_t kFirstBody = 16;
-constexpr std::uint32_t kLastOnce = 31;  // no field up to here is repeated
+constexpr std::uint32_t kLastOnce = 47;  // no field up to here is repeated
 
 // Wire type a field of the envelope must have; any for a number this version does not know.
 std::optional<std::uint32_t> wire_type_of(std::uint32_t number) {
@@ -69,6 +69,7 @@ bool read_field(CodedInputStream& in, std::span<const std::byte> header, std::ui
     case kLength:
       if (!read_length(in, header, bytes)) return false;
       if (number == 5) scan.session_id = bytes;
+      if (number == 8) scan.has_payload = true;
       return true;
     default:
       return false;  // groups, and wire types that do not exist
@@ -84,7 +85,7 @@ EnvelopeScan scan_envelope(std::span<const std::byte> header) {
     return scan;
   }
   CodedInputStream in(reinterpret_cast<const std::uint8_t*>(header.data()), static_cast<int>(header.size()));
-  std::uint32_t seen = 0;
+  std::uint64_t seen = 0;
   while (static_cast<std::size_t>(in.CurrentPosition()) < header.size()) {
     const int at = in.CurrentPosition();
     const std::uint32_t tag = in.ReadTag();
@@ -100,7 +101,7 @@ EnvelopeScan scan_envelope(std::span<const std::byte> header) {
         scan.fault = fmt::format("field {} stands twice in the header frame (two messages in one frame?)", number);
         return scan;
       }
-      seen |= 1U << number;
+      seen |= std::uint64_t{1} << number;
     }
     if (!read_field(in, header, number, type, scan)) {
       scan.fault = fmt::format("field {} at byte {} runs past the end of the header frame", number, at);

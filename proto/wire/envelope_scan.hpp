@@ -19,8 +19,9 @@ struct EnvelopeScan {
   std::span<const std::byte> session_id;
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
-  std::uint32_t body = 0;  // field number of the message in the oneof, 16 to 31; 0: none
-  std::string fault;       // empty: the top level is sound. What was read before the fault stands in the fields above.
+  bool has_payload = false;  // declares one
+  std::uint32_t body = 0;    // field number of the message in the oneof, 16 to 31; 0: none
+  std::string fault;  // empty: the top level is sound. What was read before the fault stands in the fields above.
 };
 
 EnvelopeScan scan_envelope(std::span<const std::byte> header);

@@ -11,15 +11,20 @@ inline constexpr std::uint32_t kProtocolMajor = 1;
 inline constexpr std::uint32_t kProtocolMinor = 0;
 
 inline constexpr std::size_t kSessionIdBytes = 16;
+inline constexpr std::size_t kMaxFrames = 2;  // header and payload
 inline constexpr std::size_t kMaxColumns = 32;
-inline constexpr std::size_t kMaxBytesPerNode = std::size_t{10} * 8;  // the widest row of a request or reply
+inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // the widest row of a request or reply
 inline constexpr std::size_t kMaxNodesPerSession = 200'000;
 inline constexpr std::size_t kMaxSessions = 1'024;
-inline constexpr std::size_t kMaxMarks = 2;  // of a session: each holds its states once more
-inline constexpr std::size_t kMaxMarkNameBytes = 128;
+inline constexpr std::size_t kMaxMarks = 2;        // of a session: each holds its states once more
+inline constexpr std::size_t kMaxNameBytes = 128;  // of a mark or a domain
+inline constexpr std::size_t kMaxOffers = 256;     // of a session, that wait to be accepted
+inline constexpr std::size_t kMaxTopNodes = 1'024;
+inline constexpr std::size_t kMaxSessionsListed = 128;  // in one reply
 inline constexpr std::size_t kMaxHeaderBytes = std::size_t{64} * 1024;
-inline constexpr std::size_t kMaxPayloadBytes = std::size_t{16} * 1024 * 1024;
+inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
 inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;  // any string of a header
+inline constexpr std::uint32_t kMaxInertiaCells = 1'000;             // across a layer with inertia
 inline constexpr std::size_t kMaxSceneFileBytes = std::size_t{8} * 1024 * 1024;
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);

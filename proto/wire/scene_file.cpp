@@ -19,6 +19,7 @@
 #include "proto/wire/scene_message.hpp"
 #include "proto/wire/scene_rules.hpp"
 #include "proto/wire/text.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -351,13 +352,15 @@ SceneFile load_scene_file(const std::filesystem::path& path) {
 }
 
 Status check_scene(const Scene& scene) {
-  v1::Scene message;
+  std::vector<Fault> faults;
   try {
-    to_message(scene, message);
+    faults = with_message<v1::Scene>([&](v1::Scene& message) {
+      to_message(scene, message);
+      return faults_of(message, [](std::string_view) { return false; });
+    });
   } catch (const Error& error) {
     return error.status();
   }
-  const std::vector<Fault> faults = faults_of(message, [](std::string_view) { return false; });
   if (faults.empty()) return {};
   std::vector<std::string_view> lines;
   lines.reserve(faults.size());

@@ -5,8 +5,10 @@
 
 #include <string_view>
 
+#include "proto/wire/scene_message_hydro.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -60,69 +62,20 @@ void body_to_message(const Body& body, const std::string& table, v1::Body& messa
     message.set_melting_curve(static_cast<v1::MeltingCurve>(body.melting_curve));
   if (body.pressure_term != PressureTerm::kLinear)
     message.set_pressure_term(static_cast<v1::PressureTerm>(body.pressure_term));
-}
-
-// An enum of the message as a value; `fallback` is what its rule calls the default.
-template <typename Enum, typename Wire>
-Enum enum_or(Wire wire, Enum fallback) {
-  return wire == Wire{} ? fallback : static_cast<Enum>(wire);
+  message.set_flow_law(static_cast<v1::FlowLaw>(body.flow_law));
 }
 
 Body body_from_message(const v1::Body& message) {
   Body body{.material = message.material(), .given = {}};
   body.melting_curve = enum_or(message.melting_curve(), body.melting_curve);
   body.pressure_term = enum_or(message.pressure_term(), body.pressure_term);
+  body.flow_law = static_cast<FlowLaw>(message.flow_law());
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* field = message.GetDescriptor()->field(i);
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && message.GetReflection()->HasField(message, field))
       body.given.emplace_back(field->name(), message.GetReflection()->GetDouble(message, field));
   }
   return body;
-}
-
-void eos_to_message(const MieGrueneisen& eos, v1::MieGrueneisen& message) {
-  message.set_sound_speed_m_per_s(eos.sound_speed_m_per_s);
-  message.set_hugoniot_slope(eos.hugoniot_slope);
-  message.set_grueneisen_coefficient(eos.grueneisen_coefficient);
-  if (eos.tension_limit_pa) message.set_tension_limit_pa(*eos.tension_limit_pa);
-}
-
-MieGrueneisen eos_from_message(const v1::MieGrueneisen& message) {
-  MieGrueneisen eos = {.sound_speed_m_per_s = message.sound_speed_m_per_s(),
-                       .hugoniot_slope = message.hugoniot_slope(),
-                       .grueneisen_coefficient = message.grueneisen_coefficient()};
-  if (message.has_tension_limit_pa()) eos.tension_limit_pa = message.tension_limit_pa();
-  return eos;
-}
-
-void cone_to_message(const ConeTarget& cone, v1::ConeTarget& message) {
-  message.set_length_m(cone.length_m);
-  message.set_front_radius_m(cone.front_radius_m);
-  message.set_back_radius_m(cone.back_radius_m);
-  message.set_confinement_radius_m(cone.confinement_radius_m);
-  message.set_flyer_thickness_m(cone.flyer_thickness_m);
-  message.set_flyer_speed_m_per_s(cone.flyer_speed_m_per_s);
-  message.set_zone_width_m(cone.zone_width_m);
-  message.set_courant(cone.courant);
-  message.set_history_interval_s(cone.history_interval_s);
-  message.set_frames(cone.frames);
-  eos_to_message(cone.soft_eos, *message.mutable_soft_eos());
-  eos_to_message(cone.hard_eos, *message.mutable_hard_eos());
-}
-
-ConeTarget cone_from_message(const v1::ConeTarget& message) {
-  return {.length_m = message.length_m(),
-          .front_radius_m = message.front_radius_m(),
-          .back_radius_m = message.back_radius_m(),
-          .confinement_radius_m = message.confinement_radius_m(),
-          .flyer_thickness_m = message.flyer_thickness_m(),
-          .flyer_speed_m_per_s = message.flyer_speed_m_per_s(),
-          .zone_width_m = message.zone_width_m(),
-          .courant = message.courant(),
-          .history_interval_s = message.history_interval_s(),
-          .frames = message.frames(),
-          .soft_eos = eos_from_message(message.soft_eos()),
-          .hard_eos = eos_from_message(message.hard_eos())};
 }
 
 void hard_layer_to_message(const HardLayer& layer, v1::HardLayer& message) {
@@ -140,56 +93,40 @@ HardLayer hard_layer_from_message(const v1::HardLayer& message) {
   return layer;
 }
 
-void hydro_to_message(const Hydro& hydro, v1::Hydro& message) {
-  message.set_interface_law(static_cast<v1::InterfaceLaw>(hydro.interface_law));
-  message.set_end_time_s(hydro.end_time_s);
-  if (hydro.dt_s) message.set_dt_s(*hydro.dt_s);
-  message.set_cfl(hydro.cfl);
-  if (hydro.shear_column) {
-    const ShearColumn& column = *hydro.shear_column;
-    v1::ShearColumn& to = *message.mutable_shear_column();
-    to.set_length_m(column.length_m);
-    to.set_zones(column.zones);
-    to.set_far_end(static_cast<v1::FarEnd>(column.far_end));
-    const auto copy = [](const std::vector<double>& from, auto* list) { list->Add(from.begin(), from.end()); };
-    copy(column.velocity_jump_m_per_s, to.mutable_velocity_jump_m_per_s());
-    copy(column.initial_temperature_k, to.mutable_initial_temperature_k());
-    copy(column.pressure_pa, to.mutable_pressure_pa());
-    copy(column.pressure_time_s, to.mutable_pressure_time_s());
-    to.set_lists(static_cast<v1::Lists>(column.lists));
-  }
-  v1::CoulombTresca& law = *message.mutable_coulomb_tresca();
-  law.set_friction_coefficient_at_rest(hydro.coulomb_tresca.friction_coefficient_at_rest);
-  law.set_friction_coefficient_fast(hydro.coulomb_tresca.friction_coefficient_fast);
-  law.set_velocity_decay_s_per_m(hydro.coulomb_tresca.velocity_decay_s_per_m);
-  law.set_yield_fraction(hydro.coulomb_tresca.yield_fraction);
-  if (hydro.cone_target) cone_to_message(*hydro.cone_target, *message.mutable_cone_target());
+void junctions_to_message(const Junctions& junctions, v1::Junctions& message) {
+  message.set_contact_fraction(junctions.contact_fraction);
+  message.set_height_m(junctions.height_m);
+  if (junctions.yield_strength_max_pa) message.set_yield_strength_max_pa(*junctions.yield_strength_max_pa);
+  if (junctions.hardening_coefficient) message.set_hardening_coefficient(*junctions.hardening_coefficient);
+  if (junctions.hardening_exponent) message.set_hardening_exponent(*junctions.hardening_exponent);
 }
 
-Hydro hydro_from_message(const v1::Hydro& message) {
-  Hydro hydro;
-  hydro.interface_law = enum_or(message.interface_law(), hydro.interface_law);
-  hydro.end_time_s = message.end_time_s();
-  if (message.has_dt_s()) hydro.dt_s = message.dt_s();
-  hydro.cfl = message.cfl();
-  if (message.has_shear_column()) {
-    const v1::ShearColumn& from = message.shear_column();
-    ShearColumn& column = hydro.shear_column.emplace();
-    column.length_m = from.length_m();
-    column.zones = from.zones();
-    column.far_end = enum_or(from.far_end(), column.far_end);
-    column.velocity_jump_m_per_s.assign(from.velocity_jump_m_per_s().begin(), from.velocity_jump_m_per_s().end());
-    column.initial_temperature_k.assign(from.initial_temperature_k().begin(), from.initial_temperature_k().end());
-    column.pressure_pa.assign(from.pressure_pa().begin(), from.pressure_pa().end());
-    column.pressure_time_s.assign(from.pressure_time_s().begin(), from.pressure_time_s().end());
-    column.lists = enum_or(from.lists(), column.lists);
-  }
-  hydro.coulomb_tresca = {.friction_coefficient_at_rest = message.coulomb_tresca().friction_coefficient_at_rest(),
-                          .friction_coefficient_fast = message.coulomb_tresca().friction_coefficient_fast(),
-                          .velocity_decay_s_per_m = message.coulomb_tresca().velocity_decay_s_per_m(),
-                          .yield_fraction = message.coulomb_tresca().yield_fraction()};
-  if (message.has_cone_target()) hydro.cone_target = cone_from_message(message.cone_target());
-  return hydro;
+Junctions junctions_from_message(const v1::Junctions& message) {
+  Junctions junctions{.contact_fraction = message.contact_fraction(), .height_m = message.height_m()};
+  if (message.has_yield_strength_max_pa()) junctions.yield_strength_max_pa = message.yield_strength_max_pa();
+  if (message.has_hardening_coefficient()) junctions.hardening_coefficient = message.hardening_coefficient();
+  if (message.has_hardening_exponent()) junctions.hardening_exponent = message.hardening_exponent();
+  return junctions;
+}
+
+void interface_to_message(const Interface& law, v1::Interface& message) {
+  message.set_friction_coefficient(law.friction_coefficient);
+  message.set_yield_strength_pa(law.yield_strength_pa);
+  if (law.plastic_layer) message.set_plastic_layer(true);
+  if (law.friction_law == FrictionLaw::kConstant) return;  // the default is not sent
+  message.set_friction_law(static_cast<v1::FrictionLaw>(law.friction_law));
+  message.set_friction_coefficient_fast(law.friction_coefficient_fast);
+  message.set_velocity_decay_s_per_m(law.velocity_decay_s_per_m);
+}
+
+Interface interface_from_message(const v1::Interface& message) {
+  Interface law{.friction_coefficient = message.friction_coefficient(),
+                .yield_strength_pa = message.yield_strength_pa(),
+                .plastic_layer = message.plastic_layer()};
+  law.friction_law = enum_or(message.friction_law(), law.friction_law);
+  law.friction_coefficient_fast = message.friction_coefficient_fast();
+  law.velocity_decay_s_per_m = message.velocity_decay_s_per_m();
+  return law;
 }
 
 }  // namespace
@@ -199,14 +136,15 @@ void to_message(const Scene& scene, v1::Scene& message) {
   message.set_name(checked(scene.name, "name"));
   message.set_source(checked(scene.source, "source"));
   message.set_strategy(static_cast<v1::Strategy>(scene.strategy));
-  body_to_message(scene.soft, "soft", *message.mutable_soft());
-  body_to_message(scene.hard, "hard", *message.mutable_hard());
+  if (scene.soft.given_at_all()) body_to_message(scene.soft, "soft", *message.mutable_soft());
+  if (scene.hard.given_at_all()) body_to_message(scene.hard, "hard", *message.mutable_hard());
   v1::Layer& layer = *message.mutable_layer();
   layer.set_thickness_m(scene.layer.thickness_m);
   layer.set_cells(scene.layer.cells);
   layer.set_grading(scene.layer.grading);
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
+  if (scene.layer.inertia) layer.set_inertia(true);
   if (scene.layer.time_integrator != TimeIntegrator::kBackwardEuler)
     layer.set_time_integrator(static_cast<v1::TimeIntegrator>(scene.layer.time_integrator));
   if (scene.layer.heat != Heat::kProfile) layer.set_heat(static_cast<v1::Heat>(scene.layer.heat));
@@ -222,11 +160,9 @@ void to_message(const Scene& scene, v1::Scene& message) {
     driven.set_friction_coefficient(*scene.velocity_driven.friction_coefficient);
   if (scene.velocity_driven.taylor_quinney_factor)
     driven.set_taylor_quinney_factor(*scene.velocity_driven.taylor_quinney_factor);
-  if (scene.interface) {
-    message.mutable_interface()->set_friction_coefficient(scene.interface->friction_coefficient);
-    message.mutable_interface()->set_yield_strength_pa(scene.interface->yield_strength_pa);
-    if (scene.interface->plastic_layer) message.mutable_interface()->set_plastic_layer(true);
-  }
+  if (scene.interface) interface_to_message(*scene.interface, *message.mutable_interface());
+  if (scene.junctions) junctions_to_message(*scene.junctions, *message.mutable_junctions());
+  if (scene.tangential_components != 1) message.set_tangential_components(scene.tangential_components);
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
@@ -237,10 +173,9 @@ void fill_defaults(v1::Scene& message) {
   fill_table(message);
 }
 
-Scene from_message(const v1::Scene& given) {
-  v1::Scene message = given;
-  fill_defaults(message);
+namespace {
 
+Scene from_filled(const v1::Scene& message) {
   Scene scene;
   scene.name = message.name();
   scene.source = message.source();
@@ -252,6 +187,7 @@ Scene from_message(const v1::Scene& given) {
                  .grading = message.layer().grading(),
                  .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
                  .initial_temperature_k = message.layer().initial_temperature_k(),
+                 .inertia = message.layer().inertia(),
                  .time_integrator = enum_or(message.layer().time_integrator(), scene.layer.time_integrator),
                  .heat = enum_or(message.layer().heat(), scene.layer.heat),
                  .modes = {}};
@@ -265,12 +201,21 @@ Scene from_message(const v1::Scene& given) {
     scene.velocity_driven.friction_coefficient = message.velocity_driven().friction_coefficient();
   if (message.velocity_driven().has_taylor_quinney_factor())
     scene.velocity_driven.taylor_quinney_factor = message.velocity_driven().taylor_quinney_factor();
-  if (message.has_interface())
-    scene.interface = Interface{.friction_coefficient = message.interface().friction_coefficient(),
-                                .yield_strength_pa = message.interface().yield_strength_pa(),
-                                .plastic_layer = message.interface().plastic_layer()};
+  if (message.has_interface()) scene.interface = interface_from_message(message.interface());
+  if (message.has_junctions()) scene.junctions = junctions_from_message(message.junctions());
+  scene.tangential_components = message.tangential_components();
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
+}
+
+}  // namespace
+
+Scene from_message(const v1::Scene& given) {
+  return with_message<v1::Scene>([&](v1::Scene& message) {
+    message = given;
+    fill_defaults(message);
+    return from_filled(message);
+  });
 }
 
 }  // namespace shearbus::wire

@@ -10,6 +10,7 @@
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/scene_message.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -39,6 +40,7 @@ class Checker {
     for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
       const FieldDescriptor& field = *message.GetDescriptor()->field(i);
       const std::string name = path.empty() ? field.name() : path + "." + field.name();
+      if (unused(message, field, name)) continue;
       if (field.is_repeated())
         list(message, field, path, name);
       else if (!message.GetReflection()->HasField(message, &field))
@@ -53,6 +55,31 @@ class Checker {
  private:
   void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text)}); }
 
+  // A field that another's choice makes meaningless: refused where it is given, not missed where it is not.
+  bool unused(const Message& message, const FieldDescriptor& field, const std::string& name) {
+    const std::string& condition = rule_of(field).used_with();
+    if (condition.empty()) return false;
+    const std::size_t equals = condition.find('=');
+    const FieldDescriptor& other = *message.GetDescriptor()->FindFieldByName(condition.substr(0, equals));
+    const std::vector<std::string> choices = choices_of(other);
+    const int chosen = message.GetReflection()->GetEnumValue(message, &other);
+    // Where nothing is chosen and no default said, what is named elsewhere (a catalog) may choose: only absence is
+    // judged, as if by the first choice.
+    const bool open = chosen == 0 && rule_of(other).default_text().empty();
+    const auto* value = other.enum_type()->FindValueByNumber(chosen);
+    if (!value) return false;  // at fault itself
+    const std::string& choice = chosen != 0 ? choices[static_cast<std::size_t>(value->index()) - 1]
+                                : open      ? choices.front()
+                                            : rule_of(other).default_text();
+    if (choice == condition.substr(equals + 1)) return false;
+    const bool present = message.GetReflection()->HasField(message, &field);
+    if (present && open) return false;
+    if (present)
+      add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", name, other.name(),
+                            condition.substr(equals + 1), choice));
+    return true;
+  }
+
   void absent(const Message& message, const FieldDescriptor& field, const std::string& table_path,
               const std::string& name) {
     if (given_(name)) return;
@@ -63,9 +90,12 @@ class Checker {
       add(table_path, fmt::format("{} is missing{}", is_table ? "[" + name + "]" : name, meaning));
     } else if (!rule.required_without().empty()) {
       const FieldDescriptor* other = message.GetDescriptor()->FindFieldByName(rule.required_without());
-      const std::string other_name = table_path + "." + other->name();
-      if (!message.GetReflection()->HasField(message, other) && !given_(other_name))
-        add(table_path, fmt::format("{} is missing{}: it must be given where {} is not", name, meaning, other_name));
+      const std::string other_name = table_path.empty() ? other->name() : table_path + "." + other->name();
+      if (message.GetReflection()->HasField(message, other) || given_(other_name)) return;
+      const bool of_the_scene = table_path.empty();  // where a reader knows that a scene has bodies and a strategy
+      const bool is_table = field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
+      add(table_path, fmt::format("{} is missing{}{}", is_table ? "[" + name + "]" : name, meaning,
+                                  of_the_scene ? "" : fmt::format(": it must be given where {} is not", other_name)));
     }
   }
 
@@ -137,9 +167,14 @@ class Together {
 
   void layers() {
     if (!sound_grid("layer", scene_.has_layer(), scene_.layer())) return;
-    v1::Scene filled = scene_;
-    fill_defaults(filled);
-    const v1::Layer& layer = filled.layer();
+    with_message<v1::Scene>([&](v1::Scene& filled) {
+      filled = scene_;
+      fill_defaults(filled);
+      first_cells(filled.layer());
+    });
+  }
+
+  void first_cells(const v1::Layer& layer) {
     first_cell("layer", scene_.layer().has_grading(), layer.thickness_m(), layer.cells(), layer.grading());
     if (!scene_.has_hard_layer() || !sound_grid("hard_layer", true, scene_.hard_layer())) return;
     // Absent is as [layer]; the thickness a server derives is within a few times of it.
@@ -176,18 +211,74 @@ class Together {
                     "z = 0, not inside the layer");
   }
 
-  // SDIRK2 follows one balance per step; modes know the interface temperature and nothing inside.
-  void heat() {
-    if (scene_.layer().time_integrator() == v1::TIME_INTEGRATOR_SDIRK2 &&
-        scene_.velocity_driven().has_taylor_quinney_factor())
-      add("layer.time_integrator",
-          "layer.time_integrator = \"sdirk2\" has no use with velocity_driven.taylor_quinney_factor: where the work "
-          "becomes heat is taken from the step before, which is first order");
+  // Beside a flowing layer the slip depends on the layer's flow, and friction on both.
+  void friction() {
+    const std::string path = "interface.friction_law";
+    if (scene_.interface().friction_law() != v1::FRICTION_LAW_VELOCITY_WEAKENING || !scene_.interface().plastic_layer())
+      return;
+    add(path, path +
+                  " = \"velocity_weakening\" does not go with plastic_layer: with the layer's flow beside it the slip "
+                  "of a step has no friction of its own to solve for first; leave one of them out");
+  }
+
+  // Waves in the layer: where the layer carries the jump, and nothing else wants its stress to be one number.
+  void inertia() {
+    const std::string path = "layer.inertia";
+    if (!scene_.layer().inertia()) return;
+    if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN)
+      add(path, path +
+                    " needs strategy velocity_driven: the masses that force_driven exchanges momentum of (DLP 61) are "
+                    "those of whole zones, the layer's among them, which would then count twice");
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " needs drive = \"layer_shear\": with \"interface_slip\" the jump is slip at z = 0 and crosses no "
+                    "layer");
+    if (scene_.velocity_driven().has_taylor_quinney_factor())
+      add(path, path +
+                    " cannot be combined with velocity_driven.taylor_quinney_factor: that shares out the work of one "
+                    "stress, and with inertia the stress varies across the layer");
+    if (scene_.layer().cells() > kMaxInertiaCells)
+      add(path, fmt::format("{} works with at most {} cells, found layer.cells = {}: grade them (layer.grading)", path,
+                            kMaxInertiaCells, scene_.layer().cells()));
+  }
+
+  void components() {
+    const std::string path = "tangential_components";
+    if (scene_.tangential_components() != 2) return;
+    if (scene_.velocity_driven().drive() == v1::DRIVE_INTERFACE_SLIP)
+      add(path, path +
+                    " = 2 needs drive = \"layer_shear\": the shear rate that drives the layer with \"interface_slip\" "
+                    "has no direction");
+    if (scene_.layer().inertia())
+      add(path, path +
+                    " = 2 cannot be combined with layer.inertia: the stress of a step has one direction, and that of "
+                    "waves turns across the layer");
+  }
+
+  // What stands in the way of second order is what a step takes from the one before or from its own length.
+  void time_integrator() {
+    const std::string path = "layer.time_integrator";
+    if (scene_.layer().time_integrator() != v1::TIME_INTEGRATOR_SDIRK2) return;
+    const auto refuse = [&](std::string_view why) { add(path, path + " = \"sdirk2\" " + std::string(why)); };
+    if (scene_.velocity_driven().has_taylor_quinney_factor())
+      refuse(
+          "has no use with velocity_driven.taylor_quinney_factor: where the work becomes heat is taken from the step "
+          "before, which is first order");
+    if (scene_.interface().plastic_layer())
+      refuse("is not made for interface.plastic_layer, whose slip and flow share one balance per step");
+    if (scene_.layer().inertia())
+      refuse(
+          "is of the heat only, and with layer.inertia the waves are followed to first order: leave out one of them");
+    if (scene_.has_junctions() || given_("junctions"))
+      refuse("is not made for [junctions], whose strain grows with the slip of the whole step");
+    if (scene_.interface().friction_law() == v1::FRICTION_LAW_VELOCITY_WEAKENING)
+      refuse(
+          "is not made for friction_law = \"velocity_weakening\", whose friction is found for the mean slip of a step");
+  }
+
+  // Modes know the interface temperature and nothing inside.
+  void modes() {
     const bool plastic_layer = scene_.interface().plastic_layer();
-    if (scene_.layer().time_integrator() == v1::TIME_INTEGRATOR_SDIRK2 && plastic_layer)
-      add("layer.time_integrator",
-          "layer.time_integrator = \"sdirk2\" is not made for interface.plastic_layer, whose slip and flow share one "
-          "balance per step");
     if (scene_.layer().heat() == v1::HEAT_MODES) {
       if (plastic_layer)
         add("layer.heat",
@@ -200,14 +291,18 @@ class Together {
     } else if (scene_.layer().has_modes() && sound("layer.heat", false)) {
       add("layer.modes", "[layer.modes] is of layer.heat = \"modes\" only");
     }
-    v1::Scene filled = scene_;
-    fill_defaults(filled);
-    const v1::HeatModes& modes = filled.layer().modes();
-    if (scene_.layer().heat() == v1::HEAT_MODES && sound("layer.modes.shortest_step_s", true) &&
-        sound("layer.modes.longest_time_s", true) && !(modes.longest_time_s() >= modes.shortest_step_s()))
-      add("layer.modes.longest_time_s",
-          fmt::format("layer.modes.longest_time_s = {} s is below layer.modes.shortest_step_s = {} s",
-                      number_text(modes.longest_time_s()), number_text(modes.shortest_step_s())));
+    if (scene_.layer().heat() != v1::HEAT_MODES || !sound("layer.modes.shortest_step_s", true) ||
+        !sound("layer.modes.longest_time_s", true))
+      return;
+    with_message<v1::Scene>([&](v1::Scene& filled) {
+      filled = scene_;
+      fill_defaults(filled);
+      const v1::HeatModes& modes = filled.layer().modes();
+      if (modes.longest_time_s() < modes.shortest_step_s())
+        add("layer.modes.longest_time_s",
+            fmt::format("layer.modes.longest_time_s = {} s is below layer.modes.shortest_step_s = {} s",
+                        number_text(modes.longest_time_s()), number_text(modes.shortest_step_s())));
+    });
   }
 
   void strategy() {
@@ -216,6 +311,49 @@ class Together {
     if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN && scene_.interface().plastic_layer())
       add("interface.plastic_layer",
           "interface.plastic_layer is an option of strategy force_driven; a velocity-driven layer always flows");
+  }
+
+  // One problem, and the bodies it is about.
+  void hydro() {
+    const v1::Hydro& hydro = scene_.hydro();
+    const auto needs = [&](const char* problem, bool present, const char* key) {
+      if (!present && !given_(key)) add("", fmt::format("[{}] is missing: hydro.{} needs it", key, problem));
+    };
+    int problems = 0;
+    const auto problem = [&](const char* name, bool present, bool soft, bool hard) {
+      if (!present) return;
+      ++problems;
+      if (soft) needs(name, scene_.has_soft(), "soft");
+      if (hard) needs(name, scene_.has_hard(), "hard");
+    };
+    problem("shear_column", hydro.has_shear_column(), true, true);
+    problem("cone_target", hydro.has_cone_target(), true, true);
+    problem("piston", hydro.has_piston(), true, false);
+    problem("flyer_impact", hydro.has_flyer_impact(), true, true);
+    problem("implosion", hydro.has_implosion(), true, false);
+    problem("gas_flow", hydro.has_gas_flow(), false, false);
+    problem("taylor_bar", hydro.has_taylor_bar(), true, false);
+    problem("sliding_plates", hydro.has_sliding_plates(), true, true);
+    if (problems > 1) add("hydro", fmt::format("[hydro] names {} problems, expected one", problems));
+    if (hydro.interface_law() == v1::INTERFACE_LAW_CONSTANT && !hydro.has_constant_shear_stress_pa() &&
+        !given_("hydro.constant_shear_stress_pa"))
+      add("hydro.interface_law", "interface_law constant needs hydro.constant_shear_stress_pa, which is missing");
+  }
+
+  void junctions() {
+    if (!scene_.has_junctions()) return;
+    if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN)
+      add("junctions",
+          "[junctions] is an option of strategy force_driven: the velocity-driven layer's stress is that of its flow");
+    if (scene_.interface().plastic_layer())
+      add("junctions",
+          "[junctions] and interface.plastic_layer exclude each other: junctions harden with all the slip there is, "
+          "and "
+          "a layer that flows beside them takes part of it; leave one of them out");
+    if (scene_.interface().friction_law() == v1::FRICTION_LAW_VELOCITY_WEAKENING)
+      add("junctions",
+          "[junctions] and interface.friction_law = \"velocity_weakening\" exclude each other: with slip one limit "
+          "rises and the other falls, and an answer would not be found for sure; leave one of them out");
   }
 
   // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.
@@ -301,8 +439,14 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.strategy();
   together.layers();
   together.plastic_heating();
-  together.heat();
+  together.inertia();
+  together.components();
+  together.time_integrator();
+  together.modes();
   together.hard_strength();
+  if (scene.has_hydro()) together.hydro();
+  together.junctions();
+  together.friction();
   if (scene.hydro().has_shear_column()) together.shear_column();
   return faults;
 }

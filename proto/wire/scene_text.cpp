@@ -11,6 +11,7 @@
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/scene_message.hpp"
 #include "proto/wire/scene_rules.hpp"
+#include "proto/wire/with_message.hpp"
 #include "shearbus/v1/scene.pb.h"
 
 namespace shearbus::wire {
@@ -108,6 +109,10 @@ std::string type_text(const FieldDescriptor& field) {
 
 std::string default_text(const FieldDescriptor& field) {
   const v1::Rule& rule = rule_of(field);
+  if (!rule.used_with().empty()) {
+    const bool needed = rule.required() || !rule.required_without().empty();
+    return fmt::format("{} `{}`", needed ? "required with" : "only with", rule.used_with());
+  }
   if (rule.required()) return "required";
   if (rule.has_default_number()) return number_text(rule.default_number());
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_BOOL) return "false";
@@ -146,11 +151,12 @@ void describe_table(const Descriptor& table, const std::string& path, const std:
 }  // namespace
 
 std::string scene_to_toml(const Scene& scene) {
-  v1::Scene message;
-  to_message(scene, message);
-  std::string out;
-  write_table(message, "", out);
-  return out;
+  return with_message<v1::Scene>([&](v1::Scene& message) {
+    to_message(scene, message);
+    std::string out;
+    write_table(message, "", out);
+    return out;
+  });
 }
 
 std::string scene_reference() {

@@ -43,6 +43,12 @@ const char* name(Code code) {
       return "SUPERSEDED";
     case Code::kUnknownMark:
       return "UNKNOWN_MARK";
+    case Code::kTrialStands:
+      return "TRIAL_STANDS";
+    case Code::kUnknownTransfer:
+      return "UNKNOWN_TRANSFER";
+    case Code::kNotPermitted:
+      return "NOT_PERMITTED";
     case Code::kInvalidScene:
       return "INVALID_SCENE";
     case Code::kInvalidValue:
@@ -51,18 +57,30 @@ const char* name(Code code) {
       return "UNKNOWN_NODE";
     case Code::kDuplicateNode:
       return "DUPLICATE_NODE";
+    case Code::kNodeOwned:
+      return "NODE_OWNED";
+    case Code::kOtherScene:
+      return "OTHER_SCENE";
+    case Code::kStepFailed:
+      return "STEP_FAILED";
     case Code::kShuttingDown:
       return "SHUTTING_DOWN";
     case Code::kInternal:
       return "INTERNAL";
     case Code::kNoSpace:
       return "NO_SPACE";
+    case Code::kDraining:
+      return "DRAINING";
+    case Code::kCheckpointFailed:
+      return "CHECKPOINT_FAILED";
     case Code::kUnreachable:
       return "UNREACHABLE";
     case Code::kUnknownOutcome:
       return "UNKNOWN_OUTCOME";
     case Code::kUnexpectedReply:
       return "UNEXPECTED_REPLY";
+    case Code::kAuth:
+      return "AUTH";
   }
   return "?";
 }

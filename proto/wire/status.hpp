@@ -29,16 +29,25 @@ enum class Code : std::uint16_t {
   kResumeRefused = 206,
   kSuperseded = 207,
   kUnknownMark = 208,
+  kTrialStands = 209,
+  kUnknownTransfer = 210,
+  kNotPermitted = 220,
   kInvalidScene = 300,
   kInvalidValue = 301,
   kUnknownNode = 302,
   kDuplicateNode = 303,
+  kNodeOwned = 304,
+  kOtherScene = 305,
+  kStepFailed = 306,
   kShuttingDown = 400,
   kInternal = 401,
   kNoSpace = 402,
+  kDraining = 403,
+  kCheckpointFailed = 404,
   kUnreachable = 500,      // no connection to the endpoint before the deadline
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request
+  kAuth = 503,             // the server does not let this client in, or is not the one it has the key of
 };
 
 // The name users see, e.g. "SEQUENCE_GAP".

@@ -13,8 +13,14 @@ namespace shearbus::wire {
 struct StrategyColumns {
   std::span<const Field> required;  // of a downscale, besides the optional node_id
   std::span<const Field> optional;
-  std::span<const Field> reply;  // all there are; a request's `wanted` picks from them
+  std::span<const Field> reply;  // a request's `wanted` picks from them and from kLedgerColumns; empty: these
 };
+
+// The energy ledger of a step: columns of any reply, but only where a request names them. In the order of physics'
+// LedgerTerm.
+inline constexpr std::array kLedgerColumns = {Field::kInterfaceWork, Field::kHeatToSoft,     Field::kHeatToHard,
+                                              Field::kPlasticWork,   Field::kStoredHeatSoft, Field::kStoredHeatHard,
+                                              Field::kElasticEnergy, Field::kHeatResidual,   Field::kEnergyResidual};
 
 namespace detail {
 inline constexpr std::array kVelocityRequired = {Field::kVelocityJump, Field::kPressure};

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string_view>
 #include <utility>
 #include <variant>
 
@@ -34,7 +35,7 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
   auto held = std::make_shared<HeldReply>();
   held->payload = image.reply_payload;
   const std::array<std::span<const std::byte>, 2> frames = {image.reply_header, held->payload};
-  wire::decode(std::span(frames).first(held->payload.empty() ? 1 : 2), held->reply);
+  wire::decode(std::span(frames).first(wire::declares_payload(image.reply_header) ? 2 : 1), held->reply);
   return {held, &held->reply};
 }
 
@@ -42,8 +43,10 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
 std::uint64_t sum_of(const session::Session& conversation) {
   const wire::Reply& reply = *conversation.kept_reply();
   const auto* step = std::get_if<wire::Upscale>(&reply.body);
-  const std::array<std::uint64_t, 3> numbers = {conversation.last_sequence(), step != nullptr ? step->state_version : 0,
-                                                step != nullptr ? step->flagged_nodes : 0};
+  const auto* change = std::get_if<wire::NodesChanged>(&reply.body);
+  const std::array<std::uint64_t, 4> numbers = {conversation.last_sequence(), step != nullptr ? step->state_version : 0,
+                                                step != nullptr ? step->flagged_nodes : 0,
+                                                change != nullptr ? change->nodes : 0};
   const std::array<std::span<const std::byte>, 2> parts = {std::as_bytes(std::span(numbers)), reply.batch.bytes()};
   return wire::hash_of(parts);
 }
@@ -67,11 +70,14 @@ void make_repeat(wire::Reply& reply) {
 void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member) {
   if (store_ == nullptr || replaying_) return;
   try {
-    store_->append({.session = session,
-                    .sequence = arrival.request.sequence,
-                    .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
-                    .header_frame = arrival.frames[0],
-                    .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>()});
+    timed(options_.now_ns, times_.journal_append, [&] {
+      store_->append({.session = session,
+                      .sequence = arrival.request.sequence,
+                      .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
+                      .header_frame = arrival.frames[0],
+                      .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>(),
+                      .identity = member != nullptr ? std::string_view() : arrival.caller.identity});
+    });
   } catch (const store::StorageError& fault) {
     if (store_->failed()) throw;
     throw Error(
@@ -88,12 +94,14 @@ void Service::recover() {
   store_->recover(*this);
   replaying_ = false;
   epoch_ = options_.epoch;
+  times_ = {};
   metrics_.node_steps = metrics_.solver_ns = 0;  // what was replayed had been counted by the server that ran it
 }
 
 void Service::clear() {
   members_.clear();
   closed_.clear();
+  transfers_.clear();
   metrics_ = {};
 }
 
@@ -101,6 +109,8 @@ void Service::restore(const store::Snapshot& snapshot) {
   for (const store::SessionImage& image : snapshot.sessions) {
     auto member = std::make_unique<Member>();
     member->id = image.id;
+    member->identity = image.identity;
+    member->opened_ns = member->last_request_ns = started_ns_;
     member->resume_token = image.resume_token;
     member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
     member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
@@ -109,17 +119,21 @@ void Service::restore(const store::Snapshot& snapshot) {
     } else {
       SceneModel made = scene_model(wire::parse_scene(image.scene, "the checkpoint's scene").scene);
       physics::Model model(made.options);
-      const std::vector<double> temperatures(image.node_ids.size(), made.options.initial_temperature);
       member->scene = std::move(made.effective);
-      member->shard = std::make_unique<shard::Shard>(std::move(model), image.node_ids, temperatures, pool_,
-                                                     shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+      member->shard = make_shard(std::move(model), image.node_ids);
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
       member->marks = image.marks;
+      member->domain = image.domain;
       ++metrics_.sessions;
       metrics_.nodes += image.node_ids.size();
-      metrics_.state_bytes += member->shard->state_bytes() + member->marks.size() * (member->shard->state_bytes() / 2);
+      metrics_.state_bytes += member->held_bytes();
     }
     members_[image.id] = std::move(member);
+  }
+  for (const store::TransferImage& transfer : snapshot.transfers) {
+    metrics_.nodes += transfer.node_ids.size();
+    metrics_.state_bytes += kept_bytes(transfer.states);
+    transfers_.emplace(transfer.id, transfer);
   }
 }
 
@@ -140,7 +154,8 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
   auto fresh = std::make_shared<wire::Reply>();
   fresh->epoch = epoch;
   try {
-    if (answer(std::span(frames).first(record.payload_frame.empty() ? 1 : 2), fresh) != fresh)
+    if (answer(std::span(frames).first(wire::declares_payload(record.header_frame) ? 2 : 1),
+               {.identity = record.identity}, fresh) != fresh)
       refuse("it stands in the journal twice");
   } catch (const Error& fault) {
     refuse(std::string("it is refused now: ") + fault.what());
@@ -148,13 +163,14 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
 }
 
 store::Snapshot Service::snapshot() const {
-  store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}};
+  store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}, .transfers = {}};
   const auto add = [&](const Member& member) {
     wire::Reply& kept = *member.conversation.kept_reply();
     make_repeat(kept);
     const std::string header = wire::encode_header(kept);
     store::SessionImage image{.id = member.id,
                               .open = member.shard != nullptr,
+                              .identity = member.identity,
                               .resume_token = member.resume_token,
                               .last_sequence = member.conversation.last_sequence(),
                               .last_hash = member.conversation.last_hash(),
@@ -164,6 +180,7 @@ store::Snapshot Service::snapshot() const {
                               .node_steps = member.totals.node_steps,
                               .solver_ns = member.totals.solver_ns};
     if (member.shard) {
+      image.domain = member.domain;
       image.scene = wire::scene_to_toml(member.scene);
       image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();
@@ -176,22 +193,33 @@ store::Snapshot Service::snapshot() const {
   for (const wire::SessionId& id : closed_) add(*members_.at(id));
   for (const auto& [id, member] : members_)
     if (member->shard) add(*member);
+  for (const auto& [id, transfer] : transfers_) snapshot.transfers.push_back(transfer);
   return snapshot;
 }
 
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
-  return store_->checkpoint(snapshot());
+  if (options_.around_checkpoint) options_.around_checkpoint(true);
+  bool written = false;
+  try {
+    written = timed(options_.now_ns, times_.checkpoint, [&] { return store_->checkpoint(snapshot()); });
+  } catch (const std::bad_alloc&) {
+    log("the checkpoint found no memory; the ones before and the journal hold everything");
+  }
+  if (options_.around_checkpoint) options_.around_checkpoint(false);
+  if (written) last_checkpoint_ns_ = options_.now_ns();
+  return written;
 }
 
-Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire::Request& request,
-                                  const ReplyPtr& reply) {
+Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end() || !found->second->shard)
     throw Error({.code = Code::kUnknownSession,
                  .text = "no open session has this id",
                  .remedy = "Open a new session and start again from the host's last restart point."});
   Member& member = *found->second;
+  check_identity(member, arrival.caller);
   if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
     throw Error({.code = Code::kResumeRefused,
                  .text = "the resume token is not the one the session was opened with",
@@ -211,16 +239,13 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const wire:
     member.epoch = epoch_ + ++claims_;
   }
   const shard::Shard& shard = *member.shard;
-  reply->body = wire::SessionResumed{.session = {.effective_scene = member.scene,
-                                                 .bytes_per_node = shard::Shard::bytes_per_node(shard.model()),
-                                                 .warnings = shard.model().warnings()},
+  reply->body = wire::SessionResumed{.session = opened(member),
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),
                                      .trial_stands = shard.has_trial(),
-                                     .claim = member.claim};
-  const std::array field = {wire::Field::kNodeId};
-  reply->batch = wire::Batch::of(field, shard.nodes().size());
-  std::copy(shard.nodes().ids().begin(), shard.nodes().ids().end(), reply->batch.u64(wire::Field::kNodeId).begin());
+                                     .claim = member.claim,
+                                     .offers = offers_of(member)};
+  reply->batch = node_column(shard.nodes().ids());
   if (resume.claim != 0) reply->epoch = member.epoch;
   return reply;
 }

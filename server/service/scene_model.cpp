@@ -3,18 +3,27 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
+#include "proto/wire/limits.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::service {
 namespace {
 
+bool is_steinberg_cochran_guinan(const physics::Material& m) {
+  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+}
+
 physics::Material material_of(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult made = physics::make_material(body.material, body.given);
+  physics::MaterialResult made =
+      physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
   if (!made.fault.empty())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
@@ -24,6 +33,13 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term == wire::PressureTerm::kCompressed)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
+  if (body.pressure_term == wire::PressureTerm::kCompressed && !is_steinberg_cochran_guinan(made.material))
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
+                                           "\"{}\" does not have",
+                                           table, physics::FlowLaws::name_of(made.material.flow_law)),
+                       .remedy = "Leave it out, or take flow_law = \"steinberg_cochran_guinan\".",
+                       .field = table + ".pressure_term"});
   if (const std::string_view missing = physics::constant_missing_for_options(made.material); !missing.empty())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = "
@@ -49,6 +65,31 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
   return hard;
 }
 
+// Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
+wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
+  if (!is_steinberg_cochran_guinan(soft) && !(junctions.hardening_coefficient && junctions.hardening_exponent))
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
+                                           "the soft body's flow law {} has none",
+                                           physics::FlowLaws::name_of(soft.flow_law)),
+                       .field = "junctions.hardening_coefficient"});
+  if (!junctions.yield_strength_max_pa && std::isfinite(soft.yield_strength_max))
+    junctions.yield_strength_max_pa = soft.yield_strength_max;
+  if (!junctions.hardening_coefficient) junctions.hardening_coefficient = soft.hardening_coefficient;
+  if (!junctions.hardening_exponent) junctions.hardening_exponent = soft.hardening_exponent;
+  return junctions;
+}
+
+physics::JunctionOptions junctions_of(const wire::Junctions& junctions, const physics::ModelOptions& options) {
+  physics::Material metal = options.soft;
+  metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();  // DLP (52-53)
+  metal.yield_strength = options.interface.yield_strength;
+  metal.yield_strength_max = junctions.yield_strength_max_pa.value_or(std::numeric_limits<double>::infinity());
+  metal.hardening_coefficient = *junctions.hardening_coefficient;
+  metal.hardening_exponent = *junctions.hardening_exponent;
+  return {.contact_fraction = junctions.contact_fraction, .height = junctions.height_m, .metal = metal};
+}
+
 physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
   return {.thickness = *hard.thickness_m,
           .cells = static_cast<int>(*hard.cells),
@@ -59,6 +100,16 @@ physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
 physics::Drive drive_of(wire::Drive drive) {
   return drive == wire::Drive::kInterfaceSlip ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
 }
+
+physics::InterfaceOptions interface_of(const wire::Interface& law) {
+  return {.friction_coefficient = law.friction_coefficient,
+          .yield_strength = law.yield_strength_pa,
+          .friction_law =
+              physics::FrictionLaws::numbered(static_cast<int>(law.friction_law)).value_or(physics::FrictionLaw{}),
+          .friction_coefficient_fast = law.friction_coefficient_fast,
+          .velocity_decay = law.velocity_decay_s_per_m};
+}
+static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
 
 }  // namespace
 
@@ -74,8 +125,27 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .cells = static_cast<int>(scene.layer.cells),
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
-  if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2)
+  made.options.inertia = scene.layer.inertia;
+  if (scene.layer.inertia && !is_steinberg_cochran_guinan(made.options.soft))
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("layer.inertia works with flow law {}, the soft body has {}: its waves' "
+                                           "return to the yield stress is that law's",
+                                           physics::SteinbergCochranGuinan::kName,
+                                           physics::FlowLaws::name_of(made.options.soft.flow_law)),
+                       .remedy = "leave out layer.inertia, or choose another soft body",
+                       .field = "layer.inertia"});
+  made.options.tangential_components = static_cast<int>(scene.tangential_components);
+  if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2) {
     made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
+    if (!is_steinberg_cochran_guinan(made.options.soft))
+      throw wire::Error({.code = wire::Code::kInvalidScene,
+                         .text = fmt::format("layer.time_integrator = \"sdirk2\" works with flow law {}, the soft body "
+                                             "has {}: its stress follows the rate of a step, to first order",
+                                             physics::SteinbergCochranGuinan::kName,
+                                             physics::FlowLaws::name_of(made.options.soft.flow_law)),
+                         .remedy = "leave out layer.time_integrator, or choose another soft body",
+                         .field = "layer.time_integrator"});
+  }
   if (scene.layer.heat == wire::Heat::kModes) {
     const wire::HeatModes modes = scene.layer.modes.value_or(wire::HeatModes{});
     made.options.modes = physics::ModesOptions{
@@ -85,9 +155,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
   made.options.taylor_quinney_factor = scene.velocity_driven.taylor_quinney_factor;
-  if (scene.interface)
-    made.options.interface = {.friction_coefficient = scene.interface->friction_coefficient,
-                              .yield_strength = scene.interface->yield_strength_pa};
+  if (scene.interface) made.options.interface = interface_of(*scene.interface);
   made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;
@@ -95,6 +163,10 @@ SceneModel scene_model(const wire::Scene& scene) {
   if (scene.hard_layer) {
     made.effective.hard_layer = filled(*scene.hard_layer, scene, made.options);
     made.options.hard_grid = hard_grid_of(*made.effective.hard_layer);
+  }
+  if (scene.junctions) {
+    made.effective.junctions = filled(*scene.junctions, made.options.soft);
+    made.options.junctions = junctions_of(*made.effective.junctions, made.options);
   }
   made.effective.hydro.reset();
   made.effective.soft.given = physics::constants_of(made.options.soft);

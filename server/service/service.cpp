@@ -11,6 +11,8 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/strategy_columns.hpp"
+#include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
@@ -21,13 +23,10 @@ using wire::Code;
 using wire::Error;
 using wire::Field;
 
-namespace {
-
 std::string short_name(const wire::SessionId& id) {
   return fmt::format("{:02x}{:02x}{:02x}{:02x}", id[0], id[1], id[2], id[3]);
 }
 
-// A client's words, fit for one line of a log.
 std::string printable(const std::string& text) {
   constexpr std::size_t kLongest = 80;
   std::string shown = text.substr(0, kLongest);
@@ -36,34 +35,6 @@ std::string printable(const std::string& text) {
   return shown;
 }
 
-// Memory of a mark: the states once, where a shard has them twice.
-std::uint64_t mark_bytes(const shard::Shard& shard) {
-  return shard.state_bytes() / 2;
-}
-
-shard::StepInputs inputs_of(const wire::Batch& batch) {
-  return {.velocity_jump = batch.f64(Field::kVelocityJump),
-          .pressure = batch.f64(Field::kPressure),
-          .soft_shear_rate = batch.f64(Field::kSoftShearRate),
-          .stress_minus = batch.f64(Field::kStressMinus),
-          .stress_plus = batch.f64(Field::kStressPlus),
-          .mass_minus = batch.f64(Field::kMassMinus),
-          .mass_plus = batch.f64(Field::kMassPlus),
-          .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
-}
-
-shard::StepOutputs outputs_of(wire::Batch& batch) {
-  return {.shear_stress = batch.f64(Field::kShearStress),
-          .sliding_velocity = batch.f64(Field::kSlidingVelocity),
-          .interface_temperature = batch.f64(Field::kInterfaceTemperature),
-          .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
-          .friction_heat = batch.f64(Field::kFrictionHeat),
-          .regime = batch.u8(Field::kRegime),
-          .outcome = batch.u8(Field::kOutcome)};
-}
-
-}  // namespace
-
 Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store)
     : options_(std::move(options)), pool_(pool), store_(store), epoch_(options_.epoch) {
   started_ns_ = options_.now_ns();
@@ -71,19 +42,22 @@ Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* st
 
 Service::~Service() = default;
 
-void Service::log(const std::string& line) const {
+// A line that cannot be written is lost: what it tells of has happened.
+void Service::log(const std::string& line) const noexcept try {
   if (options_.log) options_.log(line);
+} catch (const std::exception&) {
 }
 
-std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
+std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) noexcept try {
   if (failed()) return std::nullopt;
   ++metrics_.requests;
   auto reply = std::make_shared<wire::Reply>();
   reply->epoch = epoch_;
   kept_ = false;
+  current_ = {};
   try {
-    reply = answer(frames, reply);
-    if (std::exchange(kept_, false)) store_->settle();
+    reply = answer(frames, caller, reply);
+    if (std::exchange(kept_, false)) settle();
   } catch (const Error& error) {
     reply->status = error.status();
   } catch (const std::exception& fault) {
@@ -98,6 +72,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
   }
   if (!reply->status.ok()) {
     ++metrics_.refused;
+    if (const auto code = static_cast<std::size_t>(reply->status.code); code < Metrics::kCodes) ++times_.refusals[code];
     reply->body = std::monostate{};
     reply->batch = wire::Batch();
   }
@@ -106,15 +81,23 @@ std::optional<ReplyFrames> Service::handle(Frames frames) noexcept try {
   sent.has_payload = !reply->batch.columns().empty();
   sent.payload = reply->batch.bytes();
   sent.owner = std::move(reply);
+  if (current_.started_ns != 0) times_.requests[current_.verb].add(options_.now_ns() - current_.started_ns);
   return sent;
 } catch (const std::exception&) {
   failed_ = failed_ || kept_;
   return std::nullopt;
 }
 
+void Service::settle() {
+  if (store_->durability() == store::Durability::kPower)
+    timed(options_.now_ns, times_.journal_sync, [&] { store_->settle(); });
+  else
+    store_->settle();
+}
+
 // Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
-Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
-  Arrival arrival{.frames = frames, .request = {}, .hash = 0, .started_ns = 0};
+Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const ReplyPtr& reply) {
+  Arrival arrival{.frames = frames, .caller = caller, .request = {}, .hash = 0, .started_ns = 0};
   wire::Request& request = arrival.request;
   const auto address = [&] {
     reply->request_id = request.request_id;
@@ -129,19 +112,35 @@ Service::ReplyPtr Service::answer(Frames frames, const ReplyPtr& reply) {
   }
   address();
   arrival.started_ns = options_.now_ns();
+  current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns};
   if (shutting_down_)
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
 
   if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
-    hello(*greeting, *reply);
+    hello(*greeting, caller, *reply);
     return reply;
   }
   if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
     reply->body = status();
     return reply;
   }
-  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, request, reply);
+  if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
+    check_operator(caller);
+    inspect(*look, request, *reply);
+    return reply;
+  }
+  if (const auto* end = std::get_if<wire::Drain>(&request.body)) {
+    check_operator(caller);
+    drain(*end, caller, *reply);
+    return reply;
+  }
+  if (std::holds_alternative<wire::Checkpoint>(request.body)) {
+    check_operator(caller);
+    checkpoint_now(*reply);
+    return reply;
+  }
+  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, arrival, reply);
   // The header holds the checksum of the payload, which decode() has compared: the header's bytes stand for all of
   // them.
   arrival.hash = wire::hash_of(frames.first(1));
@@ -171,7 +170,16 @@ Service::ReplyPtr Service::repeat(const Member& member) {
   return member.conversation.kept_reply();
 }
 
-void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
+// A session id and a resume token are secrets, but secrets travel; a key or a uid has been proven.
+void Service::check_identity(const Member& member, const Caller& caller) const {
+  if (caller.identity == member.identity || caller.is_operator || replaying_) return;
+  log(fmt::format("REFUSED: {} asked for session {} of {}", caller.identity, short_name(member.id), member.identity));
+  throw Error({.code = Code::kNotPermitted,
+               .text = fmt::format("the session was opened by another than {}", caller.identity),
+               .remedy = "Use the key, or the user, that opened it, or ask an operator."});
+}
+
+void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const {
   if (hello.oldest_major > wire::kProtocolMajor || hello.newest_major < wire::kProtocolMajor)
     throw Error({.code = Code::kVersion,
                  .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
@@ -180,7 +188,10 @@ void Service::hello(const wire::Hello& hello, wire::Reply& reply) const {
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark"};
+  welcome.limits.max_state_bytes = options_.max_state_bytes;
+  welcome.access = caller.identity.substr(0, caller.identity.find(' '));
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark", "domains"};
+  if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
 }
@@ -194,6 +205,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
                  .remedy = "Draw them from the system's random source.",
                  .field = "session_id"});
   if (const auto known = members_.find(open.session_id); known != members_.end()) {
+    check_identity(*known->second, arrival.caller);
     session::Verdict verdict = known->second->conversation.triage(request.sequence, arrival.hash);
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
@@ -205,36 +217,39 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
     throw Error({.code = Code::kSequenceGap,
                  .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
                  .remedy = "Send it with sequence 0."});
+  if (draining_ && !replaying_)
+    throw Error({.code = Code::kDraining,
+                 .text = "the server takes no new sessions: it will end when those it has are closed",
+                 .remedy = "Open the session on another server."});
   if (metrics_.sessions >= options_.max_sessions)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
                  .remedy = "Close sessions that are no longer used."});
 
-  const auto node_ids = check_opening_nodes(request.batch);
+  const auto node_ids = check_opening_nodes(request.batch, open.domain);
+  check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene);
   const std::vector<double> temperatures =
       check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
   physics::Model model(made.options);
   check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
 
-  wire::SessionOpened opened;
-  opened.effective_scene = made.effective;
-  opened.bytes_per_node = shard::Shard::bytes_per_node(model);
-  opened.warnings = model.warnings();
-  reply->body = std::move(opened);
-
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
+  member->identity = arrival.caller.identity;
+  member->opened_ns = member->last_request_ns = arrival.started_ns;
   member->resume_token = open.resume_token;
+  member->domain = open.domain;
   member->scene = std::move(made.effective);
-  member->shard = std::make_unique<shard::Shard>(
-      std::move(model), std::vector<std::uint64_t>(node_ids.begin(), node_ids.end()), temperatures, pool_,
-      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  member->shard = std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
+                                                 shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  reply->body = opened(*member);
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
-      fmt::format("session {} opened: \"{}\", {} nodes, {} B each", short_name(open.session_id),
-                  printable(member->scene.name), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
+      fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
+                  member->identity, printable(member->scene.name), open.domain.empty() ? "" : ", domain ",
+                  printable(open.domain), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));
@@ -245,6 +260,23 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   metrics_.state_bytes += state_bytes;
   log(line);
   return reply;
+}
+
+std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model,
+                                                  const std::vector<std::uint64_t>& node_ids) const {
+  const std::vector<double> temperatures(node_ids.size(), model.options().initial_temperature);
+  return std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
+                                        shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+}
+
+wire::SessionOpened Service::opened(const Member& member) const {
+  const physics::Model& model = member.shard->model();
+  std::uint64_t reply_row = 0;
+  for (const Field field : wire::columns_of(member.scene.strategy).reply)
+    reply_row += wire::size_of(wire::element_of(field));
+  return {.effective_scene = member.scene,
+          .bytes_per_node = shard::Shard::bytes_per_node(model) + reply_row,
+          .warnings = model.warnings()};
 }
 
 void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
@@ -265,7 +297,9 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
                  .remedy = "Open a session first."});
   }
   Member& member = *found->second;
+  check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
+  member.last_request_ns = arrival.started_ns;
   if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
   check_epoch(request, &member);
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
@@ -287,6 +321,14 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
     rollback(member, *back, arrival, *reply);
   } else if (const auto* named = std::get_if<wire::Mark>(&request.body)) {
     mark(member, *named, arrival, *reply);
+  } else if (std::holds_alternative<wire::RegisterNodes>(request.body)) {
+    register_nodes(member, arrival, *reply);
+  } else if (std::holds_alternative<wire::RetireNodes>(request.body)) {
+    retire_nodes(member, arrival, *reply);
+  } else if (const auto* offer = std::get_if<wire::OfferNodes>(&request.body)) {
+    offer_nodes(member, *offer, arrival, *reply);
+  } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&request.body)) {
+    accept_nodes(member, *accept, arrival, *reply);
   } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
     close_session(member, *close, arrival, *reply);
   } else {
@@ -301,7 +343,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
   // 1. everything that can fail: checks, factorisation, memory, the journal
-  const std::vector<Field> wanted = check_wanted(step, member.scene.strategy);
+  const std::vector<Field> wanted = check_wanted(step, member.scene);
   const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
     throw Error({.code = Code::kNothingToCommit,
@@ -309,14 +351,35 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
                  .remedy = "Set it only after a trial that was neither committed nor rolled back."});
   const auto operators = shard.operators(step.dt_s);
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows);
+  reply->batch = wire::Batch::of(wanted, num_rows, member.scene.tangential_components);
   auto& upscale = reply->body.emplace<wire::Upscale>();
+  const shard::StepInputs inputs = inputs_of(request.batch);
+  shard::StepOutputs outputs = outputs_of(reply->batch);
+  std::vector<std::uint8_t> outcomes(outputs.outcome.empty() ? num_rows : 0);  // where the host does not want them
+  if (outputs.outcome.empty()) outputs.outcome = outcomes;
+  std::uint64_t solver_started_ns = 0;
+  std::optional<shard::Shard::Attempt> attempt;
+  if (step.policy == wire::Policy::kAllOrNothing) {
+    solver_started_ns = options_.now_ns();
+    attempt = shard.attempt(rows, *operators, inputs, outputs, step.commit_previous);
+    if (attempt->count.failed != 0) {
+      leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, step.commit_previous});
+      refuse_failed_step(request.batch, shard.nodes(), outputs.outcome);
+    }
+  }
   keep(arrival, member.id, &member);
 
   // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
   if (step.commit_previous) shard.commit();
-  const std::uint64_t solver_started_ns = options_.now_ns();
-  upscale.flagged_nodes = shard.step(rows, *operators, inputs_of(request.batch), outputs_of(reply->batch));
+  if (attempt) {
+    shard.take(*attempt);
+    upscale.flagged_nodes = attempt->count.flagged;
+  } else {
+    solver_started_ns = options_.now_ns();
+    const shard::StepCount count = shard.step(rows, *operators, inputs, outputs);
+    upscale.flagged_nodes = count.flagged;
+    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, false});
+  }
   const std::uint64_t ended_ns = options_.now_ns();
   if (step.mode == wire::Mode::kAdvance) shard.commit();
   upscale.nodes = num_rows;
@@ -330,51 +393,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.totals.solver_ns += upscale.solver_ns;
   metrics_.node_steps += num_rows;
   metrics_.solver_ns += upscale.solver_ns;
-}
-
-void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply) {
-  if (mark.name.empty() || mark.name.size() > wire::kMaxMarkNameBytes)
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("the name of a mark has {} bytes; expected 1 to {}", mark.name.size(),
-                                     wire::kMaxMarkNameBytes),
-                 .field = "mark.name"});
-  const shard::Shard& shard = *member.shard;
-  member.marks.reserve(wire::kMaxMarks + 1);
-  auto gone =
-      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == mark.name; });
-  if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
-  const bool grows = gone == member.marks.end();
-  if (grows) check_memory(mark_bytes(shard), shard.nodes().size());
-  auto& answer = reply.body.emplace<wire::Marked>();
-  answer.state_version = shard.state_version();
-  for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
-    if (old != gone) answer.names.push_back(old->name);
-  answer.names.push_back(mark.name);
-  store::MarkImage made{.name = mark.name, .state_version = shard.state_version(), .states = shard.committed_states()};
-  keep(arrival, member.id, &member);
-
-  if (grows)
-    metrics_.state_bytes += mark_bytes(shard);
-  else
-    member.marks.erase(gone);
-  member.marks.push_back(std::move(made));
-}
-
-void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
-  const auto to =
-      std::find_if(member.marks.begin(), member.marks.end(), [&](const auto& m) { return m.name == rollback.to_mark; });
-  if (!rollback.to_mark.empty() && to == member.marks.end())
-    throw Error({.code = Code::kUnknownMark,
-                 .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
-                                     member.marks.size()),
-                 .remedy = "The oldest mark goes when a session has more than the limit.",
-                 .field = "rollback.to_mark"});
-  keep(arrival, member.id, &member);
-  if (rollback.to_mark.empty())
-    member.shard->rollback();
-  else
-    member.shard->restore(to->states, nullptr, to->state_version);
-  reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
+  times_.solver.add(upscale.solver_ns);
 }
 
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
@@ -389,9 +408,10 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();
-  metrics_.state_bytes -= member.shard->state_bytes() + member.marks.size() * mark_bytes(*member.shard);
+  metrics_.state_bytes -= member.held_bytes();
   member.marks.clear();
   member.shard.reset();
+  forget_transfers_of(member.domain_it_is_in());
   if (closed_.size() > kClosedSessionsKept) {
     members_.erase(closed_.front());
     closed_.pop_front();
@@ -403,6 +423,19 @@ wire::ServerStatus Service::status() const {
   status.uptime_ns = options_.now_ns() - started_ns_;
   status.threads = pool_.threads();
   status.server_version = options_.server_version;
+  status.draining = draining_;
+  times_.put_into(status);
+  if (store_ != nullptr) {
+    const store::StoreCounters& kept = store_->counters();
+    status.journal_records = kept.records;
+    status.journal_bytes = kept.record_bytes;
+    status.recovered_requests = kept.replayed;
+    status.checkpoints = kept.checkpoints;
+    status.checkpoints_failed = kept.checkpoints_failed;
+    status.checkpoint_bytes = kept.checkpoint_bytes;
+    if (last_checkpoint_ns_ != 0) status.checkpoint_age_ns = options_.now_ns() - last_checkpoint_ns_;
+  }
+  if (options_.complete_status) options_.complete_status(status);
   return status;
 }
 

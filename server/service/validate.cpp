@@ -82,22 +82,28 @@ bool contains(std::span<const Field> list, Field field) {
   return std::find(list.begin(), list.end(), field) != list.end();
 }
 
-void check_first_components(const wire::Batch& batch) {
+// A second component where the scene's slip has one and the column is a vector along the interface, nowhere else.
+void check_components(const wire::Batch& batch, std::uint32_t components) {
   for (const wire::Column& column : batch.columns())
-    if (column.component != 0)
+    if (column.component != 0 && (components == 1 || !wire::is_tangential(column.field)))
       refuse(Code::kUnsupported, wire::name(column.field),
-             fmt::format("column {} has component {}; this server knows one tangential component",
-                         wire::name(column.field), column.component),
-             "Send component 0 only.");
+             fmt::format("column {} has component {}; {}", wire::name(column.field), column.component,
+                         components == 1 ? "this scene's slip has one tangential component" : "it has no direction"),
+             components == 1 ? "Send component 0 only, or open a scene with tangential_components = 2."
+                             : "Send it with component 0 only.");
 }
 
 void check_columns_of_step(const wire::Batch& batch, const wire::Scene& scene) {
   const wire::StrategyColumns columns = wire::columns_of(scene.strategy);
-  check_first_components(batch);
-  for (const Field field : columns.required)
+  check_components(batch, scene.tangential_components);
+  for (const Field field : columns.required) {
     if (!batch.has(field))
       refuse(Code::kShape, wire::name(field), fmt::format("column {} is missing", wire::name(field)),
              "A step of this scene needs " + join_names(std::array{columns.required}) + ".");
+    if (scene.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
+      refuse(Code::kShape, wire::name(field), fmt::format("component 1 of column {} is missing", wire::name(field)),
+             "The scene has tangential_components = 2: send both components of every tangential column.");
+  }
   for (const wire::Column& column : batch.columns())
     if (column.field != Field::kNodeId && !contains(columns.required, column.field) &&
         !contains(columns.optional, column.field))
@@ -133,36 +139,89 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
     refuse(Code::kUnknownNode, wire::name(Field::kNodeId),
            fmt::format("node {} is not of this session ({} of {} rows at fault)", rows.unknown.front(),
                        rows.unknown.size(), expected),
-           "Open the session with every node it will ever step.", rows.unknown);
+           "Name nodes the session was opened with or that were registered since.", rows.unknown);
   if (!rows.duplicate.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
-           fmt::format("node {} is given more than once in the step", rows.duplicate.front()), "Send one row per node.",
-           rows.duplicate);
+           fmt::format("node {} is given more than once in the request", rows.duplicate.front()),
+           "Send one row per node.", rows.duplicate);
   return rows;
 }
 
-}  // namespace
-
-std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch) {
-  check_first_components(batch);
+// The node_id column of an opening or of a change of nodes; empty where `needed` is null and there is none.
+std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed) {
+  check_components(batch, 1);
   for (const wire::Column& column : batch.columns())
     if (column.field != Field::kNodeId && column.field != Field::kInitialTemperature)
       refuse(Code::kShape, wire::name(column.field),
-             fmt::format("column {} does not belong to an opening", wire::name(column.field)),
-             "Send node_id and, where it differs from the scene's, initial_temperature_k.");
+             fmt::format("column {} does not belong to nodes that are named", wire::name(column.field)),
+             "Send node_id and, where new nodes differ from the scene's, initial_temperature_k.");
   const auto ids = batch.u64(Field::kNodeId);
-  if (ids.empty())
-    refuse(Code::kShape, wire::name(Field::kNodeId), "a session needs at least one node; none was given",
+  if (ids.empty() && needed != nullptr)
+    refuse(Code::kShape, wire::name(Field::kNodeId), fmt::format("{} needs at least one node; none was given", needed),
            "Send a node_id column.");
-  if (ids.size() > wire::kMaxNodesPerSession)
-    refuse(Code::kLimit, wire::name(Field::kNodeId),
-           fmt::format("{} nodes; a session holds at most {}", ids.size(), wire::kMaxNodesPerSession),
-           "Split the nodes over several sessions.");
   if (const auto repeated = shard::NodeTable::repeated(ids); !repeated.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
            fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
            repeated);
   return ids;
+}
+
+}  // namespace
+
+void check_session_size(std::size_t nodes) {
+  if (nodes > wire::kMaxNodesPerSession)
+    refuse(Code::kLimit, wire::name(Field::kNodeId),
+           fmt::format("{} nodes; a session holds at most {}", nodes, wire::kMaxNodesPerSession),
+           "Split the nodes over several sessions.");
+}
+
+std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain) {
+  if (!domain.empty()) check_name(domain, "open_session.domain");
+  const auto ids = check_node_column(batch, domain.empty() ? "a session without a domain" : nullptr);
+  check_session_size(ids.size());
+  return ids;
+}
+
+std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
+  const auto ids = check_node_column(batch, "the request");
+  check_session_size(nodes.size() + ids.size());
+  std::vector<std::uint64_t> sorted(ids.begin(), ids.end());
+  std::sort(sorted.begin(), sorted.end());
+  if (const auto there = nodes.common(sorted); !there.empty())
+    refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
+           fmt::format("node {} is of this session already ({} of {} rows at fault)", there.front(), there.size(),
+                       ids.size()),
+           "Retire a node before its id is used again.", there);
+  return ids;
+}
+
+shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
+  check_node_column(batch, "the request");
+  if (batch.has(Field::kInitialTemperature))
+    refuse(Code::kShape, wire::name(Field::kInitialTemperature), "nodes that leave have no initial temperature",
+           "Send node_id and nothing else.");
+  return locate_rows(batch, nodes);
+}
+
+void check_name(const std::string& name, const std::string& field) {
+  if (name.empty() || name.size() > wire::kMaxNameBytes)
+    refuse(Code::kInvalidValue, field,
+           fmt::format("{} has {} bytes; expected 1 to {}", field, name.size(), wire::kMaxNameBytes),
+           "Choose another name.");
+}
+
+void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
+                        std::span<const std::uint8_t> outcomes) {
+  const std::span<const std::uint64_t> row_ids = batch.has(Field::kNodeId) ? batch.u64(Field::kNodeId) : nodes.ids();
+  std::vector<std::uint64_t> ids;
+  for (std::size_t row = 0; row < outcomes.size(); ++row)
+    if ((outcomes[row] & wire::kFailed) != 0) ids.push_back(row_ids[row]);
+  const std::uint64_t first = ids.front();
+  const std::size_t failed = ids.size();
+  refuse(Code::kStepFailed, "downscale.policy",
+         fmt::format("node {} has no answer to this step ({} of {} rows)", first, failed, outcomes.size()),
+         "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which these nodes keep their states.",
+         std::move(ids));
 }
 
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const wire::Scene& effective,
@@ -211,24 +270,29 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   shard::Rows rows = locate_rows(batch, nodes);
   const auto row_ids = batch.u64(Field::kNodeId);
   for (const Range& range : kRanges)
-    check_values(
-        range.field, batch.f64(range.field),
-        fmt::format("a number from {:g} to {:g} {}", range.lowest, range.highest, range.unit),
-        [&](double value) { return value >= range.lowest && value <= range.highest; },
-        [&](std::size_t row) { return rows.all ? nodes.ids()[row] : row_ids[row]; });
+    for (const std::uint32_t component : {0U, 1U})
+      check_values(
+          range.field, batch.f64(range.field, component),
+          fmt::format("a number from {:g} to {:g} {}", range.lowest, range.highest, range.unit),
+          [&](double value) { return value >= range.lowest && value <= range.highest; },
+          [&](std::size_t row) { return rows.all ? nodes.ids()[row] : row_ids[row]; });
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, wire::Strategy strategy) {
-  const auto all = wire::columns_of(strategy).reply;
+std::vector<Field> check_wanted(const wire::Downscale& step, const wire::Scene& scene) {
+  const auto all = wire::columns_of(scene.strategy).reply;
   if (step.wanted.empty()) return {all.begin(), all.end()};
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
-    if (!contains(all, field))
+    if (!contains(all, field) && !contains(std::span(wire::kLedgerColumns), field))
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all}) + ".");
+             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kLedgerColumns)}) + ".");
+    if (scene.layer.inertia && contains(std::span(wire::kLedgerColumns), field))
+      refuse(Code::kUnsupported, "wanted",
+             fmt::format("{} is of layers with one stress, and with layer.inertia it varies", wire::name(field)),
+             "Leave out the columns of the energy ledger.");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

@@ -6,8 +6,7 @@ namespace shearbus::shard {
 
 NodeTable::NodeTable(std::vector<std::uint64_t> node_ids) : ids_(std::move(node_ids)) {
   by_id_.reserve(ids_.size());
-  for (std::size_t slot = 0; slot < ids_.size(); ++slot)
-    by_id_.emplace_back(ids_[slot], static_cast<std::uint32_t>(slot));
+  for (std::size_t row = 0; row < ids_.size(); ++row) by_id_.emplace_back(ids_[row], static_cast<std::uint32_t>(row));
   std::sort(by_id_.begin(), by_id_.end());
 }
 
@@ -26,23 +25,95 @@ Rows NodeTable::locate(std::span<const std::uint64_t> node_ids) const {
   std::vector<bool> taken(ids_.size(), false);
   std::size_t guess = 0;  // hosts send their nodes in the order of opening, or in runs of it: then no search is needed
   for (const std::uint64_t id : node_ids) {
-    std::size_t slot = guess;
-    if (slot >= ids_.size() || ids_[slot] != id) {
+    std::size_t row = guess;
+    if (row >= ids_.size() || ids_[row] != id) {
       const auto found = std::lower_bound(by_id_.begin(), by_id_.end(), std::pair{id, std::uint32_t{0}});
       if (found == by_id_.end() || found->first != id) {
         rows.unknown.push_back(id);
         continue;
       }
-      slot = found->second;
+      row = found->second;
     }
-    if (taken[slot])
+    if (taken[row])
       rows.duplicate.push_back(id);
     else
-      rows.slots.push_back(static_cast<std::uint32_t>(slot));
-    taken[slot] = true;
-    guess = slot + 1;
+      rows.slots.push_back(slot_of(row));
+    taken[row] = true;
+    guess = row + 1;
   }
   return rows;
+}
+
+std::vector<std::uint64_t> NodeTable::common(std::span<const std::uint64_t> sorted) const {
+  std::vector<std::uint64_t> common;
+  if (sorted.empty() || by_id_.empty()) return common;
+  auto at = std::lower_bound(by_id_.begin(), by_id_.end(), std::pair{sorted.front(), std::uint32_t{0}});
+  for (auto id = sorted.begin(); id != sorted.end() && at != by_id_.end();) {
+    if (at->first < *id) {
+      ++at;
+    } else {
+      if (at->first == *id) common.push_back(*id);
+      ++id;
+    }
+  }
+  return common;
+}
+
+NodeTable NodeTable::with(std::span<const std::uint64_t> node_ids) const {
+  NodeTable table;
+  const std::size_t before = size();
+  const std::size_t after = before + node_ids.size();
+  table.ids_.reserve(after);
+  table.ids_ = ids_;
+  table.ids_.insert(table.ids_.end(), node_ids.begin(), node_ids.end());
+  table.by_id_.reserve(after);
+  table.by_id_ = by_id_;
+  for (std::size_t row = before; row < after; ++row)
+    table.by_id_.emplace_back(table.ids_[row], static_cast<std::uint32_t>(row));
+  const auto first_new = table.by_id_.begin() + static_cast<std::ptrdiff_t>(before);
+  std::sort(first_new, table.by_id_.end());
+  std::inplace_merge(table.by_id_.begin(), first_new, table.by_id_.end());
+  if (slots_are_rows()) return table;
+  table.slots_.reserve(after);
+  table.slots_ = slots_;
+  for (std::size_t slot = before; slot < after; ++slot) table.slots_.push_back(static_cast<std::uint32_t>(slot));
+  return table;
+}
+
+std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const std::uint32_t> slots) const {
+  constexpr std::uint32_t kGone = 0xffffffff;
+  const auto left = static_cast<std::uint32_t>(size() - slots.size());
+  // 1. where each state will lie
+  std::vector<std::uint32_t> slot_now(size());
+  for (std::uint32_t slot = 0; slot < slot_now.size(); ++slot) slot_now[slot] = slot;
+  for (const std::uint32_t slot : slots) slot_now[slot] = kGone;
+  std::vector<Relocation> moves;
+  std::uint32_t hole = 0;
+  for (std::uint32_t from = left; from < slot_now.size(); ++from) {
+    if (slot_now[from] == kGone) continue;
+    while (slot_now[hole] != kGone) ++hole;
+    moves.push_back({from, hole});
+    slot_now[from] = hole++;
+  }
+  // 2. the rows that stay, in their order
+  NodeTable table;
+  table.ids_.reserve(left);
+  table.slots_.reserve(left);
+  std::vector<std::uint32_t> row_now(size(), kGone);
+  bool slots_are_rows = true;
+  for (std::size_t row = 0; row < size(); ++row) {
+    const std::uint32_t slot = slot_now[slot_of(row)];
+    if (slot == kGone) continue;
+    row_now[row] = static_cast<std::uint32_t>(table.ids_.size());
+    slots_are_rows = slots_are_rows && slot == row_now[row];
+    table.ids_.push_back(ids_[row]);
+    table.slots_.push_back(slot);
+  }
+  if (slots_are_rows) table.slots_ = {};
+  table.by_id_.reserve(left);
+  for (const auto& [id, row] : by_id_)
+    if (row_now[row] != kGone) table.by_id_.emplace_back(id, row_now[row]);
+  return {std::move(table), std::move(moves)};
 }
 
 }  // namespace shearbus::shard

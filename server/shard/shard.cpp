@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <functional>
-#include <limits>
 
 namespace shearbus::shard {
 
@@ -11,62 +10,68 @@ using physics::kLanes;
 
 namespace {
 
-constexpr std::uint32_t kNoRow = std::numeric_limits<std::uint32_t>::max();
+// Long enough that a free block goes back to the system and a step does not notice them, short enough to be copied.
+constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
-// The rows of a request that belong to one tile.
+// The rows of a request that belong to one tile; those of the active lanes have a meaning.
 struct LaneRows {
-  std::uint32_t row[kLanes];
+  std::uint32_t row[kLanes] = {};
   std::uint32_t active = 0;
+  bool has(int lane) const { return (active >> lane & 1U) != 0; }
 };
 
 void gather(std::span<const double> column, const LaneRows& lanes, double* values) {
   if (column.empty()) return;
   for (int lane = 0; lane < kLanes; ++lane)
-    if (lanes.row[lane] != kNoRow) values[lane] = column[lanes.row[lane]];
+    if (lanes.has(lane)) values[lane] = column[lanes.row[lane]];
 }
 
 template <typename From, typename To>
 void scatter(const From* values, const LaneRows& lanes, std::span<To> column) {
   if (column.empty()) return;
   for (int lane = 0; lane < kLanes; ++lane)
-    if (lanes.row[lane] != kNoRow) column[lanes.row[lane]] = static_cast<To>(values[lane]);
+    if (lanes.has(lane)) column[lanes.row[lane]] = static_cast<To>(values[lane]);
 }
 
 }  // namespace
 
+std::uint64_t Shard::bytes_of_state(const physics::Model& model) {
+  return sizeof(double) * model.layout().doubles / kLanes;
+}
+
 std::uint64_t Shard::bytes_per_node(const physics::Model& model) {
-  return 2 * sizeof(double) * model.layout().doubles / kLanes;
+  constexpr std::uint64_t kLists = NodeTable::kBytesPerNode + 2 * sizeof(std::uint32_t);  // touched_, row_of_slot_
+  return 2 * bytes_of_state(model) + kLists;
 }
 
 std::uint64_t Shard::bytes_for(const physics::Model& model, std::size_t nodes) {
-  return (nodes + kLanes - 1) / kLanes * (kLanes * bytes_per_node(model));
+  return tiles_for(nodes) * (kLanes * bytes_per_node(model));
 }
 
-Shard::Shard(physics::Model model, std::vector<std::uint64_t> node_ids, std::span<const double> initial_temperature,
+Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
              TaskPool& pool, const ShardOptions& options)
-    : model_(std::move(model)), nodes_(std::move(node_ids)), pool_(pool), options_(options) {
-  states_.reset(static_cast<double*>(::operator new[](state_bytes(), std::align_val_t{64})));
-  committed_.assign(num_tiles(), 0);
-  touched_.reserve(nodes_.size());  // so that a step allocates nothing
-  row_of_slot_.assign(num_tiles() * kLanes, kNoRow);
-  for (std::size_t tile = 0; tile < num_tiles(); ++tile) {
-    double temperature[kLanes];
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const std::size_t slot =
-          std::min(tile * kLanes + lane, nodes_.size() - 1);  // lanes beyond the last node repeat it
-      temperature[lane] = initial_temperature[slot];
-    }
-    model_.initialise(buffer(tile, 0), temperature);
-  }
+    : model_(std::move(model)),
+      pool_(pool),
+      options_(options),
+      tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {
+  take(adding(node_ids, initial_temperature));
 }
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
-  return states_.get() + (2 * tile + which) * model_.layout().doubles;
+  return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() +
+         which * model_.layout().doubles;
+}
+
+NodeGlance Shard::glance(std::size_t slot) const {
+  const physics::TileLayout& layout = model_.layout();
+  const double* lane = committed_tile(slot).data() + slot % kLanes;
+  return {.interface_temperature = lane[layout.temperature],
+          .shear_stress = lane[layout.shear_stress],
+          .regime = static_cast<std::uint8_t>(lane[layout.regime])};
 }
 
 std::span<const double> Shard::committed_tile(std::size_t slot) const {
-  const std::size_t tile = slot / kLanes;
-  return {buffer(tile, committed_[tile]), model_.layout().doubles};
+  return {committed(slot / kLanes), model_.layout().doubles};
 }
 
 std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
@@ -80,83 +85,164 @@ std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
   return operators_.front().second;
 }
 
-std::uint64_t Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
-                          const StepOutputs& outputs) {
-  rollback();
-  // 1. the tiles that hold a requested node
-  const std::size_t num_rows = rows.all ? nodes_.size() : rows.slots.size();
-  if (rows.all) {
-    for (std::size_t tile = 0; tile < num_tiles(); ++tile) touched_.push_back(static_cast<std::uint32_t>(tile));
-  } else {
-    for (std::size_t row = 0; row < num_rows; ++row) {
-      row_of_slot_[rows.slots[row]] = static_cast<std::uint32_t>(row);
-      touched_.push_back(rows.slots[row] / kLanes);
-    }
-    std::sort(touched_.begin(), touched_.end());
-    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
-  }
+// A step as every tile sees it.
+struct Shard::StepOf {
+  std::size_t num_rows;
+  bool rows_are_slots;
+  const physics::StepOperators& operators;
+  const StepInputs& inputs;
+  const StepOutputs& outputs;
+};
 
-  // 2. each of them on its own, by one thread or several: no tile looks at another
+// The tiles that hold a requested node; enters their rows in row_of_slot_ where it is not the slot.
+void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
+  if (rows.all) {
+    for (std::size_t tile = 0; tile < num_tiles(); ++tile) tiles.push_back(static_cast<std::uint32_t>(tile));
+    for (std::size_t row = 0; row < nodes_.size() && !nodes_.slots_are_rows(); ++row)
+      row_of_slot_[nodes_.slot_of(row)] = static_cast<std::uint32_t>(row);
+    return;
+  }
+  for (std::size_t row = 0; row < rows.slots.size(); ++row) {
+    row_of_slot_[rows.slots[row]] = static_cast<std::uint32_t>(row);
+    tiles.push_back(tile_of(rows.slots[row]));
+  }
+  std::sort(tiles.begin(), tiles.end());
+  tiles.erase(std::unique(tiles.begin(), tiles.end()), tiles.end());
+}
+
+// Each tile on its own, by one thread or several: no tile looks at another. From and to are told by the place in
+// `tiles`.
+template <typename From, typename To>
+StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from,
+                            const To& to) {
   std::atomic<std::uint64_t> flagged{0};
+  std::atomic<std::uint64_t> failed{0};
   const auto step_range = [&](std::size_t first, std::size_t last) {
-    std::uint64_t flagged_here = 0;
-    for (std::size_t i = first; i < last; ++i)
-      flagged_here += step_tile(touched_[i], rows.all, operators, inputs, outputs);
-    flagged.fetch_add(flagged_here, std::memory_order_relaxed);
+    StepCount here;
+    for (std::size_t i = first; i < last; ++i) {
+      const StepCount of_tile = step_tile(step, tiles[i], from(i), to(i));
+      here.flagged += of_tile.flagged;
+      here.failed += of_tile.failed;
+    }
+    flagged.fetch_add(here.flagged, std::memory_order_relaxed);
+    failed.fetch_add(here.failed, std::memory_order_relaxed);
   };
-  const std::size_t tasks = num_rows / std::max<std::size_t>(options_.nodes_per_task, 1);
+  const std::size_t tasks = step.num_rows / std::max<std::size_t>(options_.nodes_per_task, 1);
   if (tasks <= 1) {
-    step_range(0, touched_.size());
+    step_range(0, tiles.size());
   } else {
     // Nodes differ in cost (a melting one needs more iterations), so each thread comes back for several ranges.
     constexpr std::size_t kRangesPerThread = 8;
     const auto threads = static_cast<unsigned>(std::min<std::size_t>(tasks, pool_.threads()));
-    const std::size_t grain = std::max<std::size_t>(1, touched_.size() / (threads * kRangesPerThread));
-    pool_.run(touched_.size(), grain, threads, std::cref(step_range));
+    const std::size_t grain = std::max<std::size_t>(1, tiles.size() / (threads * kRangesPerThread));
+    pool_.run(tiles.size(), grain, threads, std::cref(step_range));
   }
-
-  for (const std::uint32_t slot : rows.slots) row_of_slot_[slot] = kNoRow;
-  has_trial_ = true;
-  return flagged;
+  for (const std::uint32_t tile : tiles)
+    if (!step.rows_are_slots) std::fill_n(row_of_slot_.begin() + std::ptrdiff_t{tile} * kLanes, kLanes, kNoRow);
+  return {flagged, failed};
 }
 
-std::uint64_t Shard::step_tile(std::size_t tile, bool all_rows, const physics::StepOperators& operators,
-                               const StepInputs& inputs, const StepOutputs& outputs) {
+StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
+                      const StepOutputs& outputs) {
+  rollback();
+  find_tiles(rows, touched_);
+  const StepOf step{rows.all ? nodes_.size() : rows.slots.size(), rows.all && nodes_.slots_are_rows(), operators,
+                    inputs, outputs};
+  const StepCount count = step_tiles(
+      step, touched_, [&](std::size_t i) { return committed(touched_[i]); },
+      [&](std::size_t i) { return buffer(touched_[i], 1U - committed_[touched_[i]]); });
+  has_trial_ = true;
+  return count;
+}
+
+Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
+                              const StepOutputs& outputs, bool from_trial) {
+  const StepOf step{rows.all ? nodes_.size() : rows.slots.size(), rows.all && nodes_.slots_are_rows(), operators,
+                    inputs, outputs};
+  const std::size_t doubles = model_.layout().doubles;
+  Attempt attempt;
+  attempt.tiles_.reserve(std::max(num_tiles(), rows.slots.size()));
+  attempt.states_ = make_states(std::min(num_tiles(), step.num_rows) * doubles);
+  std::vector<std::uint8_t> begin = committed_;
+  for (const std::uint32_t tile : touched_)
+    if (from_trial) begin[tile] = static_cast<std::uint8_t>(1 - begin[tile]);
+  find_tiles(rows, attempt.tiles_);
+  attempt.count = step_tiles(
+      step, attempt.tiles_, [&](std::size_t i) { return buffer(attempt.tiles_[i], begin[attempt.tiles_[i]]); },
+      [&](std::size_t i) { return attempt.states_.get() + i * doubles; });
+  return attempt;
+}
+
+void Shard::take(const Attempt& attempt) {
+  rollback();
+  const std::size_t doubles = model_.layout().doubles;
+  for (std::size_t i = 0; i < attempt.tiles_.size(); ++i) {
+    const std::uint32_t tile = attempt.tiles_[i];
+    touched_.push_back(tile);
+    std::copy_n(attempt.states_.get() + i * doubles, doubles, buffer(tile, 1U - committed_[tile]));
+  }
+  has_trial_ = true;
+}
+
+StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const {
   LaneRows lanes;
   for (int lane = 0; lane < kLanes; ++lane) {
     const std::size_t slot = tile * kLanes + lane;
-    const bool has_node = slot < nodes_.size();
-    lanes.row[lane] = all_rows ? (has_node ? static_cast<std::uint32_t>(slot) : kNoRow) : row_of_slot_[slot];
-    if (lanes.row[lane] != kNoRow) lanes.active |= 1U << lane;
+    const bool has_node = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
+    if (!has_node) continue;
+    lanes.row[lane] = step.rows_are_slots ? static_cast<std::uint32_t>(slot) : row_of_slot_[slot];
+    lanes.active |= 1U << lane;
   }
 
   physics::TileInputs in;
   in.active = lanes.active;
-  gather(inputs.velocity_jump, lanes, in.velocity_jump);
-  gather(inputs.pressure, lanes, in.pressure);
-  gather(inputs.soft_shear_rate, lanes, in.soft_shear_rate);
-  gather(inputs.stress_minus, lanes, in.stress_minus);
-  gather(inputs.stress_plus, lanes, in.stress_plus);
-  gather(inputs.mass_minus, lanes, in.mass_minus);
-  gather(inputs.mass_plus, lanes, in.mass_plus);
-  gather(inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
+  gather(step.inputs.velocity_jump, lanes, in.velocity_jump);
+  gather(step.inputs.pressure, lanes, in.pressure);
+  gather(step.inputs.soft_shear_rate, lanes, in.soft_shear_rate);
+  gather(step.inputs.stress_minus, lanes, in.stress_minus);
+  gather(step.inputs.stress_plus, lanes, in.stress_plus);
+  gather(step.inputs.mass_minus, lanes, in.mass_minus);
+  gather(step.inputs.mass_plus, lanes, in.mass_plus);
+  gather(step.inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
 
   physics::TileOutputs out;
-  const unsigned committed = committed_[tile];
-  model_.advance(operators, in, buffer(tile, committed), buffer(tile, 1 - committed), out);
+  const auto book = [&](const physics::SecondInputs* second, const physics::SecondOutputs* second_out) {
+    if (!step.outputs.wants_ledger()) return;
+    physics::TileLedger ledger;
+    model_.book(step.operators, in, out, from, to, ledger, second, second_out);
+    for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, step.outputs.ledger[i]);
+  };
+  if (model_.options().tangential_components == 1) {
+    model_.advance(step.operators, in, from, to, out);
+    book(nullptr, nullptr);
+  } else {
+    physics::SecondInputs second;
+    gather(step.inputs.second_velocity_jump, lanes, second.velocity_jump);
+    gather(step.inputs.second_stress_minus, lanes, second.stress_minus);
+    gather(step.inputs.second_stress_plus, lanes, second.stress_plus);
+    physics::SecondOutputs second_out;
+    model_.advance(step.operators, in, second, from, to, out, second_out);
+    scatter(second_out.shear_stress, lanes, step.outputs.second_shear_stress);
+    scatter(second_out.sliding_velocity, lanes, step.outputs.second_sliding_velocity);
+    scatter(second_out.velocity_jump_new, lanes, step.outputs.second_velocity_jump_new);
+    book(&second, &second_out);
+  }
 
-  scatter(out.shear_stress, lanes, outputs.shear_stress);
-  scatter(out.sliding_velocity, lanes, outputs.sliding_velocity);
-  scatter(out.interface_temperature, lanes, outputs.interface_temperature);
-  scatter(out.velocity_jump_new, lanes, outputs.velocity_jump_new);
-  scatter(out.friction_heat, lanes, outputs.friction_heat);
-  scatter(out.regime, lanes, outputs.regime);
-  scatter(out.outcome, lanes, outputs.outcome);
+  scatter(out.shear_stress, lanes, step.outputs.shear_stress);
+  scatter(out.sliding_velocity, lanes, step.outputs.sliding_velocity);
+  scatter(out.interface_temperature, lanes, step.outputs.interface_temperature);
+  scatter(out.velocity_jump_new, lanes, step.outputs.velocity_jump_new);
+  scatter(out.friction_heat, lanes, step.outputs.friction_heat);
+  scatter(out.regime, lanes, step.outputs.regime);
+  scatter(out.outcome, lanes, step.outputs.outcome);
 
-  std::uint64_t flagged = 0;
-  for (int lane = 0; lane < kLanes; ++lane)
-    if (lanes.row[lane] != kNoRow && out.outcome[lane] != 0) ++flagged;
-  return flagged;
+  StepCount count;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!lanes.has(lane)) continue;
+    if (out.outcome[lane] != 0) ++count.flagged;
+    if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
+  }
+  return count;
 }
 
 void Shard::commit() {

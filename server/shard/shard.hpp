@@ -2,11 +2,11 @@
 // it knows no bytes, no sessions and no clock.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <new>
 #include <span>
 #include <utility>
 #include <vector>
@@ -19,40 +19,66 @@
 
 namespace shearbus::shard {
 
-// One value per row of the request; an empty column is zero.
+// One value per row of the request; an empty column is zero. `second_` of a vector is its second tangential component.
 struct StepInputs {
-  std::span<const double> velocity_jump;        // [m/s]
-  std::span<const double> pressure;             // [Pa]
-  std::span<const double> soft_shear_rate;      // [1/s]
-  std::span<const double> stress_minus;         // [Pa]
-  std::span<const double> stress_plus;          // [Pa]
-  std::span<const double> mass_minus;           // [kg/m2]
-  std::span<const double> mass_plus;            // [kg/m2]
-  std::span<const double> soft_plastic_rate{};  // [1/s]
+  std::span<const double> velocity_jump;           // [m/s]
+  std::span<const double> second_velocity_jump{};  // [m/s]
+  std::span<const double> pressure;                // [Pa]
+  std::span<const double> soft_shear_rate;         // [1/s]
+  std::span<const double> stress_minus;            // [Pa]
+  std::span<const double> second_stress_minus{};   // [Pa]
+  std::span<const double> stress_plus;             // [Pa]
+  std::span<const double> second_stress_plus{};    // [Pa]
+  std::span<const double> mass_minus;              // [kg/m2]
+  std::span<const double> mass_plus;               // [kg/m2]
+  std::span<const double> soft_plastic_rate{};     // [1/s]
 };
 
 // One value per row of the request; an empty column is not wanted.
 struct StepOutputs {
-  std::span<double> shear_stress;           // [Pa]
-  std::span<double> sliding_velocity;       // [m/s]
-  std::span<double> interface_temperature;  // [K]
-  std::span<double> velocity_jump_new;      // [m/s]
-  std::span<double> friction_heat;          // [J/m2]
+  std::span<double> shear_stress;                // [Pa]
+  std::span<double> second_shear_stress{};       // [Pa]
+  std::span<double> sliding_velocity;            // [m/s]
+  std::span<double> second_sliding_velocity{};   // [m/s]
+  std::span<double> interface_temperature;       // [K]
+  std::span<double> velocity_jump_new;           // [m/s]
+  std::span<double> second_velocity_jump_new{};  // [m/s]
+  std::span<double> friction_heat;               // [J/m2]
   std::span<std::uint8_t> regime;
   std::span<std::uint8_t> outcome;
+  std::array<std::span<double>, physics::kLedgerTerms> ledger{};  // [J/m2], in the order of physics::LedgerTerm
+
+  bool wants_ledger() const {
+    return std::any_of(ledger.begin(), ledger.end(), [](const auto& column) { return !column.empty(); });
+  }
+};
+
+// Nodes of a step.
+struct StepCount {
+  std::uint64_t flagged = 0;  // whose outcome is not 0
+  std::uint64_t failed = 0;   // of those: without an answer
 };
 
 struct ShardOptions {
   std::size_t nodes_per_task = 512;  // fewer nodes than this are stepped on the calling thread
 };
 
+// A node's committed state, as far as people look at it.
+struct NodeGlance {
+  double interface_temperature;  // [K]
+  double shear_stress;           // [Pa]
+  std::uint8_t regime;
+};
+
 class Shard {
  public:
   // `initial_temperature` has one value per node [K]. Node ids are unique.
-  Shard(physics::Model model, std::vector<std::uint64_t> node_ids, std::span<const double> initial_temperature,
+  Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
         TaskPool& pool, const ShardOptions& options = {});
 
-  // Memory of one node's states, committed and trial.
+  // Memory of one node: its state once, as marks and files hold it; twice, committed and trial, with the index of the
+  // nodes; and of so many, which fill their last tile.
+  static std::uint64_t bytes_of_state(const physics::Model& model);
   static std::uint64_t bytes_per_node(const physics::Model& model);
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes);
 
@@ -65,51 +91,111 @@ class Shard {
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states and leaves the answer as the trial, in place of any trial
-  // before it. Nodes that are not in `rows` keep their states. Returns the number of nodes whose outcome is not 0.
-  // Throws nothing.
-  std::uint64_t step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
-                     const StepOutputs& outputs);
+  // before it. Nodes that are not in `rows` keep their states, and so do those without an answer. Throws nothing.
+  StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
+                 const StepOutputs& outputs);
+
+  // The same kept aside, from the standing trial where `from_trial`: the shard is as before until it is taken, which
+  // leaves it as the trial and cannot fail. The trial it was made from must have been committed by then.
+  class Attempt;
+  Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
+                  const StepOutputs& outputs, bool from_trial);
+  void take(const Attempt& attempt);
 
   bool has_trial() const { return has_trial_; }
   void commit();    // the trial becomes the committed states
   void rollback();  // the trial is forgotten
 
+  NodeGlance glance(std::size_t slot) const;
+
   // Committed states of one node's tile, for tests: [TileLayout::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;
 
+  // A change of the set of nodes, made ready without changing anything; taking it cannot fail. No trial may stand.
+  // New nodes follow the others, with a uniform temperature [K] or with states another shard gave, whose rows are then
+  // those of `node_ids`; ids must be unique and none of this shard. Throws std::invalid_argument where the states are
+  // not of this model.
+  class NodeChange;
+  NodeChange adding(std::span<const std::uint64_t> node_ids, std::span<const double> temperature,
+                    const States* states = nullptr) const;
+  NodeChange removing(std::span<const std::uint32_t> slots) const;
+  void take(NodeChange&& change);
+
   States committed_states() const;  // of every node
-  States trial_states() const;      // of the nodes whose tile the trial touched; none without a trial
-  // Puts back what the two above gave, to the last bit; null: no trial stands. Throws std::invalid_argument where they
-  // are not of this shard's model and nodes.
-  void restore(const States& committed, const States* trial, std::uint64_t state_version);
+  // Of the nodes in these slots, as rows 0, 1, ...; `of_trial`: those of the trial where it has any.
+  States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
+  States trial_states() const;  // of the nodes whose tile the trial touched; none without a trial
+  // Puts back what the first and the last of them gave, to the last bit; null: no trial stands. Throws
+  // std::invalid_argument where they are not of this shard's model and nodes.
+  void restore(const States& committed_states, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
 
  private:
-  std::size_t num_tiles() const { return (nodes_.size() + physics::kLanes - 1) / physics::kLanes; }
-  double* buffer(std::size_t tile, unsigned which) const;
-  static std::uint32_t tile_of(std::uint32_t slot);
-  States states_in(const std::vector<std::uint32_t>& slots, bool of_trial) const;
-  void put_states(const States& states, bool of_trial);
-  std::uint64_t step_tile(std::size_t tile, bool all_rows, const physics::StepOperators& operators,
-                          const StepInputs& inputs, const StepOutputs& outputs);
-
-  struct AlignedDelete {
-    void operator()(double* p) const { ::operator delete[](p, std::align_val_t{64}); }
+  struct Release {
+    std::size_t mapped_bytes = 0;  // 0: of the heap
+    void operator()(double* p) const;
   };
+  using Block = std::unique_ptr<double[], Release>;  // [tile][2][TileLayout::doubles]
+
+  static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
+  std::size_t num_tiles() const { return tiles_for(nodes_.size()); }
+  std::size_t tile_doubles() const { return 2 * model_.layout().doubles; }
+  static Block make_states(std::size_t doubles);
+  Block make_block(std::size_t tiles) const { return make_states(tiles * tile_doubles()); }
+  std::size_t tiles_in_block(std::size_t block, std::size_t tiles) const;
+  double* buffer(std::size_t tile, unsigned which) const;
+  double* committed(std::size_t tile) const { return buffer(tile, committed_[tile]); }
+  static std::uint32_t tile_of(std::uint32_t slot);
+  void size_lists(std::size_t nodes, NodeChange& change) const;
+  States states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const;
+  void check_states(const States& states, std::size_t nodes) const;
+  void put_states(const States& states, bool of_trial);
+  struct StepOf;
+  void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
+  template <typename From, typename To>
+  StepCount step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from, const To& to);
+  StepCount step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const;
+
+  static constexpr std::uint32_t kNoRow = 0xffffffff;
 
   physics::Model model_;
   NodeTable nodes_;
   TaskPool& pool_;
   ShardOptions options_;
-  std::unique_ptr<double[], AlignedDelete> states_;  // [tile][2][TileLayout::doubles]
+  // In blocks, so that a change of the set of nodes moves few states; the last block is as long as it needs to be.
+  std::size_t tiles_per_block_;
+  std::vector<Block> blocks_;
   std::vector<std::uint8_t> committed_;     // of each tile: which of its two buffers holds the committed states
-  std::vector<std::uint32_t> touched_;      // tiles of the trial
+  std::vector<std::uint32_t> touched_;      // tiles of the trial, ascending
   std::vector<std::uint32_t> row_of_slot_;  // of the step at hand; kNoRow elsewhere
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
   std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // most recently used first
+};
+
+class Shard::Attempt {
+ public:
+  StepCount count;
+
+ private:
+  friend class Shard;
+  std::vector<std::uint32_t> tiles_;
+  Block states_;  // [tile][TileLayout::doubles]
+};
+
+class Shard::NodeChange {
+ private:
+  friend class Shard;
+  NodeTable nodes_;
+  std::vector<Relocation> moves_;  // of states, before the blocks change
+  std::size_t first_block_ = 0;    // from here on the blocks are these
+  std::vector<Block> blocks_;
+  std::size_t copied_tiles_ = 0;  // of the first of them: taken over after the moves
+  std::vector<std::uint8_t> committed_;
+  std::vector<std::uint32_t> touched_;
+  std::vector<std::uint32_t> row_of_slot_;
 };
 
 }  // namespace shearbus::shard

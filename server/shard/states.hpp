@@ -19,7 +19,7 @@ struct StateColumn {
 };
 
 struct States {
-  std::vector<std::uint32_t> slots;  // of the rows
+  std::vector<std::uint32_t> rows;  // of the node table
   std::vector<StateColumn> columns;
 };
 
@@ -33,5 +33,19 @@ struct StatePart {
 
 // The parts of this layout, which together are all of it.
 std::vector<StatePart> state_parts(const physics::TileLayout& layout);
+
+// Writes the rows of `states`, which has the parts of this layout; `state_of(i)` points at the lane of row i in its
+// tile.
+template <typename StateOf>
+void write_states(const States& states, const physics::TileLayout& layout, const StateOf& state_of) {
+  const std::vector<StatePart> parts = state_parts(layout);
+  for (std::size_t part = 0; part < parts.size(); ++part)
+    for (std::size_t row = 0; row < states.rows.size(); ++row) {
+      const std::size_t width = parts[part].width;
+      const double* from = states.columns[part].values.data() + row * width;
+      double* to = state_of(row) + parts[part].offset;
+      for (std::size_t i = 0; i < width; ++i) to[i * physics::kLanes] = from[i];
+    }
+}
 
 }  // namespace shearbus::shard

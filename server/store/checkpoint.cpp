@@ -44,14 +44,24 @@ SessionKey key_from(const std::string& text) {
   return key;
 }
 
+std::vector<std::string> words_of(const std::string& text) {
+  std::vector<std::string> words;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find(' ', begin), text.size());
+    words.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return words;
+}
+
 void put_states(const Handle& parent, const std::string& name, const shard::States& states) {
   const Handle group = make_group(parent, name);
-  put_numbers(group, "slot", states.slots, states.slots.size());
+  put_numbers(group, "slot", states.rows, states.rows.size());
   // A list of the columns: a group alone would give them back in the order of their names.
   std::string names;
   for (const shard::StateColumn& column : states.columns) {
     names += (names.empty() ? "" : " ") + column.name;
-    const Handle dataset = put_numbers(group, column.name, column.values, states.slots.size(), column.width);
+    const Handle dataset = put_numbers(group, column.name, column.values, states.rows.size(), column.width);
     put_text(dataset, "units", column.units);
   }
   put_text(group, "columns", names);
@@ -59,21 +69,26 @@ void put_states(const Handle& parent, const std::string& name, const shard::Stat
 
 shard::States states_of(const Handle& parent, const std::string& name) {
   const Handle group = open_group(parent, name);
-  shard::States states{.slots = numbers_of<std::uint32_t>(group, "slot"), .columns = {}};
-  const std::string names = text_of(group, "columns");
-  for (std::size_t begin = 0; begin < names.size();) {
-    const std::size_t end = std::min(names.find(' ', begin), names.size());
-    shard::StateColumn column{.name = names.substr(begin, end - begin), .units = {}, .width = 0, .values = {}};
+  shard::States states{.rows = numbers_of<std::uint32_t>(group, "slot"), .columns = {}};
+  for (const std::string& name_of_column : words_of(text_of(group, "columns"))) {
+    shard::StateColumn column{.name = name_of_column, .units = {}, .width = 0, .values = {}};
     column.values = numbers_of<double>(group, column.name, &column.width);
     column.units = text_of(open_dataset(group, column.name, hdf5_type<double>()), "units");
     states.columns.push_back(std::move(column));
-    begin = end + 1;
   }
   return states;
 }
 
 std::string mark_name(std::uint64_t number) {
   return "mark_" + std::to_string(number);
+}
+
+void put_ids(const Handle& group, const std::vector<std::uint64_t>& node_ids) {
+  put_numbers(group, "node_id", node_ids, node_ids.size());
+}
+
+std::vector<std::uint64_t> ids_of(const Handle& group) {
+  return numbers_of<std::uint64_t>(group, "node_id");
 }
 
 void put_session(const Handle& parent, const SessionImage& session, std::uint64_t order) {
@@ -85,20 +100,24 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_number(group, "requests", session.requests);
   put_number(group, "node_steps", session.node_steps);
   put_number(group, "solver_ns", session.solver_ns);
+  put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
+  put_text(group, "domain", session.domain);
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
   put_number(group, "state_version", session.state_version);
   put_text_dataset(group, "scene_toml", session.scene);  // an attribute could hold 64 kB only
-  put_numbers(group, "node_id", session.node_ids, session.node_ids.size());
+  put_ids(group, session.node_ids);
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);
   put_number(group, "marks", session.marks.size());
   for (std::size_t i = 0; i < session.marks.size(); ++i) {
     const Handle mark = make_group(group, mark_name(i));
     put_text(mark, "name", session.marks[i].name);
+    put_number(mark, "sequence", session.marks[i].sequence);
     put_number(mark, "state_version", session.marks[i].state_version);
+    put_ids(mark, session.marks[i].node_ids);
     put_states(mark, "states", session.marks[i].states);
   }
 }
@@ -114,22 +133,49 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.requests = number_of(group, "requests");
   session.node_steps = number_of(group, "node_steps");
   session.solver_ns = number_of(group, "solver_ns");
+  session.identity = text_of(group, "identity");
   session.resume_token = key_from(text_of(group, "resume_token"));
+  session.domain = text_of(group, "domain");
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
   if (!session.open) return session;
   session.state_version = number_of(group, "state_version");
   session.scene = text_in_dataset(group, "scene_toml");
-  session.node_ids = numbers_of<std::uint64_t>(group, "node_id");
+  session.node_ids = ids_of(group);
   session.committed = states_of(group, "committed");
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");
   for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
     const Handle mark = open_group(group, mark_name(i));
     session.marks.push_back({.name = text_of(mark, "name"),
+                             .sequence = number_of(mark, "sequence"),
                              .state_version = number_of(mark, "state_version"),
+                             .node_ids = ids_of(mark),
                              .states = states_of(mark, "states")});
   }
   return session;
+}
+
+void put_transfer(const Handle& parent, const TransferImage& transfer) {
+  const Handle group = make_group(parent, hexadecimal(transfer.id));
+  put_text(group, "giver", hexadecimal(transfer.giver));
+  put_number(group, "sequence", transfer.sequence);
+  put_text(group, "identity", transfer.identity);
+  put_text(group, "domain", transfer.domain);
+  put_text_dataset(group, "layers_toml", transfer.layers);
+  put_ids(group, transfer.node_ids);
+  put_states(group, "states", transfer.states);
+}
+
+TransferImage transfer_of(const Handle& parent, const std::string& name) {
+  const Handle group = open_group(parent, name);
+  return {.id = key_from(name),
+          .giver = key_from(text_of(group, "giver")),
+          .sequence = number_of(group, "sequence"),
+          .identity = text_of(group, "identity"),
+          .domain = text_of(group, "domain"),
+          .layers = text_in_dataset(group, "layers_toml"),
+          .node_ids = ids_of(group),
+          .states = states_of(group, "states")};
 }
 
 }  // namespace
@@ -145,6 +191,8 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
   {
     const Handle sessions = make_group(file, "sessions");
     for (std::size_t i = 0; i < snapshot.sessions.size(); ++i) put_session(sessions, snapshot.sessions[i], i);
+    const Handle transfers = make_group(file, "transfers");
+    for (const TransferImage& transfer : snapshot.transfers) put_transfer(transfers, transfer);
   }
   std::vector<std::byte> bytes = bytes_of_image(file);
   CheckpointFooter footer{.image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes)};
@@ -191,10 +239,86 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
       if (order >= names.size()) throw Hdf5Error("order the sessions");
       snapshot.sessions[order] = std::move(session);
     }
+    const Handle transfers = open_group(opened, "transfers");
+    for (const std::string& child : children_of(transfers)) snapshot.transfers.push_back(transfer_of(transfers, child));
     return snapshot;
   } catch (const Hdf5Error& fault) {
     throw DamagedFile(name + ": its hash is right, but " + fault.what());
   }
+}
+
+namespace {
+
+constexpr const char* kCapsuleFormat = "shearbus failure capsule";
+
+void put_values(const Handle& parent, const std::string& name, const std::vector<CapsuleValue>& values) {
+  const Handle group = make_group(parent, name);
+  std::string names;
+  for (const CapsuleValue& value : values) {
+    names += (names.empty() ? "" : " ") + value.name;
+    put_numbers(group, value.name, std::vector<double>{value.value}, 1);
+  }
+  put_text(group, "columns", names);
+}
+
+std::vector<CapsuleValue> values_of(const Handle& parent, const std::string& name) {
+  const Handle group = open_group(parent, name);
+  std::vector<CapsuleValue> values;
+  for (const std::string& column : words_of(text_of(group, "columns"))) {
+    const auto numbers = numbers_of<double>(group, column);
+    if (numbers.size() != 1) throw Hdf5Error("find one number in " + name + "/" + column);
+    values.push_back({column, numbers.front()});
+  }
+  return values;
+}
+
+double double_of(const Handle& group, const std::string& name) {
+  const auto numbers = numbers_of<double>(group, name);
+  if (numbers.size() != 1) throw Hdf5Error("find one number in " + name);
+  return numbers.front();
+}
+
+}  // namespace
+
+std::vector<std::byte> capsule_bytes(const Capsule& capsule) {
+  const Handle file = new_image();
+  put_text(file, "format", kCapsuleFormat);
+  put_number(file, "format_version", kCapsuleVersion);
+  put_text(file, "server_version", capsule.server_version);
+  put_text(file, "units_system", "SI");
+  put_text(file, "session", hexadecimal(capsule.session));
+  put_number(file, "sequence", capsule.sequence);
+  put_number(file, "node_id", capsule.node_id);
+  put_number(file, "step", capsule.step);
+  put_number(file, "attempt", capsule.attempt);
+  put_numbers(file, "dt_s", std::vector<double>{capsule.dt_s}, 1);
+  put_numbers(file, "time_s", std::vector<double>{capsule.time_s}, 1);
+  put_text_dataset(file, "scene_toml", capsule.scene);
+  put_states(file, "state", capsule.state);
+  put_values(file, "inputs", capsule.inputs);
+  put_values(file, "answer", capsule.answer);
+  return bytes_of_image(file);
+}
+
+Capsule read_capsule(Bytes file, const std::string& name) try {
+  const Handle opened = open_image(file);
+  if (text_of(opened, "format") != kCapsuleFormat || number_of(opened, "format_version") != kCapsuleVersion)
+    throw Hdf5Error("find the format \"" + std::string(kCapsuleFormat) + "\", version " +
+                    std::to_string(kCapsuleVersion));
+  return {.server_version = text_of(opened, "server_version"),
+          .session = key_from(text_of(opened, "session")),
+          .sequence = number_of(opened, "sequence"),
+          .scene = text_in_dataset(opened, "scene_toml"),
+          .node_id = number_of(opened, "node_id"),
+          .dt_s = double_of(opened, "dt_s"),
+          .time_s = double_of(opened, "time_s"),
+          .step = number_of(opened, "step"),
+          .attempt = number_of(opened, "attempt"),
+          .state = states_of(opened, "state"),
+          .inputs = values_of(opened, "inputs"),
+          .answer = values_of(opened, "answer")};
+} catch (const Hdf5Error& fault) {
+  throw DamagedFile(name + ": not a failure capsule that can be read: " + fault.what());
 }
 
 }  // namespace shearbus::store

@@ -17,6 +17,10 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
 // The bytes of the image, after everything about the file was checked. Throws DamagedFile.
 Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generation);
 
+// A capsule as an HDF5 file, and back; throws DamagedFile.
+std::vector<std::byte> capsule_bytes(const Capsule& capsule);
+Capsule read_capsule(Bytes file, const std::string& name);
+
 // Throws DamagedFile.
 Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t generation);
 

@@ -19,8 +19,9 @@ class DamagedFile : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint32_t kJournalVersion = 1;
-inline constexpr std::uint32_t kCheckpointVersion = 1;
+inline constexpr std::uint32_t kJournalVersion = 2;
+inline constexpr std::uint32_t kCheckpointVersion = 2;
+inline constexpr std::uint32_t kCapsuleVersion = 1;
 inline constexpr std::array<char, 8> kJournalMagic = {'S', 'H', 'B', 'J', 'R', 'N', 'L', '\n'};
 inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K', 'P', 'T', '\n'};
 
@@ -46,9 +47,11 @@ struct RecordHeader {
   std::uint64_t previous_reply = 0;  // XXH3-64 of the reply the session kept until then: what replay must arrive at
   std::uint32_t header_frame_bytes = 0;
   std::uint32_t payload_frame_bytes = 0;
+  std::uint32_t identity_bytes = 0;
+  std::uint32_t reserved = 0;
   std::uint64_t sum = 0;  // XXH3-64 of the fields above, so that the lengths can be believed
 };
-static_assert(sizeof(RecordHeader) == 56);
+static_assert(sizeof(RecordHeader) == 64);
 inline constexpr std::size_t kRecordSumBytes = 8;
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // no frame of any protocol version is larger
 
@@ -66,6 +69,7 @@ static_assert(sizeof(CheckpointFooter) == 56);
 
 inline std::string segment_name(std::uint64_t number);
 inline std::string checkpoint_name(std::uint64_t generation);
+inline std::string capsule_name(std::uint64_t number);
 
 namespace detail {
 inline std::string numbered(const char* prefix, std::uint64_t number, const char* suffix) {
@@ -79,6 +83,9 @@ inline std::string segment_name(std::uint64_t number) {
 }
 inline std::string checkpoint_name(std::uint64_t generation) {
   return detail::numbered("checkpoint-", generation, ".h5");
+}
+inline std::string capsule_name(std::uint64_t number) {
+  return detail::numbered("capsule-", number, ".h5");
 }
 
 }  // namespace shearbus::store

@@ -28,8 +28,22 @@ Handle text_type(std::size_t size) {
   return type;
 }
 
+// What is read is one value: HDF5 writes as many as there are.
+void check_single(const Handle& space, const std::string& name) {
+  if (H5Sget_simple_extent_npoints(space.get()) != 1) throw Hdf5Error("read one value from " + name);
+}
+
+// Memory is taken only for what has its room in the file, whatever extent and type claim.
+void check_room(const Handle& dataset, const Handle& space, const std::string& name) {
+  const Handle type(H5Dget_type(dataset.get()), H5Tclose, "type dataset ", name);
+  const hssize_t count = H5Sget_simple_extent_npoints(space.get());
+  const std::size_t size = H5Tget_size(type.get());
+  if (count < 0 || size == 0 || static_cast<hsize_t>(count) > H5Dget_storage_size(dataset.get()) / size)
+    throw Hdf5Error("find all of dataset " + name);
+}
+
 Handle open_attribute(const Handle& object, const std::string& name) {
-  return {H5Aopen(object.get(), name.c_str(), H5P_DEFAULT), H5Aclose, "find attribute " + name};
+  return {H5Aopen(object.get(), name.c_str(), H5P_DEFAULT), H5Aclose, "find attribute ", name};
 }
 
 }  // namespace
@@ -37,7 +51,7 @@ Handle open_attribute(const Handle& object, const std::string& name) {
 Handle new_image() {
   be_quiet();
   const Handle access = in_memory();
-  return {H5Fcreate("checkpoint", H5F_ACC_TRUNC, H5P_DEFAULT, access.get()), H5Fclose, "make a file in memory"};
+  return {H5Fcreate(kImageName, H5F_ACC_TRUNC, H5P_DEFAULT, access.get()), H5Fclose, "make a file in memory"};
 }
 
 Handle open_image(std::span<const std::byte> image) {
@@ -45,7 +59,7 @@ Handle open_image(std::span<const std::byte> image) {
   const Handle access = in_memory();
   // The call copies the bytes; its parameter is not const for the sake of other uses.
   check(H5Pset_file_image(access.get(), const_cast<std::byte*>(image.data()), image.size()), "take a file image");
-  return {H5Fopen("checkpoint", H5F_ACC_RDONLY, access.get()), H5Fclose, "open a file image"};
+  return {H5Fopen(kImageName, H5F_ACC_RDONLY, access.get()), H5Fclose, "open a file image"};
 }
 
 std::vector<std::byte> bytes_of_image(const Handle& file) {
@@ -58,12 +72,11 @@ std::vector<std::byte> bytes_of_image(const Handle& file) {
 }
 
 Handle make_group(const Handle& parent, const std::string& name) {
-  return {H5Gcreate2(parent.get(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
-          "make group " + name};
+  return {H5Gcreate2(parent.get(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose, "make group ", name};
 }
 
 Handle open_group(const Handle& parent, const std::string& name) {
-  return {H5Gopen2(parent.get(), name.c_str(), H5P_DEFAULT), H5Gclose, "find group " + name};
+  return {H5Gopen2(parent.get(), name.c_str(), H5P_DEFAULT), H5Gclose, "find group ", name};
 }
 
 bool has_child(const Handle& parent, const std::string& name) {
@@ -93,7 +106,7 @@ void put_text(const Handle& object, const std::string& name, const std::string& 
   const Handle type = text_type(text.empty() ? 1 : text.size());
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
   const Handle attribute(H5Acreate2(object.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT),
-                         H5Aclose, "make attribute " + name);
+                         H5Aclose, "make attribute ", name);
   check(H5Awrite(attribute.get(), type.get(), text.c_str()), "write attribute " + name);
 }
 
@@ -102,15 +115,18 @@ void put_text_dataset(const Handle& group, const std::string& name, const std::s
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
   const Handle dataset(
       H5Dcreate2(group.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
-      "make dataset " + name);
+      "make dataset ", name);
   check(H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()), "write dataset " + name);
 }
 
 std::string text_in_dataset(const Handle& group, const std::string& name) {
-  const Handle dataset(H5Dopen2(group.get(), name.c_str(), H5P_DEFAULT), H5Dclose, "find dataset " + name);
-  const Handle type(H5Dget_type(dataset.get()), H5Tclose, "type dataset " + name);
+  const Handle dataset(H5Dopen2(group.get(), name.c_str(), H5P_DEFAULT), H5Dclose, "find dataset ", name);
+  const Handle type(H5Dget_type(dataset.get()), H5Tclose, "type dataset ", name);
   if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0)
     throw Hdf5Error("read text from dataset " + name);
+  const Handle space(H5Dget_space(dataset.get()), H5Sclose, "size dataset ", name);
+  check_single(space, name);
+  check_room(dataset, space, name);
   std::string text(H5Tget_size(type.get()), '\0');
   check(H5Dread(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), "read dataset " + name);
   text.resize(text.find_last_not_of('\0') + 1);
@@ -120,15 +136,16 @@ std::string text_in_dataset(const Handle& group, const std::string& name) {
 void put_number(const Handle& object, const std::string& name, std::uint64_t value) {
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose, "make a space");
   const Handle attribute(H5Acreate2(object.get(), name.c_str(), H5T_STD_U64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT),
-                         H5Aclose, "make attribute " + name);
+                         H5Aclose, "make attribute ", name);
   check(H5Awrite(attribute.get(), H5T_NATIVE_UINT64, &value), "write attribute " + name);
 }
 
 std::string text_of(const Handle& object, const std::string& name) {
   const Handle attribute = open_attribute(object, name);
-  const Handle type(H5Aget_type(attribute.get()), H5Tclose, "type attribute " + name);
+  const Handle type(H5Aget_type(attribute.get()), H5Tclose, "type attribute ", name);
   if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0)
     throw Hdf5Error("read text from attribute " + name);
+  check_single(Handle(H5Aget_space(attribute.get()), H5Sclose, "size attribute ", name), name);
   std::string text(H5Tget_size(type.get()), '\0');
   check(H5Aread(attribute.get(), type.get(), text.data()), "read attribute " + name);
   text.resize(text.find_last_not_of('\0') + 1);
@@ -137,8 +154,7 @@ std::string text_of(const Handle& object, const std::string& name) {
 
 std::uint64_t number_of(const Handle& object, const std::string& name) {
   const Handle attribute = open_attribute(object, name);
-  const Handle space(H5Aget_space(attribute.get()), H5Sclose, "size attribute " + name);
-  if (H5Sget_simple_extent_npoints(space.get()) != 1) throw Hdf5Error("read one number from attribute " + name);
+  check_single(Handle(H5Aget_space(attribute.get()), H5Sclose, "size attribute ", name), name);
   std::uint64_t value = 0;
   check(H5Aread(attribute.get(), H5T_NATIVE_UINT64, &value), "read attribute " + name);
   return value;
@@ -149,22 +165,23 @@ Handle put_raw(const Handle& group, const std::string& name, hid_t type, const v
   const hsize_t extent[2] = {rows, width};
   const Handle space(H5Screate_simple(width == 0 ? 1 : 2, extent, nullptr), H5Sclose, "make a space");
   Handle dataset(H5Dcreate2(group.get(), name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
-                 H5Dclose, "make dataset " + name);
+                 H5Dclose, "make dataset ", name);
   if (rows != 0) check(H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), "write dataset " + name);
   return dataset;
 }
 
 Handle open_dataset(const Handle& group, const std::string& name, hid_t type) {
-  Handle dataset(H5Dopen2(group.get(), name.c_str(), H5P_DEFAULT), H5Dclose, "find dataset " + name);
-  const Handle found(H5Dget_type(dataset.get()), H5Tclose, "type dataset " + name);
+  Handle dataset(H5Dopen2(group.get(), name.c_str(), H5P_DEFAULT), H5Dclose, "find dataset ", name);
+  const Handle found(H5Dget_type(dataset.get()), H5Tclose, "type dataset ", name);
   if (H5Tequal(found.get(), type) <= 0) throw Hdf5Error("read dataset " + name + " as numbers of the type expected");
   return dataset;
 }
 
 Extent extent_of(const Handle& dataset, const std::string& name) {
-  const Handle space(H5Dget_space(dataset.get()), H5Sclose, "size dataset " + name);
+  const Handle space(H5Dget_space(dataset.get()), H5Sclose, "size dataset ", name);
   const int rank = H5Sget_simple_extent_ndims(space.get());
   if (rank != 1 && rank != 2) throw Hdf5Error("read dataset " + name + " as a list or table");
+  check_room(dataset, space, name);
   hsize_t extent[2] = {0, 0};
   H5Sget_simple_extent_dims(space.get(), extent, nullptr);
   return {extent[0], extent[1]};

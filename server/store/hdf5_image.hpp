@@ -9,6 +9,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -23,8 +24,9 @@ class Hdf5Error : public std::runtime_error {
 class Handle {
  public:
   using Close = herr_t (*)(hid_t);
-  Handle(hid_t id, Close close, const std::string& doing) : id_(id), close_(close) {
-    if (id < 0) throw Hdf5Error(doing);
+  // `doing` and `what` are joined only for an error: where the id is good nothing here may fail, or it would stay open.
+  Handle(hid_t id, Close close, std::string_view doing, std::string_view what = {}) : id_(id), close_(close) {
+    if (id < 0) throw Hdf5Error(std::string(doing).append(what));
   }
   Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
   Handle& operator=(Handle&& other) noexcept {
@@ -55,6 +57,10 @@ hid_t hdf5_type() {
     return H5T_STD_U8LE;
   }
 }
+
+// The name of a file in memory: one that no disk can hold. HDF5 looks for it there, and would not open an image beside
+// a file of the same name.
+inline constexpr const char* kImageName = "/dev/null/checkpoint";
 
 Handle new_image();                                   // an empty file that lives in memory only
 Handle open_image(std::span<const std::byte> image);  // to read

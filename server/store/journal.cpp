@@ -21,10 +21,11 @@ std::uint64_t sum_of_header(const Header& header) {
 }
 
 // Each part's sum is the seed of the next.
-std::uint64_t sum_of_record(const RecordHeader& header, Bytes header_frame, Bytes payload_frame) {
+std::uint64_t sum_of_record(const RecordHeader& header, Bytes identity, Bytes header_frame, Bytes payload_frame) {
   std::uint64_t sum = XXH3_64bits(&header, sizeof header);
-  sum = XXH3_64bits_withSeed(header_frame.data(), header_frame.size(), sum);
-  return never_zero(XXH3_64bits_withSeed(payload_frame.data(), payload_frame.size(), sum));
+  for (const Bytes part : {identity, header_frame, payload_frame})
+    sum = XXH3_64bits_withSeed(part.data(), part.size(), sum);
+  return never_zero(sum);
 }
 
 template <typename Value>
@@ -75,22 +76,26 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
   if (header.index != segment.next_index())
     damaged(name, offset,
             "record " + std::to_string(header.index) + " where " + std::to_string(segment.next_index()) + " should be");
-  if (header.header_frame_bytes > kMaxFrameBytes || header.payload_frame_bytes > kMaxFrameBytes)
+  if (header.header_frame_bytes > kMaxFrameBytes || header.payload_frame_bytes > kMaxFrameBytes ||
+      header.identity_bytes > kMaxFrameBytes)
     damaged(name, offset, "a record longer than any request");
-  const std::uint64_t length = sizeof header + header.header_frame_bytes + header.payload_frame_bytes;
+  const std::uint64_t frames_at = sizeof header + header.identity_bytes;
+  const std::uint64_t length = frames_at + header.header_frame_bytes + header.payload_frame_bytes;
   if (rest.size() < length + kRecordSumBytes) return false;
   const auto sum = value_at<std::uint64_t>(rest, length);
   // A file that was made longer before its data reached the disk ends in zeros, and a sum is never zero.
   if (sum == 0 && rest.size() == length + kRecordSumBytes) return false;
-  const Bytes header_frame = rest.subspan(sizeof header, header.header_frame_bytes);
-  const Bytes payload_frame = rest.subspan(sizeof header + header.header_frame_bytes, header.payload_frame_bytes);
-  if (sum != sum_of_record(header, header_frame, payload_frame))
+  const Bytes identity = rest.subspan(sizeof header, header.identity_bytes);
+  const Bytes header_frame = rest.subspan(frames_at, header.header_frame_bytes);
+  const Bytes payload_frame = rest.subspan(frames_at + header.header_frame_bytes, header.payload_frame_bytes);
+  if (sum != sum_of_record(header, identity, header_frame, payload_frame))
     damaged(name, offset, "record " + std::to_string(header.index) + " does not match its sum");
   segment.records.push_back({.session = header.session,
                              .sequence = header.sequence,
                              .previous_reply = header.previous_reply,
                              .header_frame = header_frame,
                              .payload_frame = payload_frame,
+                             .identity = {reinterpret_cast<const char*>(identity.data()), identity.size()},
                              .index = header.index});
   segment.sound_bytes = offset + length + kRecordSumBytes;
   segment.torn = false;
@@ -123,10 +128,12 @@ void JournalWriter::append(const Record& record) {
                       .sequence = record.sequence,
                       .previous_reply = record.previous_reply,
                       .header_frame_bytes = static_cast<std::uint32_t>(record.header_frame.size()),
-                      .payload_frame_bytes = static_cast<std::uint32_t>(record.payload_frame.size())};
+                      .payload_frame_bytes = static_cast<std::uint32_t>(record.payload_frame.size()),
+                      .identity_bytes = static_cast<std::uint32_t>(record.identity.size())};
   header.sum = sum_of_header(header);
-  const std::uint64_t sum = sum_of_record(header, record.header_frame, record.payload_frame);
-  const std::array parts = {bytes_of(header), record.header_frame, record.payload_frame, bytes_of(sum)};
+  const Bytes identity = std::as_bytes(std::span(record.identity));
+  const std::uint64_t sum = sum_of_record(header, identity, record.header_frame, record.payload_frame);
+  const std::array parts = {bytes_of(header), identity, record.header_frame, record.payload_frame, bytes_of(sum)};
   try {
     file_->append(parts);
   } catch (const StorageError& fault) {

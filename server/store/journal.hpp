@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "server/store/format.hpp"
@@ -18,8 +19,9 @@ struct Record {
   std::uint64_t sequence = 0;
   std::uint64_t previous_reply = 0;
   Bytes header_frame;
-  Bytes payload_frame;      // empty: there was none
-  std::uint64_t index = 0;  // given by the journal
+  Bytes payload_frame;        // empty: there was none
+  std::string_view identity;  // of an opening: who the session belongs to
+  std::uint64_t index = 0;    // given by the journal
 };
 
 // The segment being written.

@@ -47,6 +47,7 @@ const char* name(Durability durability) {
 struct Store::Found {
   std::vector<std::uint64_t> checkpoints;
   std::vector<std::uint64_t> segments;
+  std::vector<std::uint64_t> capsules;
   std::vector<std::string> unfinished;
 };
 
@@ -61,10 +62,12 @@ Store::Found Store::find() {
   for (const std::string& file : storage_.list()) {
     if (const auto generation = number_in(file, "checkpoint-", ".h5")) found.checkpoints.push_back(*generation);
     if (const auto number = number_in(file, "journal-", ".log")) found.segments.push_back(*number);
+    if (const auto number = number_in(file, "capsule-", ".h5")) found.capsules.push_back(*number);
     if (file.ends_with(kUnfinished)) found.unfinished.push_back(file);
   }
   std::sort(found.checkpoints.begin(), found.checkpoints.end());
   std::sort(found.segments.begin(), found.segments.end());
+  std::sort(found.capsules.begin(), found.capsules.end());
   return found;
 }
 
@@ -258,6 +261,20 @@ void Store::write_checkpoint(const Snapshot& snapshot) {
   counters_.checkpoint_bytes = image.size() + sizeof(CheckpointFooter);
   checkpoints_.push_back({generation, snapshot.next_index});
   ++next_generation_;
+}
+
+std::size_t Store::capsule_room() {
+  return options_.max_capsules - std::min(options_.max_capsules, find().capsules.size());
+}
+
+std::string Store::leave_capsule(const Capsule& capsule) {
+  const auto there = find().capsules;
+  const std::string file = capsule_name(there.empty() ? 1 : there.back() + 1);
+  const std::vector<std::byte> bytes = capsule_bytes(capsule);
+  const std::array<Bytes, 1> parts = {Bytes(bytes)};
+  storage_.create(file + std::string(kUnfinished))->append(parts);
+  storage_.rename(file + std::string(kUnfinished), file);
+  return file;
 }
 
 // The newest checkpoints stay, and every segment with a record the older of them has not seen. What else stands on disk

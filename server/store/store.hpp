@@ -29,7 +29,8 @@ struct StoreOptions {
   Durability durability = Durability::kProcess;
   std::uint64_t epoch = 1;                                    // of this incarnation of the server
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // of journal, after which a checkpoint is due
-  bool accept_empty = false;  // set unreadable files aside and start with nothing, instead of refusing to
+  std::size_t max_capsules = 16;  // failure capsules in the directory; more are not written until some are taken away
+  bool accept_empty = false;      // set unreadable files aside and start with nothing, instead of refusing to
   std::function<void(const std::string&)> log;  // what a person should know; may be empty
 };
 
@@ -71,6 +72,11 @@ class Store {
   // Writes the snapshot, which holds everything up to now, reads it back, and removes what is not needed any more.
   // False where it could not be written: the ones before and the journal still hold everything.
   bool checkpoint(Snapshot snapshot);
+
+  // Failure capsules: how many more there is room for, and one of them, which returns the file's name. Both throw
+  // StorageError; nothing depends on them.
+  std::size_t capsule_room();
+  std::string leave_capsule(const Capsule& capsule);
 
   Durability durability() const { return options_.durability; }
   bool journaling() const { return options_.durability != Durability::kNone; }

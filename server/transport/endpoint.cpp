@@ -1,6 +1,5 @@
 #include "server/transport/endpoint.hpp"
 
-#include <algorithm>
 #include <charconv>
 #include <stdexcept>
 
@@ -28,10 +27,6 @@ Endpoint parse_tcp(Endpoint endpoint, std::string_view address) {
   endpoint.host = host;
   endpoint.port = address.substr(colon + 1);
   if (!is_port(endpoint.port)) refuse(endpoint.text, "has port \"" + endpoint.port + "\", not a number up to 65535");
-  // By number only, 127.a.b.c: a name such as 127.example.org may be anywhere.
-  const bool four_numbers =
-      std::all_of(host.begin(), host.end(), [](char c) { return (c >= '0' && c <= '9') || c == '.'; });
-  endpoint.loopback = host == "localhost" || host == "::1" || (four_numbers && host.starts_with("127."));
   return endpoint;
 }
 

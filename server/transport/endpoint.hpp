@@ -11,11 +11,10 @@ enum class Scheme { kTcp, kIpc, kInproc };
 
 struct Endpoint {
   Scheme scheme = Scheme::kIpc;
-  std::string text;      // as given: what libzmq is told
-  std::string host;      // tcp: without brackets
-  std::string port;      // tcp: a number, or "*" for any free one
-  std::string path;      // ipc
-  bool loopback = true;  // tcp: nobody outside this machine can reach it
+  std::string text;  // as given: what libzmq is told
+  std::string host;  // tcp: without brackets
+  std::string port;  // tcp: a number, or "*" for any free one
+  std::string path;  // ipc
 
   // Throws std::invalid_argument: expected, found, remedy.
   static Endpoint parse(std::string_view text);

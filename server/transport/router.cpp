@@ -1,42 +1,46 @@
 #include "server/transport/router.hpp"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <stdexcept>
 #include <utility>
 
 #include "server/transport/endpoint.hpp"
+#include "server/transport/socket_path.hpp"
 
 namespace shearbus::transport {
 namespace {
 
-constexpr std::size_t kMaxFrames = 2;           // of a request, after the peer's routing id
+constexpr std::size_t kMaxFrames = 2;                        // of a request, after the peer's routing id
 constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // below this a copy is cheaper than a counted reference
-constexpr int kAnswersBeforePoll = 8;           // so that a busy bus cannot hide the stop signal
+constexpr int kAnswersBeforePoll = 8;                        // so that a busy bus cannot hide the stop signal
 
+constexpr int kBacklog =
+    4096;  // of connections the kernel holds for us: a full one makes it drop honest clients' first try
 constexpr int kHandshakeMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kKeepaliveIdleS = 60;
 constexpr int kLingerMs = 1'000;  // an answer that was given is sent; a peer that does not read holds us up no longer
 
-// Whoever can open an ipc socket is served: it is made with no rights for others.
-class PrivateUmask {
+// For the time of a bind: the rights of the socket's name.
+class Umask {
  public:
-  PrivateUmask() : previous_(::umask(077)) {}
-  PrivateUmask(const PrivateUmask&) = delete;
-  PrivateUmask& operator=(const PrivateUmask&) = delete;
-  ~PrivateUmask() { ::umask(previous_); }
+  explicit Umask(mode_t mask) : previous_(::umask(mask)) {}
+  Umask(const Umask&) = delete;
+  Umask& operator=(const Umask&) = delete;
+  ~Umask() { ::umask(previous_); }
 
  private:
   mode_t previous_;
 };
+
+// libzmq keeps what it knows of a peer with each of its messages, but for the first frame. Null where it does not.
+const char* property(zmq::message_t& frame, const char* name) {
+  return zmq_msg_gets(frame.handle(), name);
+}
 
 zmq::message_t message_of(const OutFrame& frame) {
   if (frame.bytes.size() <= kCopiedUpTo) return {frame.bytes.data(), frame.bytes.size()};
@@ -51,82 +55,37 @@ zmq::message_t message_of(const OutFrame& frame) {
 
 }  // namespace
 
-// libzmq would unlink a path in use and take it over, leaving the first server deaf.
-class Router::PathLock {
- public:
-  explicit PathLock(const std::string& path) : path_(path) {
-    struct stat existing {};
-    if (::lstat(path.c_str(), &existing) == 0 && !S_ISSOCK(existing.st_mode))
-      throw std::runtime_error("ipc://" + path +
-                               " is a file or directory, not a socket: listening there would delete it; "
-                               "choose another path");
-    const std::string lock = path + ".lock";
-    file_ = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (file_ < 0)
-      throw std::runtime_error("cannot open lock file " + lock + ": " + std::strerror(errno) +
-                               "; the directory must exist and be writable");
-    if (::flock(file_, LOCK_EX | LOCK_NB) != 0) {
-      const int fault = errno;
-      ::close(file_);
-      if (fault == EWOULDBLOCK)
-        throw std::runtime_error("another server listens on ipc://" + path + " (it holds " + lock +
-                                 "); stop it first, or choose another path");
-      throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(fault));
-    }
-  }
-  PathLock(PathLock&& other) noexcept : path_(std::move(other.path_)), file_(std::exchange(other.file_, -1)) {}
-  PathLock& operator=(PathLock&& other) noexcept {
-    std::swap(path_, other.path_);
-    std::swap(file_, other.file_);
-    return *this;
-  }
-  // libzmq leaves the socket's name behind; while the lock is held nobody else's can be there. The lock file stays:
-  // removing it would race with a server that has just opened it.
-  ~PathLock() {
-    if (file_ < 0) return;
-    ::unlink(path_.c_str());
-    ::close(file_);
-  }
-
- private:
-  std::string path_;
-  int file_ = -1;
-};
-
 // Everything is set before the first bind: later changes would hold for later binds only.
 Router::Router(RouterOptions options) : options_(std::move(options)), socket_(context_, zmq::socket_type::router) {
   socket_.set(zmq::sockopt::router_mandatory, true);  // an answer that cannot go out is an error, not silence
   socket_.set(zmq::sockopt::sndhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::rcvhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(options_.max_frame_bytes));
+  socket_.set(zmq::sockopt::backlog, kBacklog);
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
   socket_.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
   socket_.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
   socket_.set(zmq::sockopt::tcp_keepalive, 1);
   socket_.set(zmq::sockopt::tcp_keepalive_idle, kKeepaliveIdleS);
   socket_.set(zmq::sockopt::linger, kLingerMs);
-  // With a domain libzmq takes no peers of ZMTP 1 and 2, whose bytes would reach us without a handshake.
-  socket_.set(zmq::sockopt::zap_domain, "shearbus");
 }
 
 Router::~Router() = default;
 
 std::string Router::bind(const std::string& text) {
   const Endpoint endpoint = Endpoint::parse(text);
-  if (endpoint.scheme == Scheme::kTcp && !endpoint.loopback && !options_.insecure_plaintext)
-    throw std::invalid_argument("endpoint \"" + text +
-                                "\" can be reached from other machines, and this server does not authenticate clients; "
-                                "use ipc:// or tcp://127.0.0.1:PORT, or accept that with --insecure-plaintext");
-  if (endpoint.scheme == Scheme::kTcp && endpoint.host.find(':') != std::string::npos)
-    socket_.set(zmq::sockopt::ipv6, true);
   try {
-    if (endpoint.scheme == Scheme::kIpc) {
-      PathLock lock(endpoint.path);
-      const PrivateUmask umask;
-      socket_.bind(text);
-      locks_.push_back(std::move(lock));
-    } else {
-      socket_.bind(text);
+    switch (endpoint.scheme) {
+      case Scheme::kIpc:
+        bind_ipc(endpoint);
+        break;
+      case Scheme::kTcp:
+        bind_tcp(endpoint);
+        break;
+      case Scheme::kInproc:
+        socket_.bind(text);
+        serves_own_process_ = true;
+        break;
     }
   } catch (const zmq::error_t& fault) {
     throw std::runtime_error("cannot listen on " + text + ": " + fault.what());
@@ -134,16 +93,46 @@ std::string Router::bind(const std::string& text) {
   return socket_.get(zmq::sockopt::last_endpoint);
 }
 
-void Router::run(const Handler& handler, int stop_fd) {
+void Router::bind_ipc(const Endpoint& endpoint) {
+  SocketPath path(endpoint.path, !options_.ipc_for_others);
+  socket_.set(zmq::sockopt::curve_server, false);
+  guard(Peer::Way::kIpc);
+  const Umask umask(options_.ipc_for_others ? 0 : 077);
+  socket_.bind(endpoint.text);
+  paths_.push_back(std::move(path));
+}
+
+void Router::bind_tcp(const Endpoint& endpoint) {
+  const bool curve = !options_.curve_secret_key.empty();
+  if (!curve && !options_.insecure_plaintext)
+    throw std::invalid_argument(
+        "endpoint \"" + endpoint.text +
+        "\": whoever reaches it would be served, unknown and unencrypted; use ipc://, or give the "
+        "server keys with --curve-secret and --authorized-keys, or accept that with "
+        "--insecure-plaintext");
+  socket_.set(zmq::sockopt::ipv6, endpoint.host.find(':') != std::string::npos);
+  if (curve) socket_.set(zmq::sockopt::curve_secretkey, options_.curve_secret_key);
+  socket_.set(zmq::sockopt::curve_server, curve);  // also chooses between CURVE and none
+  guard(curve ? Peer::Way::kCurve : Peer::Way::kPlaintext);
+  socket_.bind(endpoint.text);
+}
+
+void Router::guard(Peer::Way way) {
+  if (!access_) access_ = std::make_unique<AccessHandler>(context_, options_.authorise, options_.log_access);
+  AccessHandler::guard(socket_, way);
+}
+
+void Router::run(const Handler& handler, int stop_fd, const Pulse& pulse) {
   std::array<zmq::pollitem_t, 2> items = {{{socket_.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_fd, ZMQ_POLLIN, 0}}};
   for (;;) {
-    if (zmq_poll(items.data(), static_cast<int>(items.size()), -1) < 0) {
+    if (zmq_poll(items.data(), static_cast<int>(items.size()), pulse.every_ms) < 0) {
       if (zmq_errno() == EINTR) continue;
       throw zmq::error_t();
     }
     if ((items[1].revents & ZMQ_POLLIN) != 0) return;
     for (int i = 0; i < kAnswersBeforePoll && answer_one(handler); ++i) {
     }
+    if (pulse.beat && !pulse.beat()) return;
   }
 }
 
@@ -168,11 +157,17 @@ bool Router::answer_one(const Handler& handler) {
     more = frame.more();
   }
   ++counters_.received;
+  // A message without a user has passed by the access handler, unless it never left this process.
+  const char* user = count != 0 ? property(frames[0], "User-Id") : nullptr;
+  if (user == nullptr && (!serves_own_process_ || count == 0 || property(frames[0], "Peer-Address") != nullptr)) {
+    ++counters_.without_user;
+    return true;
+  }
 
   std::array<std::span<const std::byte>, kMaxFrames + 1> views;
   for (std::size_t i = 0; i < count; ++i)
     views[i] = {static_cast<const std::byte*>(frames[i].data()), frames[i].size()};
-  const std::vector<OutFrame> answer = handler(Frames(views.data(), count));
+  const std::vector<OutFrame> answer = handler(Frames(views.data(), count), user != nullptr ? user : "");
   if (!answer.empty()) send(peer, answer);
   return true;
 }

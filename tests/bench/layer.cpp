@@ -58,12 +58,30 @@ void BM_PlasticLayer(benchmark::State& state) {
   run(state, options);
 }
 
+void BM_Junctions(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
+  options.junctions = {0.5, 1e-7, options.soft};
+  run(state, options);
+}
+
 void BM_TwoSided(benchmark::State& state) {
   run(state, two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)))));
 }
 void BM_PlasticHeating(benchmark::State& state) {
   ModelOptions options = two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
   options.taylor_quinney_factor = 1.0;
+  run(state, options);
+}
+void BM_JohnsonCook(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.soft = make_material("copper_ofhc_jc", {}).material;
+  run(state, options);
+}
+void BM_VelocityWeakening(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
+  options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+  options.interface.friction_coefficient_fast = 0.02;
+  options.interface.velocity_decay = 0.01;
   run(state, options);
 }
 void BM_UnderPressure(benchmark::State& state) {
@@ -73,9 +91,37 @@ void BM_UnderPressure(benchmark::State& state) {
   run(state, options);
 }
 
+void BM_Sdirk2(benchmark::State& state) {
+  const bool forced = state.range(1) != 0;
+  ModelOptions options =
+      grid_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.time_integrator = TimeIntegrator::kSdirk2;
+  run(state, options);
+}
+
+// No profile: 1 ns to 1 us, to 1e-3 and 1e-6 of the kernel.
+void BM_Modes(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, 2);
+  options.modes = {.accuracy = state.range(0) == 3 ? 1e-3 : 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};
+  if (state.range(1) != 0) options.time_integrator = TimeIntegrator::kSdirk2;
+  run(state, options);
+}
+
+void BM_Inertia(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.inertia = true;
+  run(state, options);
+}
+
+BENCHMARK(BM_JohnsonCook)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_VelocityWeakening)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Junctions)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Inertia)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_TwoSided)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_PlasticHeating)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Sdirk2)->ArgNames({"grid", "forced"})->ArgsProduct({{0, 1, 2}, {0, 1}})->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Modes)->ArgNames({"digits", "sdirk2"})->ArgsProduct({{3, 6}, {0, 1}})->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_LayerShear)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_InterfaceSlip)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_ForceDriven)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
@@ -83,6 +129,21 @@ BENCHMARK(BM_PlasticLayer)
     ->ArgNames({"grid", "flows"})
     ->ArgsProduct({{0, 1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
+
+// What the energy ledger of a step adds, for those who ask.
+void BM_Ledger(benchmark::State& state) {
+  Rig rig(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
+  rig.set_all(100.0, 11.2e9);
+  rig.step(1e-9);
+  TileLedger ledger;
+  for (auto _ : state) {
+    rig.model.book(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
+    benchmark::DoNotOptimize(ledger);
+  }
+  state.counters["per_node_step"] =
+      benchmark::Counter(kLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(BM_Ledger)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMicrosecond);
 
 void BM_Operators(benchmark::State& state) {
   const Model model(grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));

@@ -2,7 +2,8 @@
 """A client written from proto/WIRE.md and the .proto files alone, and what it holds a server to. It shares no code with the
 C++ client: if the page is wrong or incomplete, this fails.
 
-outsider.py --endpoint ENDPOINT --protos DIR --work DIR   (DIR of .proto files; a directory for the generated modules)"""
+outsider.py --endpoint ENDPOINT --protos DIR --work DIR   (DIR of .proto files; a directory for the generated modules)
+    [--server-key FILE --key FILE]                          (by tcp: the server's public key, and one's own secret one)"""
 import argparse
 import ctypes
 import math
@@ -86,9 +87,19 @@ class Reply:
         self.columns = unpack(self.header.payload, frames[1]) if len(frames) == 2 else {}
 
 
+def key_in(file):
+    """WIRE.md 1: 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
+    lines = [line for line in pathlib.Path(file).read_text().splitlines() if line and not line.startswith("# ")]
+    return lines[0].split()[0].encode()
+
+
 class Connection:
     def __init__(self):
         self.socket = zmq.Context.instance().socket(zmq.DEALER)
+        if OPTIONS.key:
+            secret = key_in(OPTIONS.key)
+            self.socket.curve_secretkey, self.socket.curve_publickey = secret, zmq.curve_public(secret)
+            self.socket.curve_serverkey = key_in(OPTIONS.server_key)
         self.socket.setsockopt(zmq.LINGER, 0)
         self.socket.setsockopt(zmq.IMMEDIATE, 1)
         self.socket.setsockopt(zmq.SNDTIMEO, DEADLINE_MS)
@@ -123,12 +134,12 @@ class Connection:
 class Session:
     """Opens, then numbers its requests; a refused one leaves the number free."""
 
-    def __init__(self, connection, scene, node_ids, temperatures=None):
+    def __init__(self, connection, scene, node_ids, temperatures=None, domain=""):
         self.connection, self.id, self.sequence = connection, os.urandom(16), 0
-        columns = {NODE_ID: node_ids}
+        columns = {NODE_ID: node_ids} if node_ids else None
         if temperatures is not None:
             columns[INITIAL_TEMPERATURE] = temperatures
-        self.opening = connection.frames(columns, open_session={"scene": scene, "session_id": self.id})
+        self.opening = connection.frames(columns, open_session={"scene": scene, "session_id": self.id, "domain": domain})
         self.opened = connection.exchange(self.opening)
 
     def frames(self, columns=None, **body):
@@ -178,8 +189,8 @@ class Outsider(unittest.TestCase):
         if field is not None:
             self.assertEqual(reply.header.status.field, field)
 
-    def open(self, scene, node_ids, temperatures=None):
-        session = Session(self.bus, scene, node_ids, temperatures)
+    def open(self, scene, node_ids, temperatures=None, domain=""):
+        session = Session(self.bus, scene, node_ids, temperatures, domain)
         self.assertEqual(session.opened.code, pb.CODE_OK, session.opened.header.status.text)
         self.addCleanup(lambda: session.call(close_session={"reason": "test over"}))
         return session
@@ -192,10 +203,13 @@ class Outsider(unittest.TestCase):
         self.assertEqual(reply.header.request_id, self.bus.last_id)
         self.assertEqual((welcome.protocol_major, welcome.durability), (1, "none"))
         self.assertEqual(welcome.limits.max_header_bytes, 64 * 1024)
-        self.assertEqual(welcome.limits.max_payload_bytes, 16 * 1024 * 1024)
+        self.assertEqual(welcome.limits.max_payload_bytes, 32 * 1024 * 1024)
         self.assertEqual(welcome.limits.max_nodes_per_session, 200_000)
         self.assertLessEqual({"velocity_driven", "force_driven", "trial"}, set(welcome.capabilities))
         self.assertNotEqual(reply.header.epoch, 0)
+        self.assertEqual(welcome.access, "key" if OPTIONS.key else "uid")
+        self.assertEqual(welcome.limits.max_frames, 2)
+        self.assertGreater(welcome.limits.max_state_bytes, 0)
 
     def test_versions_apart_are_told(self):
         self.assert_refused(self.bus.call(hello={"oldest_major": 2, "newest_major": 3}), pb.CODE_VERSION)
@@ -288,6 +302,38 @@ class Outsider(unittest.TestCase):
         plain.step(drive([100.0]))
         self.assertEqual(rode_along.columns, plain.step(drive([100.0])).columns)
 
+    # -- nodes come, leave and move --
+
+    def test_nodes_move_between_sessions_of_a_domain_with_their_states(self):
+        domain = os.urandom(8).hex()
+        giver, taker = self.open(paper_scene(), [1, 2, 3], domain=domain), self.open(paper_scene(), [], domain=domain)
+        plain = self.open(paper_scene(), [1, 2, 3, 7])
+        giver.step(drive([100.0, 150.0, 50.0]))
+        plain.step(drive([100.0, 150.0, 50.0]) | {NODE_ID: [1, 2, 3]})
+        self.assert_refused(Session(self.bus, paper_scene(), [3], domain=domain).opened, pb.CODE_NODE_OWNED, "node_id")
+        transfer = {"transfer_id": os.urandom(16)}
+        self.assert_refused(taker.call(accept_nodes=transfer), pb.CODE_UNKNOWN_TRANSFER)
+        offer = giver.call({NODE_ID: [3, 1]}, offer_nodes=transfer)
+        self.assertEqual(offer.header.nodes_changed.nodes, 1)
+        accepted = taker.call(accept_nodes=transfer)
+        self.assertEqual(accepted.columns[NODE_ID], (3, 1))
+        self.assertEqual(taker.call({NODE_ID: [7]}, register_nodes={}).header.nodes_changed.nodes, 3)
+        moved = taker.step(drive([60.0, 70.0, 80.0]))
+        whole = plain.step(drive([70.0, 1.0, 60.0, 80.0]))
+        for field in (TEMPERATURE, STRESS):
+            self.assertEqual(moved.columns[field], tuple(whole.columns[field][row] for row in (2, 0, 3)))
+        self.assertEqual(taker.call({NODE_ID: [1]}, retire_nodes={}).header.nodes_changed.nodes, 2)
+        self.assertEqual(len(taker.step(drive([60.0, 70.0])).columns[TEMPERATURE]), 2)
+        taker.step(drive([60.0, 70.0]), mode=2)
+        self.assert_refused(taker.call({NODE_ID: [7]}, retire_nodes={}), pb.CODE_TRIAL_STANDS)
+
+    def test_a_mark_brings_its_nodes_back(self):
+        session = self.open(paper_scene(), [1, 2, 3])
+        session.call(mark={"name": "dump"})
+        session.call({NODE_ID: [2]}, retire_nodes={})
+        session.call({NODE_ID: [9]}, register_nodes={})
+        self.assertEqual(session.call(rollback={"to_mark": "dump"}).columns[NODE_ID], (1, 2, 3))
+
     # -- sequence numbers --
 
     def test_repeated_request_is_answered_again_and_run_once(self):
@@ -361,7 +407,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(self.bus.exchange([b"GET / HTTP/1.1\r\n\r\n"]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b""]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([bytes(64 * 1024 + 1)]), pb.CODE_LIMIT)
-        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x01\x00"  # body 31
+        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x02\x00"  # body 47
         self.assert_refused(self.bus.exchange([later]), pb.CODE_UNSUPPORTED)
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
 
@@ -405,6 +451,8 @@ if __name__ == "__main__":
     parser.add_argument("--protos", required=True, type=pathlib.Path)
     parser.add_argument("--work", required=True, type=pathlib.Path)
     parser.add_argument("--protoc", default="protoc")
+    parser.add_argument("--server-key")
+    parser.add_argument("--key")
     OPTIONS, rest = parser.parse_known_args()
     generate(OPTIONS.protoc, OPTIONS.protos, OPTIONS.work)
     unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

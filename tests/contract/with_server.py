@@ -1,9 +1,11 @@
 #!/usr/bin/python3
-"""Runs a program against a server of its own: with_server.py --server SHEARBUS_SERVER -- COMMAND ARGS... where {endpoint} stands
-for the server's endpoint. Fails if the program does, or if the server does not stop cleanly on SIGTERM."""
+"""Runs a program against a server of its own: with_server.py --server SHEARBUS_SERVER [--ctl SHEARBUS_CTL] -- COMMAND ARGS...
+where {endpoint} stands for the server's endpoint. With --ctl the server listens on tcp and has keys, which that makes; {server_key}
+and {key} stand for the files that a client needs. Fails if the program does, or if the server does not stop cleanly on SIGTERM."""
 import argparse
 import pathlib
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -14,22 +16,40 @@ RUN_S = 240.0
 STOP_S = 10.0
 
 
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--server", required=True, help="path of shearbus-server")
+    parser.add_argument("--ctl", help="path of shearbus-ctl")
     parser.add_argument("command", nargs=argparse.REMAINDER)
     options = parser.parse_args()
     command = options.command[1:] if options.command[:1] == ["--"] else options.command
     with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
         path = pathlib.Path(directory, "bus")
-        server = subprocess.Popen([options.server, "--bind", f"ipc://{path}"])
+        words = {"{endpoint}": f"ipc://{path}"}
+        arguments = ["--bind", f"ipc://{path}"]
+        if options.ctl:
+            for name in ("server", "client"):
+                subprocess.run([options.ctl, "keygen", f"{directory}/{name}"], check=True)
+            words["{endpoint}"] = f"tcp://127.0.0.1:{free_port()}"
+            words["{server_key}"], words["{key}"] = f"{directory}/server.public", f"{directory}/client.secret"
+            arguments += ["--bind", words["{endpoint}"], "--curve-secret", f"{directory}/server.secret",
+                          "--authorized-keys", f"{directory}/client.public"]
+        server = subprocess.Popen([options.server, *arguments])
         try:
             deadline = time.monotonic() + START_S
             while not path.exists():
                 if server.poll() is not None or time.monotonic() > deadline:
                     sys.exit(f"the server did not start listening within {START_S} s (exit code {server.poll()})")
                 time.sleep(0.02)
-            code = subprocess.run([word.replace("{endpoint}", f"ipc://{path}") for word in command], timeout=RUN_S).returncode
+            for mark, value in words.items():
+                command = [word.replace(mark, value) for word in command]
+            code = subprocess.run(command, timeout=RUN_S).returncode
             if server.poll() is not None:
                 sys.exit(f"the server ended during the test with exit code {server.returncode}")
             server.send_signal(signal.SIGTERM)

@@ -67,23 +67,31 @@ class Incarnations {
   int started_ = 0;
 };
 
-// A host that steps a session and its twin on a server that is never killed, and compares.
+// A host that steps a session and its twin on a server that is never killed, and compares. Nodes come and go, and
+// wander between the session and a partner of the same domain.
 class Host {
  public:
   Host(const std::string& endpoint, Strategy strategy, std::size_t nodes, unsigned seed)
       : strategy_(strategy),
-        nodes_(support::node_ids(nodes)),
         random_(seed),
         client_({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 100ms}),
         twin_client_({.endpoint = embedded_.endpoint(), .context = embedded_.context()}),
-        session_(client_.open(support::scene_of(strategy), nodes_)),
-        twin_(twin_client_.open(support::scene_of(strategy), nodes_)) {}
+        domain_("host " + std::to_string(seed)),
+        session_(client_.open(support::scene_of(strategy), support::node_ids(nodes), {.domain = domain_})),
+        twin_(twin_client_.open(support::scene_of(strategy), support::node_ids(nodes), {.domain = domain_})),
+        partner_(client_.open(support::scene_of(strategy), {}, {.domain = domain_})),
+        partner_twin_(twin_client_.open(support::scene_of(strategy), {}, {.domain = domain_})) {}
 
   void step() {
     const int number = static_cast<int>(steps_++);
-    const Batch columns = support::step_columns(strategy_, nodes_, number);
     StepOptions options{.dt_s = 1e-9, .step = steps_};
-    const auto choice = random_() % 8;
+    const auto choice = random_() % 10;
+    if (choice >= 8) change_nodes(choice == 8);
+    const Batch columns = support::step_columns(strategy_, session_.node_ids(), number);
+    if (choice >= 8) {
+      const Batch of_partner = support::step_columns(strategy_, partner_.node_ids(), number);
+      same(partner_.advance(of_partner, options), partner_twin_.advance(of_partner, options), number);
+    }
     if (choice == 0) {
       same(session_.trial(columns, options), twin_.trial(columns, options), number);
       ASSERT_EQ(session_.rollback(), twin_.rollback()) << "step " << number;
@@ -103,11 +111,40 @@ class Host {
     const auto expected = twin_.close();
     EXPECT_EQ(totals.requests, expected.requests);
     EXPECT_EQ(totals.node_steps, expected.node_steps);
+    EXPECT_EQ(partner_.close().node_steps, partner_twin_.close().node_steps);
   }
-  std::uint64_t requests() const { return session_.last_sequence(); }
+  std::uint64_t moved() const { return moved_; }
+  std::uint64_t requests() const { return session_.last_sequence() + partner_.last_sequence(); }
   std::uint64_t compared() const { return compared_; }
 
  private:
+  void move(Session& from, Session& to, Session& from_twin, Session& to_twin, std::size_t count) {
+    std::vector<std::uint64_t> ids = from.node_ids();
+    ids.resize(std::min(ids.size(), count));
+    if (ids.empty()) return;
+    to.accept_nodes(from.offer_nodes(ids));
+    to_twin.accept_nodes(from_twin.offer_nodes(ids));
+    moved_ += ids.size();
+  }
+  void change_nodes(bool moves) {
+    ASSERT_EQ(session_.rollback(), twin_.rollback());  // a trial may stand
+    if (moves) {
+      if (partner_.node_ids().size() < 20 && session_.node_ids().size() > 7)
+        move(session_, partner_, twin_, partner_twin_, 1 + random_() % 5);
+      else
+        move(partner_, session_, partner_twin_, twin_, 20);
+    } else if (session_.node_ids().size() > 2) {
+      const std::vector<std::uint64_t> fresh = {next_id_, next_id_ + 1};
+      next_id_ += 2;
+      const std::vector<std::uint64_t> old(session_.node_ids().begin(), session_.node_ids().begin() + 2);
+      session_.register_nodes(fresh);
+      twin_.register_nodes(fresh);
+      session_.retire_nodes(old);
+      twin_.retire_nodes(old);
+    }
+    ASSERT_EQ(session_.node_ids(), twin_.node_ids());
+    ASSERT_EQ(partner_.node_ids(), partner_twin_.node_ids());
+  }
   void same(const StepResult& answer, const StepResult& expected, int number) {
     ASSERT_EQ(answer.upscale().state_version, expected.upscale().state_version) << "step " << number;
     ASSERT_EQ(answer.upscale().flagged_nodes, expected.upscale().flagged_nodes) << "step " << number;
@@ -122,13 +159,17 @@ class Host {
   }
 
   Strategy strategy_;
-  std::vector<std::uint64_t> nodes_;
   std::mt19937 random_;
   server::Embedded embedded_;
   Client client_;
   Client twin_client_;
+  std::string domain_;
   Session session_;
   Session twin_;
+  Session partner_;
+  Session partner_twin_;
+  std::uint64_t next_id_ = 10'000;
+  std::uint64_t moved_ = 0;
   std::uint64_t steps_ = 0;
   std::uint64_t compared_ = 0;
 };
@@ -140,6 +181,7 @@ TEST(Kill, MinusNineUnderLoadLosesNothing) {
   std::atomic<bool> stop{false};
   std::atomic<std::uint64_t> requests{0};
   std::atomic<std::uint64_t> compared{0};
+  std::atomic<std::uint64_t> moved{0};
   std::atomic<int> opened{0};
   std::vector<std::thread> hosts;
   for (unsigned i = 0; i < 3; ++i)
@@ -150,6 +192,7 @@ TEST(Kill, MinusNineUnderLoadLosesNothing) {
         while (!stop && !testing::Test::HasFatalFailure()) host.step();
         requests += host.requests();
         compared += host.compared();
+        moved += host.moved();
         host.close();
       } catch (const std::exception& fault) {
         ADD_FAILURE() << "host " << i << ": " << fault.what();
@@ -171,8 +214,8 @@ TEST(Kill, MinusNineUnderLoadLosesNothing) {
   for (std::thread& host : hosts) host.join();
   EXPECT_EQ(server.terminate(), 0) << server.log_text();
   std::cout << "kill -9: " << kills << " rounds, " << requests << " requests, " << compared
-            << " answers compared bit for bit, lost or run twice: " << (testing::Test::HasFailure() ? "SOME" : "0")
-            << "\n";
+            << " answers compared bit for bit, " << moved
+            << " nodes moved; lost or run twice: " << (testing::Test::HasFailure() ? "SOME" : "0") << "\n";
   RecordProperty("kills", kills);
   RecordProperty("requests", static_cast<int>(requests.load()));
 }
@@ -240,8 +283,11 @@ TEST(Kill, ASecondServerOnTheSameStatesDoesNotStart) {
 TEST(Kill, H5pyReadsACheckpoint) {
   Incarnations server;
   server.start();
-  Host host(server.endpoint(), Strategy::kVelocityDriven, 5, 1);
-  for (int i = 0; i < 3; ++i) host.step();
+  const auto nodes = support::node_ids(5);
+  Client client({.endpoint = server.endpoint()});
+  Session session = client.open(support::velocity_scene(), nodes);
+  for (int i = 0; i < 3; ++i)
+    session.advance(support::step_columns(Strategy::kVelocityDriven, nodes, i), {.dt_s = 1e-9});
   ASSERT_EQ(server.terminate(), 0);
   const std::string script =
       "import h5py,sys; f=h5py.File(sys.argv[1],'r'); s=list(f['sessions'].values())[0]; c=s['committed'];"
@@ -253,8 +299,7 @@ TEST(Kill, H5pyReadsACheckpoint) {
   support::Process python({"/usr/bin/python3", "-c", script, (server.state() / "checkpoint-000000000001.h5").string()},
                           (scratch.path() / "log").string());
   EXPECT_EQ(python.exit_code(30s), 0) << support::text_of(scratch.path() / "log");
-  server.start();
-  host.close();
+  session.leave();
 }
 
 }  // namespace

@@ -3,7 +3,8 @@
 // nothing ever happens: each call that is answered is made there as well, and the two answers must have the same bits.
 // So a request that is lost after its answer (P1), run twice (P2), changes something though refused (P3), or comes from
 // the dead (P4), a damaged checkpoint that is loaded (P5) and a replay that differs (P6) all show as a difference at
-// the next step.
+// the next step. Hosts register, retire and hand over nodes; a ledger holds every node that must be there, and in the
+// end the sessions and the offers that wait have each of them once.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -37,7 +38,7 @@ struct Packet {
 
 struct Tally {
   std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0,
-                checkpoints = 0;
+                checkpoints = 0, node_changes = 0, moved = 0, refused = 0;
 };
 
 class World {
@@ -126,7 +127,7 @@ class World {
     if (!server_ && now_ >= back_at_) start();
     if (!server_) return;
     const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
-    auto answer = server_->try_ask(std::span(frames, packet.payload.empty() ? 1 : 2));
+    auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1));
     if (disk_.dead() || server_->service.failed() || chance(60)) return crash();  // the answer, if any, is never sent
     if (answer)
       transmit(
@@ -167,7 +168,7 @@ class SimulatedConnection final : public Connection {
         auto payload = std::make_shared<std::vector<std::byte>>(std::move(got->payload));
         Received received{.payload_frame = payload, .reply = {}};
         const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(got->header)), *payload};
-        wire::decode(std::span(frames, payload->empty() ? 1 : 2), received.reply);
+        wire::decode(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1), received.reply);
         if (received.reply.request_id != request.request_id) continue;
         if (!received.reply.status.ok()) throw Error(received.reply.status);
         return received;
@@ -188,7 +189,7 @@ class SimulatedConnection final : public Connection {
 // A way to a service to which nothing happens.
 class DirectConnection final : public Connection {
  public:
-  DirectConnection() : Connection({}) {}
+  explicit DirectConnection(support::ServiceHarness& harness) : Connection({}), harness_(harness) {}
   Received call(const wire::Request& request, std::chrono::milliseconds) override {
     auto answer = std::make_shared<support::Answer>(harness_.ask(request));
     Received received{.payload_frame = answer, .reply = {}};
@@ -201,7 +202,7 @@ class DirectConnection final : public Connection {
   void say(const wire::Request&) noexcept override {}
 
  private:
-  support::ServiceHarness harness_;
+  support::ServiceHarness& harness_;
 };
 
 // The call's answer, however often it takes to get it.
@@ -217,33 +218,50 @@ auto insist(const Call& call) {
   }
 }
 
+// The nodes of a domain: every one that must be there, and the offers as host and reference know them.
+struct Ledger {
+  struct Offer {
+    unsigned giver;
+    TransferId transfer;
+    TransferId of_reference;
+    std::vector<std::uint64_t> nodes;
+    bool waits = true;  // neither accepted nor withdrawn
+  };
+  std::multiset<std::uint64_t> nodes;
+  std::vector<std::uint64_t> free;  // ids that were retired, to be used again
+  std::vector<Offer> offers;
+  std::uint64_t next_id = 1000;
+
+  void add(std::span<const std::uint64_t> ids) { nodes.insert(ids.begin(), ids.end()); }
+  void drop(std::span<const std::uint64_t> ids) {
+    for (const std::uint64_t id : ids) ASSERT_EQ(nodes.erase(id), 1u) << "node " << id;
+  }
+};
+
 class Host {
  public:
-  Host(World& world, Tally& tally, unsigned number)
+  Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& reference, unsigned number,
+       Strategy strategy)
       : world_(world),
         tally_(tally),
-        strategy_(number % 2 == 0 ? Strategy::kVelocityDriven : Strategy::kForceDriven),
-        nodes_(support::node_ids(3 + 6 * number)),
+        ledger_(ledger),
+        number_(number),
+        strategy_(strategy),
         connection_(std::make_shared<SimulatedConnection>(world)),
         client_(insist([&] { return Client(std::shared_ptr<Connection>(connection_)); })),
-        reference_client_(std::make_shared<DirectConnection>()),
-        session_(insist([&] { return client_.open(support::scene_of(strategy_), nodes_); })),
-        reference_(reference_client_.open(support::scene_of(strategy_), nodes_)) {}
+        reference_client_(std::make_shared<DirectConnection>(reference)),
+        session_(insist([&] { return client_.open(support::scene_of(strategy_), first_nodes(), {.domain = "run"}); })),
+        reference_(reference_client_.open(support::scene_of(strategy_), first_nodes(), {.domain = "run"})) {
+    ledger_.add(reference_.node_ids());
+  }
 
   void act() {
     ++tally_.calls;
     if (world_.chance(10)) return die_and_be_succeeded();
     if (world_.chance(12)) return ask_nonsense();
-    if (world_.chance(12)) {
-      const std::string name = "dump " + std::to_string(steps_);
-      last_mark_ = name;
-      ASSERT_EQ(insist([&] { return session_.mark(name).names; }), reference_.mark(name).names);
-      return;
-    }
-    if (!last_mark_.empty() && world_.chance(20)) {
-      ASSERT_EQ(insist([&] { return session_.rollback_to(last_mark_); }), reference_.rollback_to(last_mark_));
-      return;
-    }
+    if (world_.chance(12)) return mark();
+    if (!marks_.empty() && world_.chance(15)) return go_back();
+    if (world_.chance(3)) return change_nodes();
     const int number = steps_++;
     const unsigned choice = world_.random() % 4;
     if (choice == 0) {
@@ -259,6 +277,10 @@ class Host {
       if (choice == 3) step(number + 1, wire::Mode::kTrial, true);
     }
   }
+  const std::vector<std::uint64_t>& nodes() const { return session_.node_ids(); }
+  std::uint64_t nodes_of_server() {
+    return insist([&] { return client_.server_status().nodes; });
+  }
   void close() {
     const auto totals = insist([&] { return session_.close(); });
     const auto expected = reference_.close();
@@ -272,7 +294,7 @@ class Host {
     return mode == wire::Mode::kAdvance ? session.advance(columns, options) : session.trial(columns, options);
   }
   void step(int number, wire::Mode mode, bool commit_previous = false) {
-    const Batch columns = support::step_columns(strategy_, nodes_, number);
+    const Batch columns = support::step_columns(strategy_, nodes(), number);
     const StepResult& expected = made(reference_, columns, mode, commit_previous);
     const StepResult* answer = insist([&] { return &made(session_, columns, mode, commit_previous); });
     ASSERT_EQ(answer->upscale().state_version, expected.upscale().state_version);
@@ -285,8 +307,114 @@ class Host {
       ASSERT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end())) << "step " << number;
   }
 
+  std::vector<std::uint64_t> first_nodes() const { return support::node_ids(3 + 6 * number_, 100 * (number_ + 1)); }
+
+  std::vector<std::uint64_t> some_nodes() {
+    std::vector<std::uint64_t> picked = nodes();
+    std::shuffle(picked.begin(), picked.end(), world_.random);
+    picked.resize(std::min<std::size_t>(picked.size(), 1 + world_.random() % 5));
+    return picked;
+  }
+
+  // The code of the call, which must be the reference's.
+  template <typename Call, typename Expected>
+  Code both(const Call& call, const Expected& expected) {
+    const auto code_of = [](const auto& made) {
+      try {
+        made();
+        return Code::kOk;
+      } catch (const Error& fault) {
+        return fault.status().code;
+      }
+    };
+    const Code code = code_of([&] { insist(call); });
+    EXPECT_EQ(code, code_of(expected));
+    EXPECT_EQ(session_.node_ids(), reference_.node_ids());
+    if (code != Code::kOk) ++tally_.refused;
+    return code;
+  }
+
+  void change_nodes() {
+    ++tally_.node_changes;
+    switch (world_.random() % 4) {
+      case 0:
+        return register_some();
+      case 1:
+        return retire_some();
+      case 2:
+        return offer_some();
+      default:
+        return accept_one();
+    }
+  }
+  void register_some() {
+    std::vector<std::uint64_t> ids;
+    for (unsigned i = 0; i <= world_.random() % 5; ++i)
+      if (!ledger_.free.empty() && world_.chance(2)) {
+        ids.push_back(ledger_.free.back());
+        ledger_.free.pop_back();
+      } else {
+        ids.push_back(ledger_.next_id++);
+      }
+    if (world_.chance(10) && !ledger_.nodes.empty()) ids.push_back(*ledger_.nodes.begin());  // somebody has it
+    if (both([&] { return session_.register_nodes(ids), 0; }, [&] { reference_.register_nodes(ids); }) == Code::kOk)
+      ledger_.add(ids);
+  }
+  void retire_some() {
+    const auto ids = some_nodes();
+    if (ids.empty()) return;
+    if (both([&] { return session_.retire_nodes(ids), 0; }, [&] { reference_.retire_nodes(ids); }) != Code::kOk) return;
+    ledger_.drop(ids);
+    ledger_.free.insert(ledger_.free.end(), ids.begin(), ids.end());
+  }
+  void offer_some() {
+    Ledger::Offer offer{.giver = number_, .transfer = {}, .of_reference = {}, .nodes = some_nodes()};
+    if (offer.nodes.empty()) return;
+    if (both([&] { return offer.transfer = session_.offer_nodes(offer.nodes); },
+             [&] { offer.of_reference = reference_.offer_nodes(offer.nodes); }) == Code::kOk)
+      ledger_.offers.push_back(std::move(offer));
+  }
+  void accept_one() {
+    if (ledger_.offers.empty()) return;
+    Ledger::Offer& offer = ledger_.offers[world_.random() % ledger_.offers.size()];
+    std::vector<std::uint64_t> accepted;
+    if (both([&] { return accepted = session_.accept_nodes(offer.transfer); },
+             [&] { reference_.accept_nodes(offer.of_reference); }) != Code::kOk)
+      return;
+    ASSERT_TRUE(offer.waits) << "an offer was taken twice";
+    ASSERT_EQ(accepted, offer.nodes);
+    offer.waits = false;
+    tally_.moved += accepted.size();
+  }
+
+  void mark() {
+    const std::string name = "dump " + std::to_string(steps_);
+    ASSERT_EQ(insist([&] { return session_.mark(name).names; }), reference_.mark(name).names);
+    marks_.push_back({.name = name, .nodes = nodes(), .offers_before = ledger_.offers.size()});
+  }
+  // To one of the last marks, which may be gone, or have nodes that somebody else has now.
+  void go_back() {
+    const std::size_t newest = std::min<std::size_t>(3, marks_.size());
+    const Mark mark = marks_[marks_.size() - 1 - world_.random() % newest];
+    const auto before = nodes();
+    if (both([&] { return session_.rollback_to(mark.name); }, [&] { reference_.rollback_to(mark.name); }) != Code::kOk)
+      return;
+    const auto newest_of_name =
+        std::find_if(marks_.rbegin(), marks_.rend(), [&](const Mark& m) { return m.name == mark.name; });
+    ASSERT_EQ(nodes(), newest_of_name->nodes);
+    ledger_.drop(before);
+    for (std::size_t i = newest_of_name->offers_before; i < ledger_.offers.size(); ++i) {
+      Ledger::Offer& offer = ledger_.offers[i];
+      if (offer.giver != number_ || !std::exchange(offer.waits, false)) continue;
+      ledger_.drop(offer.nodes);
+    }
+    for (const std::uint64_t id : nodes()) std::erase(ledger_.free, id);
+    ledger_.add(nodes());
+  }
+
   void ask_nonsense() {
-    Batch columns = support::step_columns(strategy_, nodes_, 0);
+    if (nodes().size() < 2) return;
+    Batch columns = support::step_columns(strategy_, nodes(), 0);
     columns.f64(Field::kPressure)[1] = std::numeric_limits<double>::infinity();
     try {
       insist([&] { return &session_.advance(columns, {.dt_s = 1e-9}); });
@@ -296,15 +424,19 @@ class Host {
     }
   }
 
-  // The client is gone right after it has sent a step; its successor is told whether that step was run, and nothing
-  // that the dead one sent is run from then on.
+  // The client is gone right after it has sent a request; its successor is told whether that was run, and nothing that
+  // the dead one sent is run from then on. Nodes it had offered are not lost with it.
   void die_and_be_succeeded() {
     ++tally_.successors;
-    const Batch columns = support::step_columns(strategy_, nodes_, steps_++);
+    const Batch columns = support::step_columns(strategy_, nodes(), steps_++);
+    const auto offered = world_.chance(2) ? some_nodes() : std::vector<std::uint64_t>();
     const std::uint64_t before = session_.last_sequence();
     connection_->dies_next = true;
     try {
-      session_.advance(columns, {.dt_s = 1e-9});
+      if (offered.empty())
+        session_.advance(columns, {.dt_s = 1e-9});
+      else
+        session_.offer_nodes(offered);
     } catch (const Error&) {
     }
     const Session::Ticket ticket = session_.ticket();
@@ -312,42 +444,87 @@ class Host {
     connection_ = std::make_shared<SimulatedConnection>(world_);
     client_ = insist([&] { return Client(std::shared_ptr<Connection>(connection_)); });
     session_ = insist([&] { return client_.resume(ticket); });
-    ASSERT_EQ(session_.node_ids(), nodes_);
     ASSERT_LE(session_.last_sequence(), before + 1);
     ASSERT_GE(session_.last_sequence(), before);
-    if (session_.last_sequence() == before + 1) reference_.advance(columns, {.dt_s = 1e-9});
+    if (session_.last_sequence() == before + 1) {
+      if (offered.empty())
+        reference_.advance(columns, {.dt_s = 1e-9});
+      else
+        ledger_.offers.push_back({.giver = number_,
+                                  .transfer = session_.offers().back(),
+                                  .of_reference = reference_.offer_nodes(offered),
+                                  .nodes = offered});
+    }
+    std::vector<TransferId> waiting;
+    for (const Ledger::Offer& offer : ledger_.offers)
+      if (offer.giver == number_ && offer.waits) waiting.push_back(offer.transfer);
+    ASSERT_EQ(session_.offers(), waiting);
+    ASSERT_EQ(session_.node_ids(), reference_.node_ids());
   }
 
   World& world_;
   Tally& tally_;
+  Ledger& ledger_;
+  unsigned number_;
   Strategy strategy_;
-  std::vector<std::uint64_t> nodes_;
   std::shared_ptr<SimulatedConnection> connection_;
   Client client_;
   Client reference_client_;
   Session session_;
   Session reference_;
   int steps_ = 0;
-  std::string last_mark_;
+  struct Mark {
+    std::string name;
+    std::vector<std::uint64_t> nodes;
+    std::size_t offers_before;
+  };
+  std::vector<Mark> marks_;
 };
 
+// Every node there must be, once: in a session or in an offer that waits.
+void expect_none_lost_and_none_twice(const Ledger& ledger, std::span<const std::unique_ptr<Host>> hosts) {
+  std::multiset<std::uint64_t> found;
+  for (const auto& host : hosts) found.insert(host->nodes().begin(), host->nodes().end());
+  for (const Ledger::Offer& offer : ledger.offers)
+    if (offer.waits) found.insert(offer.nodes.begin(), offer.nodes.end());
+  ASSERT_EQ(found, ledger.nodes);
+  ASSERT_EQ(hosts.front()->nodes_of_server(), ledger.nodes.size());
+}
+
+// Three hosts of one domain; two have the same scene, so nodes can move between them.
 void simulate(unsigned seed, Tally& tally) {
   World world(seed, tally);
+  Ledger ledger;
+  support::ServiceHarness reference;
+  constexpr Strategy kStrategies[] = {Strategy::kVelocityDriven, Strategy::kForceDriven};
   std::vector<std::unique_ptr<Host>> hosts;
-  for (unsigned i = 0; i < 2; ++i) hosts.push_back(std::make_unique<Host>(world, tally, i));
-  for (int i = 0; i < 25; ++i) {
+  for (unsigned i = 0; i < 3; ++i)
+    hosts.push_back(
+        std::make_unique<Host>(world, tally, ledger, reference, i, kStrategies[(seed / 2 + (i == 2 ? 1 : 0)) % 2]));
+  for (int i = 0; i < 40; ++i) {
     hosts[world.random() % hosts.size()]->act();
-    if (testing::Test::HasFatalFailure()) return;
+    if (testing::Test::HasFailure()) return;
   }
+  expect_none_lost_and_none_twice(ledger, hosts);
   for (const auto& host : hosts) host->close();
 }
 
-// SHEARBUS_SEED runs one seed, SHEARBUS_SEEDS so many.
+// A late copy of an opening that had found the disk full (2682); an unlisted checkpoint that outlived its journal
+// (1407).
+TEST(Simulation, SeedsThatOnceFoundABugFindNone) {
+  Tally tally;
+  for (const unsigned seed : {1407U, 2682U}) {
+    SCOPED_TRACE(seed);
+    simulate(seed, tally);
+  }
+}
+
+// SHEARBUS_SEED runs that seed, SHEARBUS_SEEDS so many, from it on.
 TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
   const char* one = std::getenv("SHEARBUS_SEED");
   const char* many = std::getenv("SHEARBUS_SEEDS");
   const unsigned first = one != nullptr ? static_cast<unsigned>(std::atoi(one)) : 1;
-  const unsigned count = one != nullptr ? 1 : many != nullptr ? static_cast<unsigned>(std::atoi(many)) : 2000;
+  const unsigned count = many != nullptr ? static_cast<unsigned>(std::atoi(many)) : one != nullptr ? 1 : 300;
   Tally tally;
   for (unsigned seed = first; seed < first + count; ++seed) {
     SCOPED_TRACE("SHEARBUS_SEED=" + std::to_string(seed));
@@ -358,10 +535,13 @@ TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
     }
     if (HasFailure()) break;
   }
-  std::cout << count << " seeds: " << tally.calls << " calls, " << tally.crashes << " crashes, " << tally.disk_faults
-            << " servers with a planned disk fault, " << tally.checkpoints << " checkpoints, " << tally.damaged
-            << " of them damaged, " << tally.dropped << " messages lost, " << tally.repeated << " repeated, "
-            << tally.successors << " clients died; answers that differ: " << (HasFailure() ? "SOME" : "0") << "\n";
+  std::cout << count << " seeds from " << first << ": " << tally.calls << " calls, " << tally.crashes << " crashes, "
+            << tally.disk_faults << " servers with a planned disk fault, " << tally.checkpoints << " checkpoints, "
+            << tally.damaged << " of them damaged, " << tally.dropped << " messages lost, " << tally.repeated
+            << " repeated, " << tally.successors << " clients died, " << tally.node_changes
+            << " changes of the set of nodes, " << tally.moved
+            << " nodes moved; nodes lost or owned twice, answers that differ: " << (HasFailure() ? "SOME" : "0")
+            << "\n";
   EXPECT_GT(tally.crashes, count / 2);
 }
 

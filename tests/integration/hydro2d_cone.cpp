@@ -91,7 +91,8 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   const std::vector<double> temperature(nodes, 300.0);
   hydro::FreeSlipLaw free;
   hydro::StickLaw stick;
-  hydro::CoulombTrescaLaw macroscopic(scene.hydro->coulomb_tresca, problem.soft, problem.hard, temperature);
+  hydro::CoulombTrescaLaw macroscopic(scene.hydro->coulomb_tresca, problem.soft.strength, problem.hard.strength,
+                                      temperature);
   hydro::SubgridLaw subgrid(scene, hydro::node_ids(nodes), temperature);
   const Outcome outcomes[] = {run(scene, free), run(scene, stick), run(scene, macroscopic), run(scene, subgrid)};
   for (const Outcome& o : outcomes) {
@@ -104,7 +105,7 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   EXPECT_GT(slipping.slip, service.slip);
   EXPECT_GT(law5.end.friction_heat, 0.0);
   EXPECT_GT(service.hottest, 2.0 * law5.hottest);  // the layer's temperature, which no zone knows
-  EXPECT_LT(service.hottest, problem.soft.melting_temperature);
+  EXPECT_LT(service.hottest, problem.soft.strength.melting_temperature);
 }
 
 // A step the host takes back never happened: the next one gives every bit as if it had not been tried.

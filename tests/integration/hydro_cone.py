@@ -1,6 +1,7 @@
 """shearbus-hydro on a cone, as a user runs it: results are whole, readable and what the summary says."""
 import argparse
 import json
+import os
 import pathlib
 import re
 import subprocess
@@ -71,6 +72,24 @@ class Cone(unittest.TestCase):
         with h5py.File(out / "fields/mesh.h5") as mesh, h5py.File(out / "fields/00000.h5") as first:
             self.assertLess(mesh["quads"][:].max(), first["place"].shape[0])
             numpy.testing.assert_allclose(first["temperature"][:], 300.0, rtol=1e-12)
+
+    def test_neither_threads_nor_overlap_change_a_bit(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory, zone_width_m="0.22e-3", end_time_s="0.25e-6")  # bodies large enough for threads
+            runs = {}
+            for threads, flag in ((1, "--overlap"), (1, "--no-overlap"), (3, "--overlap")):
+                out = pathlib.Path(directory) / f"{threads}{flag}"
+                done = subprocess.run([OPTIONS.hydro, str(path), "--out", str(out), "--no-plot", flag], capture_output=True, text=True,
+                                      timeout=250, env={**os.environ, "OMP_NUM_THREADS": str(threads)})
+                self.assertEqual(done.returncode, 0, done.stderr)
+                runs[threads, flag] = out
+            first, *others = runs.values()
+            for other in others:
+                for name in ("interface.h5", "fields/00024.h5"):
+                    with h5py.File(first / name) as a, h5py.File(other / name) as b:
+                        for quantity in a:
+                            if quantity != "meta":
+                                numpy.testing.assert_array_equal(a[quantity][...], b[quantity][...], err_msg=f"{other} {name} {quantity}")
 
     def test_wrong_geometry_is_refused_by_place(self):
         with tempfile.TemporaryDirectory() as directory:

@@ -20,7 +20,7 @@ import numpy
 OPTIONS = None
 SEED = int(os.environ.get("SHEARBUS_SEED", "1"))
 KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # of each test
-NOT_COMPARED = {"run_time_s", "service_share"}  # of the summary
+NOT_COMPARED = {"run_time_s", "waiting_share", "cpu_share"}  # of the summary
 
 
 def shortened_cone(directory):
@@ -197,7 +197,7 @@ class Restart(unittest.TestCase):
         process.kill()
         process.communicate()
         dumps = sorted(out.glob("restart/dump-*.h5"))
-        self.assertEqual(len(dumps), 2)
+        self.assertGreaterEqual(len(dumps), 2)  # a kill between a new one and the removal of the oldest leaves three
         bytes_ = bytearray(dumps[-1].read_bytes())
         with h5py.File(dumps[-1]) as f:
             place = f["numbers/cycle/velocity"].id.get_chunk_info(0).byte_offset

@@ -1,4 +1,5 @@
 """The numbers a replay gives: the paper's velocity-driven case (server/physics/MODEL.md, exact solutions), loops, restarts."""
+import re
 import subprocess
 import unittest
 
@@ -83,6 +84,19 @@ class Results(ReplayTest):
         second = self.result(scene=self.path / "effective.toml")
         np.testing.assert_array_equal(first["shear_stress"], second["shear_stress"])
         np.testing.assert_array_equal(first["interface_temperature"], second["interface_temperature"])
+
+    def test_the_summary_tells_where_the_energy_went(self):
+        self.example("constant", "--steps", "300")
+        result = self.result()
+        line = next(line for line in result["text"].splitlines() if "layer, energy" in line)
+        work, soft, hard, plastic, elastic = (float(n) for n in re.findall(r"[0-9.]+(?:e[-+][0-9]+)?", line)[:5])
+        with h5py.File(self.history) as file:
+            jump = file["velocity_jump"][()]
+        expected = (result["shear_stress"] * jump * result["dt"][:, None]).sum() / jump.shape[1]
+        self.assertAlmostEqual(work / expected, 1.0, places=5)
+        self.assertAlmostEqual((soft + hard) / work, 1.0, places=5)  # all the work of the jump heats (DLP 18)
+        self.assertAlmostEqual(soft / result["friction_heat"].sum() * jump.shape[1], 1.0, places=5)
+        self.assertTrue(0.9 * work < plastic < work and 0.0 < elastic < 0.01 * work)
 
     def test_an_older_result_is_replaced_and_the_summary_says_so(self):
         self.write(**velocity_history())
@@ -211,6 +225,22 @@ class Loops(ReplayTest):
         result = self.result(scene=self.scene)
         self.assertIn("/initial_velocity_jump is not used", result["text"])
         self.assertTrue(np.all(result["velocity_jump_new"][-1] == result["velocity_jump_new"][-1][0]))
+
+    def test_slip_in_two_directions_keeps_its_components(self):
+        parts = force_history(steps=100, nodes=4)
+        self.write(**parts)
+        line = self.result(scene=self.scene)
+        turned = self.path / "plane.toml"
+        turned.write_text("tangential_components = 2\n" + self.scene.read_text())
+        angle = 0.6
+        vectors = ("initial_velocity_jump", "stress_minus", "stress_plus")
+        plane = {k: np.cos(angle) * v if k in vectors else v for k, v in parts.items()}
+        self.write(**plane, **{f"{k}_second": np.sin(angle) * parts[k] for k in vectors})
+        result = self.result(scene=turned)
+        for name in ("shear_stress", "sliding_velocity", "velocity_jump_new"):
+            np.testing.assert_allclose(result[name], np.cos(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
+            np.testing.assert_allclose(result[f"{name}_second"], np.sin(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(result["interface_temperature"], line["interface_temperature"], rtol=1e-10)
 
     def test_nodes_do_not_see_each_other(self):
         parts = force_history(steps=50, nodes=11)

@@ -113,7 +113,7 @@ TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
   const auto first = frames_of_reply(dealer);
   ASSERT_EQ(first.size(), 2u);
   // The same bytes again, also from another connection: the payload is the same, byte for byte.
-  RawDealer elsewhere(server_.endpoint("tcp"));
+  RawDealer elsewhere(server_.endpoint());
   for (RawDealer* from : {&dealer, &elsewhere, &dealer}) {
     from->send(request);
     const auto again = frames_of_reply(*from);

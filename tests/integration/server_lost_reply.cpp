@@ -135,11 +135,63 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   EXPECT_EQ(losses, 10);
 }
 
+// A trial in two halves is the same request: lost on the way there or back it is repeated, and runs once.
+TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
+  Client client(options());
+  Session session = client.open(support::force_scene(), kNodes);
+  Session twin = direct_.open(support::force_scene(), kNodes);
+  for (int step = 0; step < 9; ++step) {
+    const Batch request = columns(step);
+    const StepOptions how{.dt_s = 1e-9, .commit_previous = step > 0};
+    if (step % 3 == 1) bus_.replies_to_lose = 1;
+    if (step % 3 == 2) bus_.requests_to_lose = 1;
+    session.start_trial(request, how);
+    std::this_thread::sleep_for(5ms);  // the host's other work
+    const auto& a = session.finish_trial();
+    const auto& b = twin.trial(request, how);
+    ASSERT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa())) << step;
+    ASSERT_TRUE(std::ranges::equal(a.interface_temperature_k(), b.interface_temperature_k())) << step;
+  }
+  EXPECT_EQ(session.commit(), 9u);
+  EXPECT_EQ(direct_.server_status().node_steps, 2 * 9 * kNodes.size());
+  EXPECT_EQ(direct_.server_status().replayed, 3u);
+  EXPECT_THROW(session.finish_trial(), Error);
+}
+
+// What start_trial() sent is under way while the host works: the answer is there when it is asked for.
+TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
+  Client client(options());
+  Session session = client.open(support::force_scene(), kNodes);
+  const int seen = bus_.requests_seen;
+  session.start_trial(columns(0), {.dt_s = 1e-9});
+  const auto end = std::chrono::steady_clock::now() + 5s;
+  while (direct_.server_status().node_steps == 0 && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(1ms);
+  EXPECT_EQ(direct_.server_status().node_steps, kNodes.size());
+  EXPECT_EQ(bus_.requests_seen, seen + 1);
+  session.finish_trial();
+  EXPECT_EQ(bus_.requests_seen, seen + 1);
+}
+
 TEST_F(LostReply, ALostOpeningReplyOpensOneSession) {
   Client client(options());
   bus_.replies_to_lose = 2;
   Session session = client.open(support::force_scene(), kNodes);
   EXPECT_EQ(direct_.server_status().sessions, 1u);
+}
+
+TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
+  ClientOptions impatient = options();
+  impatient.reply_deadline = 400ms;
+  Client client(impatient);
+  bus_.replies_to_lose = 1000;
+  EXPECT_THROW(client.open(support::force_scene(), kNodes, {.domain = "run"}), Error);
+  bus_.replies_to_lose = 0;
+  // Another opening would find its nodes owned by a session that nobody knows.
+  Session session = client.open(support::force_scene(), kNodes, {.domain = "run"});
+  EXPECT_EQ(direct_.server_status().sessions, 1u);
+  Session other = client.open(support::force_scene(), support::node_ids(3), {.domain = "another"});
+  EXPECT_EQ(direct_.server_status().sessions, 2u);
 }
 
 TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {

@@ -47,7 +47,7 @@ void expect_same(const Rig& a, int i, const Rig& b, int j) {
   }
 }
 
-class PhysicsLanes : public ::testing::TestWithParam<Strategy> {};
+class PhysicsLanes : public ::testing::TestWithParam<Solver> {};
 
 TEST_P(PhysicsLanes, PermutedAndAloneGiveTheSameBits) {
   Draw draw(7);
@@ -131,10 +131,9 @@ TEST_P(PhysicsLanes, MirroredInputsGiveMirroredBits) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, PhysicsLanes, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsLanes,
+                         ::testing::Values(Solver::kVelocityDriven, Solver::kForceDriven, Solver::kInertia),
+                         [](const auto& test) { return name_of(test.param); });
 
 // (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) changes neither temperature nor stress, in the scheme
 // either.

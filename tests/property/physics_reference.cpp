@@ -15,11 +15,12 @@ struct Worst {
   int shapes = 0;  // shares of heat compared closely
 };
 
-// Relative agreement to expect of two roots of the same balance, each resolved to an ulp of T0: softening multiplies
-// it.
-double resolution(const Material& m, double T0) {
-  const double to_melting = m.melting_temperature - T0;
-  return 1e-10 + 4e-13 * 0.001 * m.melting_temperature * T0 / (to_melting * to_melting) / m.hardening_exponent;
+// Relative agreement to expect of two roots of the same balance. The last Newton step is below 1e-10 of the stress and
+// may cross the kink where a vertex begins to flow; each root is resolved to an ulp of T0, which softening multiplies.
+double resolution(const Material& m, double pressure, double T0) {
+  const Softening soften = softening(m, pressure, T0);
+  if (soften.g == 0.0) return 1.0;
+  return 5e-10 + 4e-13 * std::abs(soften.slope) * T0 / (std::max(soften.g, 1e-300) * flow_exponent(m));
 }
 
 void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const reference::NodeState& twin_state, int l,
@@ -27,7 +28,7 @@ void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const 
   const TileOutputs& out = rig.outputs;
   const Material soft = at_pressure(rig.model.options().soft, rig.inputs.pressure[l]);
   const double T_hottest = *std::max_element(twin_state.temperature.begin(), twin_state.temperature.end());
-  const double eps = resolution(soft, T_hottest);
+  const double eps = resolution(soft, rig.inputs.pressure[l], T_hottest);
   const double s = std::abs(twin.shear_stress);
   ASSERT_NEAR(out.shear_stress[l], twin.shear_stress, eps * s + 1e-6);
   ASSERT_NEAR(out.interface_temperature[l], twin.interface_temperature, 1e-9);
@@ -35,9 +36,9 @@ void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const 
                       rig.model.options().grid.thickness * std::abs(rig.inputs.soft_shear_rate[l]) +
                       rig.model.options().grid.thickness * s / (soft.shear_modulus * dt);
   // The printed (48) takes differences of strains: their rounding over dt is a velocity.
-  double strain = 1.0 / soft.hardening_coefficient;
+  double strain = strain_scale(soft);
   for (double ep : twin_state.plastic_strain) strain = std::max(strain, ep);
-  double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * soft.hardening_exponent);
+  double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * flow_exponent(soft));
   // Where both the interface and the layer yield, an ulp of T0 is a strain too; near melting one at the first vertex.
   if (rig.model.options().plastic_layer) noise += eps * strain * rig.model.options().grid.thickness / dt;
   const double melting_noise = (eps - 1e-10) * strain * rig.model.grid().weight[0] / dt;
@@ -55,7 +56,8 @@ void expect_agreement(const Rig& rig, const reference::NodeOutputs& twin, const 
     ASSERT_NEAR(rig.T(static_cast<int>(i), l), twin_state.temperature[i], 1e-9);
   }
   // The shape is a ratio of strains of the step: known as well as they are, at the hottest vertex worst.
-  const double share_noise = 1e-6 + 100.0 * noise / std::abs(twin.sliding_velocity) + 1e3 * resolution(soft, T_hottest);
+  const double share_noise = 1e-6 + 100.0 * noise / std::abs(twin.sliding_velocity) +
+                             1e3 * resolution(soft, rig.inputs.pressure[l], T_hottest);
   for (std::size_t i = 0; i < twin_state.heat_shape.size() && twin.sliding_velocity != 0.0; ++i) {
     ASSERT_NEAR(rig.heat_shape(static_cast<int>(i), l), twin_state.heat_shape[i], share_noise) << i;
     if (share_noise < 1e-4) ++worst.shapes;
@@ -75,7 +77,8 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   Draw draw(11);
   Worst worst;
   int compared = 0, ambiguous = 0, several = 0, sent_back = 0, second_order = 0, without_profile = 0;
-  for (int scene = 0; scene < (GetParam() == Strategy::kVelocityDriven ? 80 : 60); ++scene) {
+  int johnson_cook = 0, weakening = 0;
+  for (int scene = 0; scene < 80; ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
     if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
@@ -121,6 +124,8 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
         ++compared;
         second_order += options.time_integrator == TimeIntegrator::kSdirk2 && rig.outputs.outcome[l] == 0;
         without_profile += options.modes.has_value();
+        johnson_cook += is_johnson_cook(options.soft) && rig.outputs.sliding_velocity[l] != 0.0;
+        weakening += options.interface.friction_law != FrictionLaw{} && rig.outputs.regime[l] == Regime::kCoulomb;
       }
     }
   }
@@ -131,9 +136,12 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
       worst.slip);
   EXPECT_GT(compared, 2000);
   EXPECT_LT(several, compared / 100);
-  EXPECT_GT(second_order, 300);
+  EXPECT_GT(johnson_cook, 200);
+  EXPECT_GT(second_order, 100);
   if (GetParam() == Strategy::kVelocityDriven) {
-    EXPECT_GT(worst.shapes, 300);
+    EXPECT_GT(worst.shapes, 500);
+  } else {
+    EXPECT_GT(weakening, 50);
   }
 }
 

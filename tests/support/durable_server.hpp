@@ -14,27 +14,32 @@ namespace shearbus::support {
 
 struct DurableServer {
   explicit DurableServer(store::Storage& disk, store::Durability durability = store::Durability::kProcess,
-                         std::uint64_t epoch = 77, unsigned threads = 1)
+                         std::uint64_t epoch = 77, unsigned threads = 1,
+                         std::uint64_t max_state_bytes = std::uint64_t{8} << 30)
       : store(disk, {.durability = durability, .epoch = epoch}),
         pool(threads),
-        service({.epoch = epoch, .server_version = "test", .nodes_per_task = 4, .now_ns = [this] { return ++clock; }},
+        service({.epoch = epoch,
+                 .server_version = "test",
+                 .max_state_bytes = max_state_bytes,
+                 .nodes_per_task = 4,
+                 .now_ns = [this] { return ++clock; }},
                 pool, &store) {
     service.recover();
   }
 
   // Nothing where the service does not answer.
-  std::optional<Answer> try_ask(service::Frames frames) {
-    auto answered = service.handle(frames);
+  std::optional<Answer> try_ask(service::Frames frames, const service::Caller& caller = {}) {
+    auto answered = service.handle(frames, caller);
     if (!answered) return std::nullopt;
     Answer answer{.frames = std::move(*answered), .reply = {}};
     const std::span<const std::byte> sent[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
     wire::decode(std::span(sent, answer.frames.has_payload ? 2 : 1), answer.reply);
     return answer;
   }
-  Answer ask(const wire::Request& request) {
+  Answer ask(const wire::Request& request, const service::Caller& caller = {}) {
     const std::string header = wire::encode_header(request);
     const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
-    auto answer = try_ask(std::span(views, request.batch.columns().empty() ? 1 : 2));
+    auto answer = try_ask(std::span(views, request.batch.columns().empty() ? 1 : 2), caller);
     if (!answer) throw std::runtime_error("the service did not answer");
     return std::move(*answer);
   }

@@ -1,38 +1,14 @@
 // Interface laws with exact solutions, for tests of the mesh alone.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <limits>
 
-#include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/simple_laws.hpp"
 
 namespace shearbus::test {
 
-// |s| = limit while the interface slips, any s up to it while it sticks. limit 0: free slip; infinite: bonded bodies.
-class ConstantFrictionLaw : public hydro::InterfaceLaw {
- public:
-  explicit ConstantFrictionLaw(double limit) : limit_(limit) {}
-
-  void advance(const hydro::InterfaceInputs& in, hydro::InterfaceAnswer& out) override {
-    for (std::size_t i = 0; i < in.velocity_jump.size(); ++i) {
-      const hydro::FreeJump free = hydro::free_jump(in, i);
-      const double sticking = free.jump / free.compliance;
-      const bool sticks = std::abs(sticking) <= limit_;
-      out.shear_stress[i] = sticks ? sticking : std::copysign(limit_, sticking);
-      out.velocity_jump_new[i] = sticks ? 0.0 : free.jump - out.shear_stress[i] * free.compliance;
-      out.sliding_velocity[i] = 0.5 * (in.velocity_jump[i] + out.velocity_jump_new[i]);
-      out.interface_temperature[i] = 300.0;
-      out.friction_heat[i] = std::max(0.0, out.shear_stress[i] * out.sliding_velocity[i] * in.dt);
-      out.regime[i] = static_cast<std::uint8_t>(sticks ? wire::Regime::kStick : wire::Regime::kTresca);
-    }
-  }
-  hydro::LawTime time_spent() const override { return {}; }
-
- private:
-  double limit_;
-};
+using hydro::ConstantFrictionLaw;
 inline constexpr double kFreeSlip = 0.0;
 inline constexpr double kBonded = std::numeric_limits<double>::infinity();
 

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"
@@ -84,6 +85,7 @@ class Rig {
   double heat_shape(int vertex, int lane = 0) const {
     return committed[model.layout().heat_shape + vertex * kLanes + lane];
   }
+  double junction_strain(int lane = 0) const { return committed[model.layout().junction_strain + lane]; }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
 
   HeatGrid heat_grid() const {
@@ -94,6 +96,12 @@ class Rig {
 
   // (k/alpha) integral (T - reference) over all that conducts, with the weights of the conduction.
   double stored_heat(double reference, int lane = 0) const {
+    if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
+      // Without a profile: of a slab, whose mode of rate 0 is its mean temperature.
+      const double* rows = committed.data() + layout.heat_modes + lane;
+      const ModelOptions& o = model.options();
+      return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
+    }
     const HeatGrid grid = heat_grid();
     const double* rows = committed.data() + model.layout().first_temperature();
     double sum = 0.0;
@@ -131,9 +139,15 @@ class Rig {
     if (model.layout().sticking != TileLayout::kAbsent) {
       state.sticking = committed[model.layout().sticking + lane] != 0.0;
     }
+    if (model.layout().junction_strain != TileLayout::kAbsent) state.junction_strain = junction_strain(lane);
     if (model.layout().heat_shape != TileLayout::kAbsent) {
       for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }
+    const TileLayout& layout = model.layout();
+    for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
+      state.layer_velocity.push_back(committed[layout.layer_velocity + i * kLanes + lane]);
+    for (std::size_t i = 0; i < layout.num_stress_vertices && layout.num_velocity_cells > 0; ++i)
+      state.stress_field.push_back(committed[layout.shear_stress + i * kLanes + lane]);
     state.shear_stress = stress(lane);
     state.regime = static_cast<Regime>(static_cast<int>(committed[model.layout().regime + lane]));
     return state;

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <random>
+#include <string>
 
 #include "tests/support/physics_rig.hpp"
 
@@ -20,6 +22,33 @@ class Draw {
  private:
   std::mt19937_64 random_;
 };
+
+// The same metal under Johnson and Cook's law; what belongs to another law is not a number, so that using it shows.
+inline void follow_johnson_cook(Material& m, double B, double C, double rate, double exponent, double T_ref) {
+  m.flow_law = FlowLaws::place<JohnsonCook>();
+  m.hardening_modulus = B;
+  m.rate_coefficient = C;
+  m.reference_strain_rate = rate;
+  m.thermal_exponent = exponent;
+  m.reference_temperature = T_ref;
+  m.pressure_term = PressureTerm::kLinear;
+  m.yield_strength_max = m.hardening_coefficient = m.pressure_coefficient = m.temperature_coefficient = kNotGiven;
+}
+
+inline bool is_johnson_cook(const Material& m) {
+  return m.flow_law == FlowLaws::place<JohnsonCook>();
+}
+
+// How strongly strain follows stress: d ln(dep) / d ln(a) is at most the inverse of this.
+inline double flow_exponent(const Material& m) {
+  const bool rated = is_johnson_cook(m) && m.rate_coefficient > 0.0;
+  return rated ? std::min(m.hardening_exponent, m.rate_coefficient) : m.hardening_exponent;
+}
+
+// Strain of which the flow formulas take differences beside that of the state.
+inline double strain_scale(const Material& m) {
+  return is_johnson_cook(m) ? 1.0 : 1.0 / m.hardening_coefficient;
+}
 
 inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = paper_options(strategy);
@@ -45,14 +74,77 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   }
   if (draw.chance(0.3)) soft.melting_curve = MeltingCurve::kLindemann;
   if (draw.chance(0.3)) soft.pressure_term = PressureTerm::kCompressed;
+  if (draw.chance(0.3)) {
+    const double C = draw.chance(0.25) ? 0.0 : draw.log_uniform(1e-3, 0.2);
+    const double rate = draw.chance(0.5) ? 1.0 : draw.log_uniform(1e-3, 1e8);
+    follow_johnson_cook(soft, soft.yield_strength * draw.log_uniform(0.1, 5.0), C, rate, draw.log_uniform(0.4, 2.0),
+                        draw.chance(0.5) ? 300.0 : draw.uniform(1.0, 1000.0));
+  }
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
-  if (!options.taylor_quinney_factor && !options.plastic_layer && draw.chance(0.4))
-    options.time_integrator = TimeIntegrator::kSdirk2;
-  if (strategy == Strategy::kForceDriven && !options.hard_grid && !options.plastic_layer && draw.chance(0.7)) {
+  // Bodies of almost no mass reach slips of which the last digit melts what ends straight in temperature: a layer, or
+  // junctions that the slip has made strong.
+  const bool sudden = extreme && is_johnson_cook(soft);
+  if (sudden) options.plastic_layer = false;
+  if (strategy == Strategy::kForceDriven && !options.plastic_layer) {
+    const double part = draw.uniform(0.0, 1.0);  // junctions, weakening and the layer's flow exclude each other
+    if (part < 1.0 / 3.0 && !sudden) {
+      Material metal = soft;
+      metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
+      metal.yield_strength = options.interface.yield_strength;
+      metal.yield_strength_max =
+          draw.chance(0.5) ? metal.yield_strength * draw.uniform(0.9, 4.0) : std::numeric_limits<double>::infinity();
+      metal.hardening_coefficient = draw.chance(0.2) ? 0.0 : draw.log_uniform(0.1, 1000.0);
+      metal.hardening_exponent = draw.uniform(0.01, 1.0);
+      options.junctions = {draw.chance(0.3) ? 1.0 : draw.log_uniform(1e-3, 1.0),
+                           draw.log_uniform(extreme ? 1e-12 : 1e-9, 1e-5), metal};
+    } else if (part > 2.0 / 3.0) {
+      options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+      options.interface.friction_coefficient_fast = options.interface.friction_coefficient * draw.uniform(0.0, 1.5);
+      options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
+    }
+  }
+  const bool of_one_limit = !options.taylor_quinney_factor && !options.plastic_layer && !options.junctions &&
+                            options.interface.friction_law == FrictionLaw{} && !is_johnson_cook(soft);
+  if (of_one_limit && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (strategy == Strategy::kForceDriven && !options.hard_grid && !options.plastic_layer && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
   return options;
+}
+
+// A layer with inertia and what goes with it.
+inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
+  ModelOptions options;
+  do {
+    options = random_options(draw, Strategy::kVelocityDriven, extreme);
+  } while (is_johnson_cook(options.soft));
+  options.drive = Drive::kLayerShear;
+  options.taylor_quinney_factor.reset();
+  options.inertia = true;
+  options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
+  return options;
+}
+
+// Slip in two directions and what goes with it.
+inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, bool extreme) {
+  ModelOptions options = random_options(draw, strategy, extreme);
+  options.drive = Drive::kLayerShear;
+  options.tangential_components = 2;
+  return options;
+}
+
+// The solvers a node can be stepped by.
+enum class Solver { kVelocityDriven, kForceDriven, kInertia };
+
+inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
+  if (solver == Solver::kInertia) return random_inertia_options(draw, extreme);
+  return random_options(draw, solver == Solver::kForceDriven ? Strategy::kForceDriven : Strategy::kVelocityDriven,
+                        extreme);
+}
+
+inline std::string name_of(Solver solver) {
+  return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 
 inline double random_dt(Draw& draw, bool extreme) {

@@ -27,6 +27,7 @@ class RawDealer {
   explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000)
       : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
+    socket_.set(zmq::sockopt::sndtimeo, 1000);  // to a server that has refused the connection nothing can be sent
     socket_.set(zmq::sockopt::rcvhwm, receive_hwm);
     socket_.connect(endpoint);
   }

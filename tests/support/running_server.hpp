@@ -19,8 +19,9 @@ using ScratchDirectory = test::Scratch;
 
 class RunningServer {
  public:
-  explicit RunningServer(const server::ServerOptions& options = {}, const std::vector<std::string>& endpoints = {})
-      : stop_(::eventfd(0, EFD_CLOEXEC)), server_(options) {
+  explicit RunningServer(const server::ServerOptions& options = {}, const std::vector<std::string>& endpoints = {},
+                         const server::Log& log = {})
+      : stop_(::eventfd(0, EFD_CLOEXEC)), server_(open_to_tests(options), log) {
     std::vector<std::string> wanted = endpoints;
     if (wanted.empty()) wanted = {scratch_.ipc(), "tcp://127.0.0.1:*", "inproc://test"};
     for (const std::string& endpoint : wanted) endpoints_.push_back(server_.bind(endpoint));
@@ -57,10 +58,17 @@ class RunningServer {
   }
   Client client(const std::string& scheme = "ipc") { return Client(client_options(scheme)); }
 
+  server::Server& server() { return server_; }
+
   // Counters; only when stopped, or in a quiet moment after a reply.
   const transport::RouterCounters& transport() const { return server_.transport(); }
 
  private:
+  static server::ServerOptions open_to_tests(server::ServerOptions options) {
+    options.insecure_plaintext = options.curve_secret.empty();
+    return options;
+  }
+
   ScratchDirectory scratch_;
   int stop_;
   server::Server server_;

@@ -45,6 +45,7 @@ class Process {
     }
   }
 
+  pid_t id() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
 
   // Exit code (128 + n for signal n), or nothing where it still runs after the time.
@@ -75,8 +76,11 @@ inline std::string text_of(const std::filesystem::path& file) {
 
 class ServerProcess {
  public:
-  explicit ServerProcess(std::vector<std::string> arguments) : log_(scratch_.path() / "log") {
+  // `launcher`: a command that becomes the server, such as "/usr/bin/env NAME=VALUE".
+  explicit ServerProcess(std::vector<std::string> arguments, const std::vector<std::string>& launcher = {})
+      : log_(scratch_.path() / "log") {
     arguments.insert(arguments.begin(), SHEARBUS_BINARY_DIR "/bin/shearbus-server");
+    arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     process_.emplace(std::move(arguments), log_.string());
   }
   bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) const {

@@ -27,8 +27,8 @@ struct ServiceHarness {
   explicit ServiceHarness(unsigned threads = 1, service::ServiceOptions options = {})
       : pool(threads), service(complete(std::move(options)), pool) {}
 
-  Answer ask_bytes(service::Frames frames) {
-    auto answered = service.handle(frames);
+  Answer ask_bytes(service::Frames frames, const service::Caller& caller = {}) {
+    auto answered = service.handle(frames, caller);
     if (!answered) throw std::runtime_error("the service did not answer");
     Answer answer{.frames = std::move(*answered), .reply = {}};
     const std::span<const std::byte> views[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
@@ -36,10 +36,10 @@ struct ServiceHarness {
     return answer;
   }
 
-  Answer ask(const wire::Request& request) {
+  Answer ask(const wire::Request& request, const service::Caller& caller = {}) {
     const std::string header = wire::encode_header(request);
     const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
-    return ask_bytes(std::span(views, request.batch.columns().empty() ? 1 : 2));
+    return ask_bytes(std::span(views, request.batch.columns().empty() ? 1 : 2), caller);
   }
 
   static wire::SessionId id(std::uint8_t number) {

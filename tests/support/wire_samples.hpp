@@ -125,7 +125,22 @@ inline std::vector<std::pair<std::string, Request>> requests() {
       std::move(more_nodes));
   add("resume_session", ResumeSession{.resume_token = session_id(), .claim = 3, .claimant = 77});
   add("mark", Mark{.name = "dump 17"});
+  add("checkpoint", Checkpoint{});
+  add("drain", Drain{.exit = true});
+  add("inspect", Inspect{.after = session_id(), .top = Top::kMolten, .count = 5});
   add("rollback_to_mark", Rollback{.to_mark = "dump 17"});
+  const auto some_nodes = [&](std::span<const Field> fields) {
+    Batch batch = Batch::of(fields, 2);
+    batch.u64(Field::kNodeId)[1] = 1ULL << 63;
+    for (double& value : batch.f64(Field::kInitialTemperature)) value = 300.0;
+    return batch;
+  };
+  add("open_session_in_a_domain", OpenSession{.scene = scene(), .session_id = session_id(), .domain = "crash 7"});
+  add("downscale_all_or_nothing", Downscale{.dt_s = 1e-9, .policy = Policy::kAllOrNothing}, step_columns(2));
+  add("register_nodes", RegisterNodes{}, some_nodes(opening));
+  add("retire_nodes", RetireNodes{}, some_nodes(std::span(opening, 1)));
+  add("offer_nodes", OfferNodes{.transfer_id = session_id()}, some_nodes(std::span(opening, 1)));
+  add("accept_nodes", AcceptNodes{.transfer_id = session_id()});
   return all;
 }
 
@@ -138,9 +153,10 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
   add("welcome", Welcome{.protocol_major = 1,
                          .protocol_minor = 0,
                          .server_version = "0.1.0",
-                         .limits = {1, 2, 3, 4, 5},
+                         .limits = {1, 2, 3, 4, 5, 6, 7},
                          .capabilities = {"trial", "mask"},
-                         .durability = "none"});
+                         .durability = "none",
+                         .access = "key"});
   add("session_opened",
       SessionOpened{.effective_scene = scene(), .bytes_per_node = 16384, .warnings = {"thin layer", "weak hard side"}});
   Reply& upscale =
@@ -156,10 +172,55 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
                                             .last_sequence = 14,
                                             .state_version = 15,
                                             .trial_stands = true,
-                                            .claim = 2});
+                                            .claim = 2,
+                                            .offers = {session_id(), session_id()}});
   const Field node_id[] = {Field::kNodeId};
   resumed.batch = Batch::of(node_id, 2);
+  Reply& accepted = add("nodes_changed", NodesChanged{.nodes = 17});
+  accepted.batch = Batch::of(node_id, 3);
+  Reply& back = add("rolled_back_to_mark", RolledBack{.state_version = 3});
+  back.batch = Batch::of(node_id, 1);
   add("marked", Marked{.state_version = 16, .names = {"dump 16", "dump 17"}});
+  add("checkpointed", Checkpointed{.bytes = 17, .duration_ns = 18});
+  add("draining", Draining{.sessions = 19});
+  Reply& inspected = add("inspected", Inspected{.sessions = {{.session_id = session_id(),
+                                                              .name = "sample",
+                                                              .identity = "uid 1000",
+                                                              .nodes = 20,
+                                                              .last_sequence = 21,
+                                                              .state_version = 22,
+                                                              .trial_stands = true,
+                                                              .age_ns = 23,
+                                                              .idle_ns = 24,
+                                                              .state_bytes = 25,
+                                                              .requests = 26,
+                                                              .node_steps = 27,
+                                                              .solver_ns = 28}},
+                                                .more = true,
+                                                .matching = 29});
+  inspected.batch = answer_columns(2);
+  ServerStatus full{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, "0.1.0"};
+  full.histograms = {{.name = "request", .verb = "downscale", .counts = {0, 300, 2}, .sum_ns = 31}};
+  full.refusals = {{.code = 301, .count = 32}};
+  full.journal_records = 33;
+  full.journal_bytes = 34;
+  full.recovered_requests = 35;
+  full.checkpoints = 36;
+  full.checkpoints_failed = 37;
+  full.checkpoint_bytes = 38;
+  full.checkpoint_age_ns = 39;
+  full.messages_received = 40;
+  full.messages_sent = 41;
+  full.answers_undeliverable = 42;
+  full.messages_without_user = 43;
+  full.connections_admitted = 44;
+  full.connections_refused = 45;
+  full.admitting = true;
+  full.draining = true;
+  full.resident_bytes = 46;
+  full.open_files = 47;
+  full.max_open_files = 48;
+  add("server_status_in_full", std::move(full));
   Reply& refusal = add("refusal", std::monostate{});
   refusal.status = {.code = Code::kInvalidValue,
                     .text = "pressure_pa of node 7 is nan, expected a finite number",

@@ -4,6 +4,8 @@
 #include <numbers>
 #include <random>
 
+#include "hydro_stub/simple_laws.hpp"
+#include "hydro_stub/verification/exact.hpp"
 #include "tests/support/hydro2d.hpp"
 #include "tests/support/hydro2d_plates.hpp"
 #include "tests/support/hydro_laws.hpp"
@@ -39,10 +41,6 @@ Bodies two_blocks(Symmetry symmetry, int soft_across, int hard_across, double sl
   return bodies;
 }
 
-double density_at(const MieGrueneisen& m, double pressure) {
-  return root(0.9 * m.density, 1.5 * m.density, [&](double rho) { return Eos(m).at(rho, 0.0).pressure - pressure; });
-}
-
 TEST(Hydro2dSlideLine, BothSidesOfEveryWeightCancel) {
   for (const Symmetry symmetry : kBoth) {
     const Bodies bodies = two_blocks(symmetry, 7, 5, 0.4);
@@ -75,8 +73,8 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
     for (const double slope : {0.0, 0.4}) {
       Bodies bodies = two_blocks(symmetry, 7, 5, slope);
       const lagrange::Block soft = bodies.mesh.blocks()[0], hard = bodies.mesh.blocks()[1];
-      fill(bodies, 0, density_at(aluminium_6061(), kPressure), 0.0, {});
-      fill(bodies, 1, density_at(steel_304(), kPressure), 0.0, {});
+      fill(bodies, 0, hydro::density_at(aluminium_6061(), kPressure), 0.0, {});
+      fill(bodies, 1, hydro::density_at(steel_304(), kPressure), 0.0, {});
       for (const Side side : {Side::kLeft, Side::kRight, Side::kTop})
         bodies.loads.push_back({soft.side(side), kPressure});
       for (const Side side : {Side::kLeft, Side::kRight, Side::kBottom})
@@ -214,6 +212,54 @@ TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
     EXPECT_LE(sum, strain * (1.0 + 1e-12));
     EXPECT_GT(sum, 0.9 * strain) << "angle " << angle;
   }
+}
+
+// Pulls neighbouring nodes apart the first time it is asked, and is no friction at all after that.
+class TearsOnce : public hydro::FreeSlipLaw {
+ public:
+  explicit TearsOnce(bool tears) : tears_(tears) {}
+  void advance(const hydro::InterfaceInputs& inputs, hydro::InterfaceAnswer& answer) override {
+    FreeSlipLaw::advance(inputs, answer);
+    asked_for.push_back(inputs.dt);
+    for (std::size_t i = 0; tears_ && i < answer.shear_stress.size(); ++i)
+      answer.shear_stress[i] = i % 2 == 0 ? 2e13 : -2e13;
+    tears_ = false;
+  }
+  void take_back() override { ++taken_back; }
+
+  std::vector<double> asked_for;  // dt  [s]
+  int taken_back = 0;
+
+ private:
+  bool tears_;
+};
+
+// The law is told to forget the step, asked again for a shorter one, and nothing is left of the first.
+TEST(Hydro2dSlideLine, AStepThatTheLawsAnswerSpoilsIsTakenBackFromTheLawToo) {
+  Plates p;
+  p.length = 1e-3;
+  p.width = 50e-6;
+  Bodies bodies = plates(p);
+  Bodies shorter = bodies;
+  bodies.time_step.first = 1e-9;
+  shorter.time_step.first = 0.25e-9;
+  TearsOnce law(true), calm(false);
+  Cycle cycle(std::move(bodies), &law);
+  Cycle other(std::move(shorter), &calm);
+  cycle.advance(1.0);
+  other.advance(1.0);
+  EXPECT_EQ(cycle.rejected_steps(), 1u);
+  EXPECT_EQ(law.taken_back, 1);
+  EXPECT_EQ(law.asked_for, (std::vector<double>{1e-9, 0.25e-9}));
+  EXPECT_EQ(calm.taken_back, 0);
+  const lagrange::State &a = cycle.state(), &b = other.state();
+  for (std::size_t n = 0; n < a.velocity.size(); ++n) {
+    ASSERT_EQ(a.velocity[n].x, b.velocity[n].x);
+    ASSERT_EQ(a.velocity[n].y, b.velocity[n].y);
+    ASSERT_EQ(a.position[n].x, b.position[n].x);
+  }
+  EXPECT_EQ(a.energy, b.energy);
+  EXPECT_EQ(a.deviator_xy, b.deviator_xy);
 }
 
 // A gap of a fifth of a zone closes on time: the soft block feels nothing before.

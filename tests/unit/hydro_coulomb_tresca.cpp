@@ -13,10 +13,9 @@
 namespace shearbus {
 namespace {
 
-using hydro::CoulombBranch;
 using hydro::ShearColumn;
 
-const CoulombBranch kPaper{.at_rest = 0.3, .fast = 0.02, .decay = 0.01};
+const physics::VelocityWeakening kPaper{.at_rest = 0.3, .fast = 0.02, .decay = 0.01};
 
 physics::Material catalog_material(const char* name) {
   return physics::make_material(name, {}).material;
@@ -29,7 +28,7 @@ TEST(CoulombTresca, SlidesInTheStateThatSlipsMost) {
     const double pressure = std::pow(10.0, std::uniform_real_distribution(7.0, 11.0)(random));
     const double velocity = std::uniform_real_distribution(0.1, 500.0)(random);
     const double compliance = std::pow(10.0, std::uniform_real_distribution(-8.0, -6.0)(random));
-    const double found = hydro::coulomb_stress(kPaper, pressure, velocity, compliance);
+    const double found = physics::sliding_stress(kPaper, pressure, velocity, compliance);
     const auto residual = [&](double s) { return kPaper.coefficient(velocity - compliance * s) * pressure - s; };
     ASSERT_LT(std::abs(residual(found)), 1e-11 * pressure) << draw;
     // Nothing below the answer is a root: the residual stays positive there.
@@ -45,8 +44,8 @@ TEST(CoulombTresca, SlidesInTheStateThatSlipsMost) {
 }
 
 TEST(CoulombTresca, FrictionThatRisesWithVelocityHasItsRootToo) {
-  const CoulombBranch rising{.at_rest = 0.1, .fast = 0.4, .decay = 0.01};
-  const double found = hydro::coulomb_stress(rising, 1e9, 100.0, 1.5e-7);
+  const physics::VelocityWeakening rising{.at_rest = 0.1, .fast = 0.4, .decay = 0.01};
+  const double found = physics::sliding_stress(rising, 1e9, 100.0, 1.5e-7);
   EXPECT_NEAR(found, rising.coefficient(100.0 - 1.5e-7 * found) * 1e9, 1e-3);
 }
 

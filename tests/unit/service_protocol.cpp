@@ -69,7 +69,8 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
   const wire::ServerStatus status = harness.service.status();
   EXPECT_EQ(status.sessions, 1u);
   EXPECT_EQ(status.nodes, kNodes.size());
-  EXPECT_EQ(status.state_bytes, 16 * opened.bytes_per_node);
+  const std::uint64_t reply_row = (GetParam() == Strategy::kForceDriven ? 5 : 4) * 8 + 2;  // of the kept reply
+  EXPECT_EQ(status.state_bytes, 16 * (opened.bytes_per_node - reply_row));
   EXPECT_EQ(harness.log.size(), 1u);
 }
 
@@ -212,6 +213,32 @@ TEST_P(ServiceOf, OnlyWantedColumnsAreSent) {
   ASSERT_EQ(some.reply.batch.columns().size(), 2u);
   EXPECT_TRUE(std::ranges::equal(some.reply.batch.f64(Field::kShearStress), all.reply.batch.f64(Field::kShearStress)));
   EXPECT_TRUE(std::ranges::equal(some.reply.batch.u8(Field::kRegime), all.reply.batch.u8(Field::kRegime)));
+}
+
+TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
+  ServiceHarness plain, asking;
+  for (ServiceHarness* h : {&plain, &asking}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  double work = 0.0;
+  for (int step = 1; step <= 5; ++step) {
+    const auto sequence = static_cast<std::uint64_t>(step);
+    wire::Request wanting = ServiceHarness::step(sequence, columns(step));
+    std::vector<Field>& wanted = std::get<wire::Downscale>(wanting.body).wanted;
+    wanted = {Field::kShearStress, Field::kFrictionHeat};
+    wanted.insert(wanted.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
+    const Answer without = plain.ask(ServiceHarness::step(sequence, columns(step)));
+    const Answer with = asking.ask(wanting);
+    ASSERT_TRUE(with.reply.status.ok()) << describe(with.reply.status);
+    for (const Field term : wire::kLedgerColumns) EXPECT_FALSE(without.reply.batch.has(term));
+    EXPECT_TRUE(
+        std::ranges::equal(with.reply.batch.f64(Field::kShearStress), without.reply.batch.f64(Field::kShearStress)));
+    for (std::size_t row = 0; row < kNodes.size(); ++row) {
+      const auto of = [&](Field field) { return with.reply.batch.f64(field)[row]; };
+      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: its share enters at once
+      ASSERT_NEAR(of(Field::kHeatResidual), 0.0, 1e-9 * (of(Field::kFrictionHeat) + 1.0));
+      work += of(Field::kInterfaceWork);
+    }
+  }
+  EXPECT_GT(work, 0.0);
 }
 
 TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {

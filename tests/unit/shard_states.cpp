@@ -23,7 +23,15 @@ struct Outputs {
 
   explicit Outputs(std::size_t rows)
       : stress(rows), slip(rows), temperature(rows), jump(rows), heat(rows), regime(rows), outcome(rows) {}
-  StepOutputs spans() { return {stress, slip, temperature, jump, heat, regime, outcome}; }
+  StepOutputs spans() {
+    return {.shear_stress = stress,
+            .sliding_velocity = slip,
+            .interface_temperature = temperature,
+            .velocity_jump_new = jump,
+            .friction_heat = heat,
+            .regime = regime,
+            .outcome = outcome};
+  }
 
   // Every output of one row, as bits.
   std::vector<std::uint8_t> row_bits(std::size_t row) const {

@@ -40,6 +40,19 @@ Column with(Column column, auto change) {
   return column;
 }
 
+TEST(Batch, VectorsHaveASecondColumnWhereAskedFor) {
+  const Field fields[] = {Field::kVelocityJump, Field::kPressure, Field::kShearStress};
+  const Batch line = Batch::of(fields, 3);
+  EXPECT_EQ(line.columns().size(), 3U);
+  EXPECT_FALSE(line.has(Field::kVelocityJump, 1));
+  Batch plane = Batch::of(fields, 3, 2);
+  EXPECT_EQ(plane.columns().size(), 5U);
+  EXPECT_FALSE(plane.has(Field::kPressure, 1));
+  plane.f64(Field::kVelocityJump, 1)[2] = 7.0;
+  EXPECT_EQ(plane.f64(Field::kVelocityJump)[2], 0.0);
+  EXPECT_EQ(plane.f64(Field::kVelocityJump, 1)[2], 7.0);
+}
+
 TEST(Batch, ColumnsOfItsOwnStartAtZeroAndApart) {
   const Field fields[] = {Field::kRegime, Field::kVelocityJump, Field::kOutcome, Field::kNodeId};
   Batch batch = Batch::of(fields, 5);

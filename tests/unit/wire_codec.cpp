@@ -159,7 +159,7 @@ TEST(Codec, NewerMinorVersionMayAddFieldsButNotMeanings) {
 }
 
 TEST(Codec, VerbOfALaterVersionIsUnsupported) {
-  for (std::uint32_t number = 25; number <= 31; ++number) {
+  for (const std::uint32_t number : {32U, 47U}) {
     EXPECT_EQ(code_of(envelope() + field(number, std::string())), Code::kUnsupported);
     EXPECT_EQ(code_of(envelope(1, 9) + field(number, std::string())), Code::kUnsupported);
   }
@@ -360,7 +360,7 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       }
       if (samples::frames_of(found).frames == whole.frames) ++unseen;
     }
-    EXPECT_LE(unseen, 6U) << name;
+    EXPECT_LE(unseen, 2 * 6U) << name;  // no sample has more than two of them
   }
 }
 
@@ -418,7 +418,7 @@ std::map<int, std::string> proto_values(const std::string& prefix) {
 
 TEST(Names, AreThoseOfTheSchema) {
   auto columns = proto_values("FIELD_");
-  EXPECT_EQ(columns.size(), 18U);
+  EXPECT_EQ(columns.size(), 27U);
   columns.erase(0);
   for (auto& [number, expected] : columns) {
     std::ranges::transform(expected, expected.begin(),
@@ -426,7 +426,7 @@ TEST(Names, AreThoseOfTheSchema) {
     EXPECT_EQ(name(static_cast<Field>(number)), expected);
   }
   const auto codes = proto_values("CODE_");
-  EXPECT_EQ(codes.size(), 25U);
+  EXPECT_EQ(codes.size(), 33U);
   for (const auto& [number, expected] : codes) EXPECT_EQ(name(static_cast<Code>(number)), expected);
 }
 

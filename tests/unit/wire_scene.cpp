@@ -256,11 +256,18 @@ class RandomScene {
     if (scene.strategy == Strategy::kVelocityDriven && scene.hard_layer &&
         scene.velocity_driven.drive == Drive::kLayerShear)
       scene.velocity_driven.taylor_quinney_factor = number(1e-3, 1);
+    scene.layer.inertia = scene.strategy == Strategy::kVelocityDriven && flip() &&
+                          scene.velocity_driven.drive == Drive::kLayerShear &&
+                          !scene.velocity_driven.taylor_quinney_factor;
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
     if (scene.strategy == Strategy::kForceDriven)
       scene.interface->plastic_layer = scene.layer.heat == Heat::kProfile && flip();
-    if (!scene.velocity_driven.taylor_quinney_factor && !(scene.interface && scene.interface->plastic_layer) && flip())
+    if (scene.strategy == Strategy::kForceDriven && !scene.interface->plastic_layer) scene.junctions = junctions();
+    if (!scene.layer.inertia && scene.velocity_driven.drive == Drive::kLayerShear)
+      scene.tangential_components = flip() ? 1 : 2;
+    if (!scene.velocity_driven.taylor_quinney_factor && !(scene.interface && scene.interface->plastic_layer) &&
+        !scene.junctions && !scene.layer.inertia && scene.tangential_components == 1 && flip())
       scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     if (flip()) scene.hydro = hydro();
     return scene;
@@ -288,7 +295,15 @@ class RandomScene {
     if (flip()) body.given.emplace_back("density_kg_per_m3", number(1, 1e5));
     if (flip()) body.given.emplace_back("hardening_coefficient", flip() ? 0.0 : number(1e-5, 1e6));
     if (flip()) body.given.emplace_back("pressure_coefficient_per_pa", number(1e-13, 1e-6));
+    if (flip()) body.flow_law = FlowLaw::kSteinbergCochranGuinan;
     return body;
+  }
+  Junctions junctions() {
+    Junctions junctions{.contact_fraction = number(1e-3, 1), .height_m = number(1e-12, 1e-3)};
+    if (flip()) junctions.yield_strength_max_pa = number(1e6, 1e12);
+    if (flip()) junctions.hardening_coefficient = number(1e-3, 1e6);
+    if (flip()) junctions.hardening_exponent = number(1e-3, 1);
+    return junctions;
   }
   HardLayer hard_layer() {
     HardLayer layer;
@@ -340,6 +355,8 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.soft.pressure_term, scene.soft.pressure_term);
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
+    ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
+    ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.layer.time_integrator, scene.layer.time_integrator);
     ASSERT_EQ(again.layer.heat, scene.layer.heat);
     ASSERT_EQ(again.layer.modes.has_value(), scene.layer.modes.has_value());
@@ -353,6 +370,14 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
       ASSERT_EQ(again.interface->friction_coefficient, scene.interface->friction_coefficient);
       ASSERT_EQ(again.interface->yield_strength_pa, scene.interface->yield_strength_pa);
       ASSERT_EQ(again.interface->plastic_layer, scene.interface->plastic_layer);
+    }
+    ASSERT_EQ(again.junctions.has_value(), scene.junctions.has_value());
+    if (scene.junctions) {
+      ASSERT_EQ(again.junctions->contact_fraction, scene.junctions->contact_fraction);
+      ASSERT_EQ(again.junctions->height_m, scene.junctions->height_m);
+      ASSERT_EQ(again.junctions->yield_strength_max_pa, scene.junctions->yield_strength_max_pa);
+      ASSERT_EQ(again.junctions->hardening_coefficient, scene.junctions->hardening_coefficient);
+      ASSERT_EQ(again.junctions->hardening_exponent, scene.junctions->hardening_exponent);
     }
     ASSERT_EQ(again.hard_layer.has_value(), scene.hard_layer.has_value());
     if (scene.hard_layer) {
@@ -398,6 +423,22 @@ TEST(CheckScene, APlasticLayerIsAnOptionOfForceDriven) {
   EXPECT_TRUE(check_scene(scene).ok());
   scene.strategy = Strategy::kVelocityDriven;
   EXPECT_EQ(check_scene(scene).field, "interface.plastic_layer");
+}
+
+TEST(CheckScene, JunctionsAreOfForceDrivenAndOfALayerThatDoesNotFlow) {
+  Scene scene = samples::scene();
+  scene.strategy = Strategy::kForceDriven;
+  scene.interface = Interface{.friction_coefficient = 0.3, .yield_strength_pa = 2e8};
+  scene.junctions = Junctions{.contact_fraction = 0.3, .height_m = 1e-7};
+  EXPECT_TRUE(check_scene(scene).ok());
+  scene.interface->plastic_layer = true;
+  EXPECT_THAT(check_scene(scene).text, HasSubstr("[junctions] and interface.plastic_layer exclude each other"));
+  scene.interface->plastic_layer = false;
+  scene.strategy = Strategy::kVelocityDriven;
+  EXPECT_THAT(check_scene(scene).text, HasSubstr("[junctions] is an option of strategy force_driven"));
+  scene.strategy = Strategy::kForceDriven;
+  scene.junctions->contact_fraction = 1.5;
+  EXPECT_EQ(check_scene(scene).field, "junctions.contact_fraction");
 }
 
 TEST(CheckScene, ForceDrivenNeedsAnInterface) {

@@ -13,38 +13,43 @@ constexpr double kConverged = 1e-9;    // relative: the next Newton step is belo
 constexpr double kLeastGuess = 1e-12;  // of the upper end: a start below it says nothing
 constexpr int kMaxSearchIterations = 400;
 
-// One Newton step on H itself from next to its zero takes out what the iteration's tolerance left.
-double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max) {
-  const StressLimit::Value s = limit.at(heating.temperature(a));
-  const double heat_slope = heating.slip(a) > 0.0 ? heating.rise * (heating.c - 2.0 * heating.b * a) : 0.0;
-  const double slope = s.slope * heat_slope - 1.0;
-  const double step = -(s.stress - a) / slope;
+// s_lim where the stress is a, and d s_lim / da.
+struct Carried {
+  StressLimit::Value limit;
+  double slope;
+};
+Carried carried(const StressLimit& limit, const FrictionHeating& heating, double a) {
+  const double slip = heating.slip(a);
+  const StressLimit::Value s = limit.at(heating.temperature(a), slip);
+  if (slip <= 0.0) return {s, 0.0};
+  return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
+}
+
+// One Newton step on H itself from next to its zero takes out what the iteration's tolerance left. `cold`: where the
+// interface would be molten at `a`.
+double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
+  const Carried s = carried(limit, heating, a);
+  if (s.limit.stress <= 0.0) return cold;
+  const double step = -(s.limit.stress - a) / (s.slope - 1.0);
   const double better = a + step;
   return std::abs(step) < kConverged * a && better <= a_max ? better : a;
 }
 
 }  // namespace
 
-double StressLimit::steepest(double coldest, double hottest) const {
-  const Material& m = *soft;
-  const double c = kMeltingFactor * m.melting_temperature;
-  const double nearest = std::max(0.0, m.melting_temperature - hottest);
-  const double farthest = m.melting_temperature - coldest;
-  if (farthest <= 0.0) return 0.0;
-  const double x = std::clamp(0.5 * c, nearest, farthest);
-  const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
-  const double bracket =
-      1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kSofteningReference);
-  if (bracket <= 0.0) return 0.0;
-  return tresca * (m.temperature_coefficient + bracket * melting * c / (x * x));
+double StressLimit::steepest(double coldest, double hottest, double most_slip) const {
+  const double strength = junctions.options ? junctions.at(most_slip).strength : tresca;
+  return strength * FlowLaws::with(soft->flow_law, [&](auto law) {
+           return decltype(law)::type::steepest_softening(*soft, pressure, coldest, hottest);
+         });
 }
 
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a) {
-  return limit.at(heating.temperature(a)).stress - a;
+  return limit.at(heating.temperature(a), heating.slip(a)).stress - a;
 }
 
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
-  double hi = std::min(a_max, limit.at(heating.T_ad).stress);  // s_lim falls with T0
+  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);  // it falls with T0, rises with slip
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
@@ -53,32 +58,54 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
   double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const double T0 = heating.temperature(a);
-    const StressLimit::Value s = limit.at(T0);
-    (s.stress > a ? lo : hi) = a;
-    if (s.stress == a || hi - lo <= 2.0 * std::numeric_limits<double>::epsilon() * hi) return a;
+    const Carried s = carried(limit, heating, a);
+    const double stress = s.limit.stress;
+    (stress > a ? lo : hi) = a;
+    if (stress == a || hi - lo <= 2.0 * std::numeric_limits<double>::epsilon() * hi) return a;
     // Newton on log(s_lim / a): it is concave where melting makes s_lim fall like exp(-1/x), so that steps from the hot
     // side never overshoot.
     double next = 0.0;
-    if (s.stress > 0.0 && a > 0.0) {
-      const double heat_slope = heating.slip(a) > 0.0 ? heating.rise * (heating.c - 2.0 * heating.b * a) : 0.0;
-      const double slope = s.slope * heat_slope / s.stress - 1.0 / a;
-      next = a - logarithm(s.stress / a) / slope;
-      if (std::abs(next - a) <= kConverged * a) return polished(limit, heating, std::clamp(next, lo, hi), a_max);
+    if (stress > 0.0 && a > 0.0) {
+      next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
+      if (std::abs(next - a) <= kConverged * a) {
+        // A short step of the logarithm may only say that melting is near: then the step on H itself is not short.
+        const double straight = a + (stress - a) / (1.0 - s.slope);
+        if (std::abs(straight - a) <= kConverged * a) {
+          return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));
+        }
+        next = straight;
+      }
     }
     const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
     a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
   }
-  return a;
+  return std::numeric_limits<double>::quiet_NaN();  // no root was found: no number
+}
+
+double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a) {
+  const double T_melt = limit.soft->melting_temperature;
+  // The temperature as the state will have it, and as the limit sees it: they may differ in the last digit.
+  const auto melts = [&](double stress) {
+    return heating.T_ad + partition * (stress * heating.slip(stress)) * B0 >= T_melt ||
+           heating.temperature(stress) >= T_melt;
+  };
+  if (heating.T_ad >= T_melt || !melts(a)) return a;
+  double solid = 0.0;
+  for (;;) {
+    const double mid = 0.5 * (solid + a);
+    if (mid <= solid || mid >= a) return solid;
+    (melts(mid) ? a : solid) = mid;
+  }
 }
 
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
-  const double end = std::min(a_max, limit.at(heating.T_ad).stress);
+  const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   if (2.0 * heating.b * end <= heating.c || heating.c <= 0.0) return true;  // heating rises with stress all the way
   const double hottest = heating.temperature(0.5 * heating.c / heating.b);
-  if (limit.at(hottest).is_coulomb) return true;  // the limit does not depend on temperature here
+  // Behind the stress of most heating slip is at most c/2.
+  if (limit.at(hottest, heating.slip(end)).is_coulomb) return true;  // the limit depends on nothing here
   const double coldest = heating.temperature(end);
-  return heating.rise * limit.steepest(coldest, hottest) * (2.0 * heating.b * end - heating.c) < 1.0;
+  return heating.rise * limit.steepest(coldest, hottest, 0.5 * heating.c) * (2.0 * heating.b * end - heating.c) < 1.0;
 }
 
 namespace {
@@ -86,12 +113,20 @@ namespace {
 constexpr double kSame = 1e-9;      // relative difference below which two zeros are one
 constexpr double kArrived = 1e-12;  // relative residual below which a zero is one
 
+// What is carried at the temperature that a makes. Where slip hardens junctions, with the slip that goes with the
+// answer.
+double carried_where(const StressLimit& limit, const FrictionHeating& heating, double a) {
+  const double T0 = heating.temperature(a);
+  if (!limit.junctions.options) return limit.at(T0).stress;
+  return slip_stress(limit, {T0, 0.0, heating.c, heating.b}, std::numeric_limits<double>::infinity(), a);
+}
+
 // Behind the stress of greatest heating a -> s_lim(T0(a)) rises: from a start with H > 0 (H < 0) it climbs to the next
 // zero above (falls to the next one below) and cannot jump over it. Ends at a border, or short of the zero after too
 // many steps.
 double approach_zero(const StressLimit& limit, const FrictionHeating& heating, double a, double begin, double end) {
   for (int iteration = 0; iteration < kMaxSearchIterations; ++iteration) {
-    const double next = std::clamp(limit.at(heating.temperature(a)).stress, begin, end);
+    const double next = std::clamp(carried_where(limit, heating, a), begin, end);
     const bool arrived = std::abs(next - a) <= 4.0 * std::numeric_limits<double>::epsilon() * a;
     a = next;
     if (arrived || a == begin || a == end) break;
@@ -102,7 +137,7 @@ double approach_zero(const StressLimit& limit, const FrictionHeating& heating, d
 }  // namespace
 
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
-  const double end = std::min(a_max, limit.at(heating.T_ad).stress);
+  const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   const double spare_end = spare_strength(limit, heating, end);
   // 1. Up to the stress of greatest heating H falls: a zero there is the only one there.
   const double peak = heating.b > 0.0 && heating.c > 0.0 ? std::min(end, 0.5 * heating.c / heating.b) : end;

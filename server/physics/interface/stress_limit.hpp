@@ -1,32 +1,39 @@
-// The stress the interface can carry (DLP 65, and the ceiling of a layer with Y_max): min(coulomb, tresca g(P, T0)).
+// The stress the interface can carry (DLP 65, and the ceiling of a layer with Y_max): min(coulomb, tresca g(P, T0)),
+// where junctions make `tresca` grow with the slip of the step.
 #pragma once
 
+#include "server/physics/interface/junctions.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::physics {
 
 struct StressLimit {
-  double coulomb;   // mu P; infinity: no such limit   [Pa]
-  double tresca;    // yield strength / sqrt(3)        [Pa]
+  double coulomb;   // what friction carries; infinity: no such limit          [Pa]
+  double tresca;    // yield strength / sqrt(3), where there are no junctions  [Pa]
   double pressure;  // P                               [Pa]
   const Material* soft;
+  Junctions junctions = {};
   double offset = 0.0;  // added to the lesser of the two  [Pa]
 
   struct Value {
     double stress;  // [Pa]
     double slope;   // d stress / d T0  [Pa/K]
     bool is_coulomb;
+    double slip_slope = 0.0;  // d stress / d slip  [Pa s/m]
   };
-  Value at(double temperature) const {
+  Value at(double temperature, double slip = 0.0) const {
     const Softening soften = softening(*soft, pressure, temperature);
-    const double yield = tresca * soften.g;
+    const Junctions::Value hardened = junctions.options ? junctions.at(slip) : Junctions::Value{tresca, 0.0};
+    const double yield = hardened.strength * soften.g;
     if (coulomb <= yield) return {offset + coulomb, 0.0, true};
-    return {offset + yield, tresca * soften.slope, false};
+    return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
-  // Upper bound of |d stress / d T0| between two temperatures. As exp(-c/x)/x^2 in the distance x from melting the
-  // steep part of g' has its only maximum at x = c/2.
-  double steepest(double coldest, double hottest) const;
+  // The same under this friction.
+  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, offset}; }
+
+  // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
+  double steepest(double coldest, double hottest, double most_slip) const;
 };
 
 // Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
@@ -40,13 +47,18 @@ struct FrictionHeating {
   double temperature(double a) const { return T_ad + rise * (a * slip(a)); }
 };
 
-// H(a) = s_lim(T0(a)) - a: positive where the interface can carry more than a.
+// H(a) = s_lim(T0(a), v(a)) - a: positive where the interface can carry more than a.
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
 // The stress in [0, a_max] with H = 0 where H has one zero there (or none: then a_max, which the interface carries).
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
+// `a`, or the last stress below it under which the interface, heated by partition * work, stays below T_melt, where it
+// was below: an ulp of temperature can be more than all that is left to melting.
+double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
+
 // Whether H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0| (2 b a - c) < 1.
+// (Junctions only make it fall faster: less slip hardens them less.)
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
 // The smallest zero of H in [0, a_max], which is the answer with the most slip, whatever H does behind it.

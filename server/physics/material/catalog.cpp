@@ -1,6 +1,7 @@
-#include "server/physics/material/material.hpp"
-
 #include <array>
+
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -54,6 +55,31 @@ constexpr Material with(Material m, const Compression& c) {
   return m;
 }
 
+// As Johnson and Cook print them: A, B [MPa], n, C, m, T_melt [K]; rates are per second, room temperature is 298 K.
+struct JohnsonCookConstants {
+  double A, B, n, C, m, T_melt;
+};
+
+constexpr Material metal(double density, double G0, const JohnsonCookConstants& s, double k, double c) {
+  constexpr double kRoomTemperature = 298.0;
+  Material m;
+  m.flow_law = FlowLaws::place<JohnsonCook>();
+  m.density = density;
+  m.shear_modulus = G0 * kPascalPerGigapascal;
+  m.yield_strength = s.A * kPascalPerMegapascal;
+  m.hardening_modulus = s.B * kPascalPerMegapascal;
+  m.hardening_exponent = s.n;
+  m.rate_coefficient = s.C;
+  m.reference_strain_rate = 1.0;
+  m.thermal_exponent = s.m;
+  m.reference_temperature = kRoomTemperature;
+  m.melting_temperature = s.T_melt;
+  m.conductivity = k;
+  m.specific_heat = c;
+  m.diffusivity = k / (density * c);
+  return m;
+}
+
 constexpr std::array kCatalog = {
     CatalogEntry{
         "aluminium_dlp",
@@ -87,6 +113,68 @@ constexpr std::array kCatalog = {
         "at 100 C, c "
         "500 for 0-100 C)",
         with(metal(7900, {77.0, 340, 2.5, 43, 0.35, 2.26e-11, 4.55e-4, 2380}, 16.2, 500), {4570, 1.490, 1.93, 1.4})},
+    CatalogEntry{
+        "aluminium_1100_o",
+        "strength: Steinberg, Cochran, Guinan 1980 and Steinberg's tables, shock and melting too; heat: Aluminum "
+        "Association typical values (k 222, c 904)",
+        with(metal(2707, {27.1, 40, 0.48, 400, 0.27, 6.52e-11, 6.16e-4, 1220}, 222, 904), {5386, 1.339, 1.97, 1.5})},
+    CatalogEntry{
+        "aluminium_7075_t6",
+        "strength and T_melt: Steinberg, Cochran, Guinan 1980 and Steinberg's tables; heat: Aluminum Association "
+        "typical values (k 130, c 960)",
+        metal(2804, {26.7, 420, 0.81, 965, 0.10, 6.52e-11, 6.16e-4, 1220}, 130, 960)},
+    CatalogEntry{
+        "copper_ofhc",
+        "half hard; strength: Steinberg's tables (UCRL-MA-106439, 1996), shock and melting too; heat: Incropera "
+        "table A.1, pure copper at 300 K (k 401, c 385)",
+        with(metal(8930, {47.7, 120, 0.64, 36, 0.45, 2.83e-11, 3.77e-4, 1790}, 401, 385), {3940, 1.489, 2.02, 1.5})},
+    CatalogEntry{
+        "silver",
+        "strength: Steinberg's tables (UCRL-MA-106439, 1996), shock and melting too; heat: Incropera table A.1 at "
+        "300 K (k 429, c 235)",
+        with(metal(10490, {29.8, 50, 0.66, 28, 0.80, 4.70e-11, 4.36e-4, 1604}, 429, 235), {3270, 1.550, 2.40, 1.8})},
+    CatalogEntry{"titanium",
+                 "strength and T_melt: Steinberg's tables (UCRL-MA-106439, 1996); its Hugoniot is not straight, so no "
+                 "constants of compression; heat: Incropera table A.1 at 300 K (k 21.9, c 522)",
+                 metal(4510, {43.4, 850, 1.45, 210, 0.10, 1.15e-11, 6.22e-4, 2260}, 21.9, 522)},
+    CatalogEntry{
+        "tantalum",
+        "strength: Steinberg, Cochran, Guinan 1980 and Steinberg's tables, shock and melting too; heat: Incropera "
+        "table A.1 at 300 K (k 57.5, c 140)",
+        with(metal(16690, {69.0, 770, 1.10, 10, 0.10, 1.45e-11, 1.3e-4, 4340}, 57.5, 140), {3410, 1.200, 1.67, 1.3})},
+    CatalogEntry{
+        "copper_ofhc_jc",
+        "strength, density, c, T_melt: Johnson, Cook 1983; G0: Steinberg's tables, OFHC; k: Incropera table A.1, "
+        "pure copper at 300 K (401)",
+        metal(8960, 47.7, {90, 292, 0.31, 0.025, 1.09, 1356}, 401, 383)},
+    CatalogEntry{"brass_cartridge_jc",
+                 "strength, density, c, T_melt: Johnson, Cook 1983; G0: ASM, C26000 (40 GPa); k: Incropera table A.1, "
+                 "cartridge brass at 300 K (110)",
+                 metal(8520, 40.0, {112, 505, 0.42, 0.009, 1.68, 1189}, 110, 385)},
+    CatalogEntry{"nickel_200_jc",
+                 "strength, density, c, T_melt: Johnson, Cook 1983; G0 and k: Special Metals, nickel 200 at room "
+                 "temperature (81 GPa, 70)",
+                 metal(8900, 81.0, {163, 648, 0.33, 0.006, 1.44, 1726}, 70, 446)},
+    CatalogEntry{
+        "iron_armco_jc",
+        "strength, density, c, T_melt: Johnson, Cook 1983; G0: CRC Handbook, polycrystalline iron (81.6 GPa); k: "
+        "Incropera table A.1, Armco iron at 300 K (72.7)",
+        metal(7890, 81.6, {175, 380, 0.32, 0.060, 0.55, 1811}, 72.7, 452)},
+    CatalogEntry{
+        "steel_1006_jc",
+        "strength, density, c, T_melt: Johnson, Cook 1983; G0: ASM, carbon steels (80 GPa); k: Incropera table "
+        "A.1, AISI 1010 at 300 K (63.9)",
+        metal(7890, 80.0, {350, 275, 0.36, 0.022, 1.00, 1811}, 63.9, 452)},
+    CatalogEntry{
+        "aluminium_2024_t351_jc",
+        "strength, density, c, T_melt: Johnson, Cook 1983; G0: Steinberg's tables, 2024; k: ASM typical value at "
+        "25 C (121)",
+        metal(2770, 28.6, {265, 426, 0.34, 0.015, 1.00, 775}, 121, 875)},
+    CatalogEntry{
+        "steel_4340_jc",
+        "strength, density, c, T_melt: Johnson, Cook 1983; G0: E/(2 (1 + nu)) of 200 GPa and 0.29; k: ASM typical "
+        "value at 100 C (44.5)",
+        metal(7830, 77.5, {792, 510, 0.26, 0.014, 1.03, 1793}, 44.5, 477)},
 };
 
 }  // namespace

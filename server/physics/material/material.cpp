@@ -23,11 +23,31 @@ constexpr std::array kFields = {
     MaterialField{"thermal_conductivity_w_per_m_k", &Material::conductivity, true, false},
     MaterialField{"specific_heat_j_per_kg_k", &Material::specific_heat, true, false},
     MaterialField{"thermal_diffusivity_m2_per_s", &Material::diffusivity, false, false},
+    MaterialField{"hardening_modulus_pa", &Material::hardening_modulus, true, false},
+    MaterialField{"rate_coefficient", &Material::rate_coefficient, true, true},
+    MaterialField{"reference_strain_rate_per_s", &Material::reference_strain_rate, true, false},
+    MaterialField{"thermal_softening_exponent", &Material::thermal_exponent, true, false},
+    MaterialField{"reference_temperature_k", &Material::reference_temperature, true, false},
     MaterialField{"sound_speed_m_per_s", &Material::sound_speed, false, false},
     MaterialField{"hugoniot_slope", &Material::hugoniot_slope, false, false},
     MaterialField{"grueneisen_coefficient", &Material::grueneisen, false, false},
     MaterialField{"grueneisen_volume_correction", &Material::volume_correction, false, true},
 };
+
+template <class Law>
+bool is_own(double Material::*constant) {
+  return std::find(Law::kConstants.begin(), Law::kConstants.end(), constant) != Law::kConstants.end();
+}
+
+bool is_strength(double Material::*constant) {
+  return FlowLaws::any([&](auto each) { return is_own<typename decltype(each)::type>(constant); });
+}
+
+// Constants of no law belong to every material, those of a law to the materials that follow it.
+bool belongs(double Material::*constant, FlowLaw law) {
+  return !is_strength(constant) ||
+         FlowLaws::with(law, [&](auto own) { return is_own<typename decltype(own)::type>(constant); });
+}
 
 // Number of single-letter edits between two words (Levenshtein).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
@@ -84,7 +104,8 @@ std::span<const MaterialField> material_fields() {
   return kFields;
 }
 
-MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given) {
+MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given,
+                             std::optional<FlowLaw> law) {
   // 1. Where the constants start from: the catalog, or nothing.
   Material material;
   if (!name.empty()) {
@@ -96,14 +117,23 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     }
     material = entry->material;
   }
+  // Under another law the catalog's strength means nothing: all of the new law's constants must come.
+  const bool other_law = law && *law != material.flow_law;
+  if (law) material.flow_law = *law;
 
   // 2. What the caller puts over them.
   std::array<bool, kFields.size()> is_given{};
   for (const auto& [key, value] : given) {
-    const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.name == key; });
+    const auto field =
+        std::find_if(kFields.begin(), kFields.end(), [&key = key](const auto& f) { return f.name == key; });
     if (field == kFields.end()) {
       return failed(key, quoted(key) + " is not a constant of a material; did you mean " +
                              quoted(nearest_name(key, kFields)) + "?");
+    }
+    if (!belongs(field->value, material.flow_law)) {
+      return failed(key, quoted(key) +
+                             " is not a constant of flow_law = " + quoted(FlowLaws::name_of(material.flow_law)) +
+                             ", which this material follows: leave it out, or choose the law it belongs to");
     }
     if (std::string fault = value_fault(*field, value); !fault.empty()) return failed(key, std::move(fault));
     material.*(field->value) = value;
@@ -115,16 +145,26 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
   };
 
   // 3. Nothing required may be missing.
-  if (name.empty()) {
-    for (std::size_t i = 0; i < kFields.size(); ++i) {
-      if (kFields[i].required && !is_given[i]) {
-        return failed(kFields[i].name, "missing: give it, or name a material of the catalog (" + all_names() + ")");
-      }
+  for (std::size_t i = 0; i < kFields.size(); ++i) {
+    const bool of_law = belongs(kFields[i].value, material.flow_law);
+    const bool from_catalog = !name.empty() && !(other_law && is_strength(kFields[i].value));
+    if (!of_law || from_catalog || is_given[i]) continue;
+    if (!kFields[i].required) {
+      material.*(kFields[i].value) = Material{}.*(kFields[i].value);
+    } else if (name.empty()) {
+      return failed(kFields[i].name, "missing: give it, or name a material of the catalog (" + all_names() + ")");
+    } else {
+      return failed(kFields[i].name, "missing: the catalog has no constants of flow_law = " +
+                                         quoted(FlowLaws::name_of(material.flow_law)) + " for " + quoted(name));
     }
   }
   if (material.hardening_exponent > 1.0) {
     return failed("hardening_exponent", "expected at most 1, found " + std::to_string(material.hardening_exponent));
   }
+
+  const LawFault law_fault =
+      FlowLaws::with(material.flow_law, [&](auto own) { return decltype(own)::type::fault_of(material); });
+  if (!law_fault.field.empty()) return failed(law_fault.field, std::string(law_fault.text));
 
   // 4. The diffusivity that goes with the other heat constants. A catalog's own (which need not be exactly k/(rho c))
   // stays
@@ -181,6 +221,7 @@ Material at_pressure(const Material& m, double pressure) {
 std::vector<std::pair<std::string, double>> constants_of(const Material& material) {
   std::vector<std::pair<std::string, double>> constants;
   for (const MaterialField& field : kFields) {
+    if (!belongs(field.value, material.flow_law)) continue;
     if (std::isfinite(material.*(field.value))) constants.emplace_back(field.name, material.*(field.value));
   }
   return constants;

@@ -1,8 +1,9 @@
-// A metal: Steinberg-Cochran-Guinan strength with the melting factor of Ball et al. (DLP 14-15, 40-41) and its heat
-// constants.
+// A metal: constants of its strength (flow_laws.hpp has the laws they belong to), of heat and of compression.
 #pragma once
 
+#include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,12 +15,14 @@ namespace shearbus::physics {
 enum class MeltingCurve { kConstant, kLindemann };  // T_melt, or T_melt(P)
 enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
 
+enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
+
 inline constexpr double kNotGiven = std::numeric_limits<double>::quiet_NaN();
 
 struct Material {
   double density = 0.0;                                                 // rho   [kg/m3]
   double shear_modulus = 0.0;                                           // G0    [Pa]
-  double yield_strength = 0.0;                                          // Y0    [Pa]
+  double yield_strength = 0.0;                                          // Y0 or A [Pa]
   double yield_strength_max = std::numeric_limits<double>::infinity();  // Y_max [Pa]; infinity: no cap (DLP 40)
   double hardening_coefficient = 0.0;                                   // beta  [1]
   double hardening_exponent = 0.0;                                      // n     [1]
@@ -30,12 +33,20 @@ struct Material {
   double specific_heat = 0.0;                                           // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
 
+  // Johnson-Cook's own.
+  double hardening_modulus = kNotGiven;      // B     [Pa]
+  double rate_coefficient = kNotGiven;       // C     [1]
+  double reference_strain_rate = kNotGiven;  // r0    [1/s]
+  double thermal_exponent = kNotGiven;       // m     [1]
+  double reference_temperature = kNotGiven;  // T_ref [K]
+
   // Compression and melting under pressure, as Steinberg tabulates them; needed by the two options only.
   double sound_speed = kNotGiven;        // c0     [m/s], of the Hugoniot U = c0 + s u
   double hugoniot_slope = kNotGiven;     // s      [1]
   double grueneisen = kNotGiven;         // gamma0 [1]
   double volume_correction = kNotGiven;  // a      [1], first-order volume correction of gamma0
 
+  FlowLaw flow_law{};  // 0: Steinberg-Cochran-Guinan
   MeltingCurve melting_curve = MeltingCurve::kConstant;
   PressureTerm pressure_term = PressureTerm::kLinear;
 
@@ -49,7 +60,7 @@ struct Material {
 struct MaterialField {
   std::string_view name;  // "yield_strength_pa"
   double Material::*value;
-  bool required;     // false: what has a meaning when absent
+  bool required;     // where the material's law has it; false: what has a meaning when absent
   bool may_be_zero;  // the others must be above 0
 };
 std::span<const MaterialField> material_fields();
@@ -61,20 +72,22 @@ struct CatalogEntry {
 };
 std::span<const CatalogEntry> catalog();
 
-// The catalog's material `name` (may be empty) with the constants in `given` put over it. Where it cannot be made -
-// unknown name (nearest one named), unknown constant, constant missing, not finite or not positive where it must be -
+// The catalog's material `name` (may be empty) with the constants in `given` put over it. `law`: another flow-stress
+// law than the catalog's, whose own constants must then all be given. Where it cannot be made - unknown name (nearest
+// one named), unknown constant, constant missing or of another law, not finite or not positive where it must be -
 // `fault` says why and `fault_field` which ("material" or a constant's name); both empty otherwise.
 struct MaterialResult {
   Material material;
   std::string fault_field;
   std::string fault;
 };
-MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given);
+MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given,
+                             std::optional<FlowLaw> law = {});
 
 // The first constant that the material's options need and it does not have; empty: none.
 std::string_view constant_missing_for_options(const Material& material);
 
-// (name, value) of every constant that is finite: an effective scene's body.
+// (name, value) of every constant that is finite and used by the material's law: an effective scene's body.
 std::vector<std::pair<std::string, double>> constants_of(const Material& material);
 
 }  // namespace shearbus::physics

@@ -1,16 +1,10 @@
-// The flow stress as point functions (MODEL.md section 2): DLP (14-15), (40-41) with their guards.
+// The flow stress of a material, whatever its law, as point functions (server/physics/MODEL.md section 2).
 #pragma once
 
-#include <algorithm>
-
-#include "server/physics/material/elementary.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
-
-inline constexpr double kSqrt3 = 1.7320508075688772;
-inline constexpr double kSofteningReference = 300.0;  // of hT (T - 300)                       [K]
-inline constexpr double kMeltingFactor = 0.001;       // of exp(-0.001 T / (T_melt - T)), Ball et al.
 
 inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on an interface that yields is called melting
 
@@ -23,40 +17,37 @@ double compression_at(const Material& m, double pressure);
 //   gP(P)     = gP / eta^(1/3)                                              (Steinberg, Cochran, Guinan 1980)
 Material at_pressure(const Material& m, double pressure);
 
-// g(P, T) = (1 + gP P - hT (T - 300)) exp(-0.001 T / (T_melt - T)) and its slope dg/dT. Zero where the bracket is not
-// positive and at T_melt and above.
-struct Softening {
-  double g = 0.0;
-  double slope = 0.0;
-};
-
+// The material's law as point functions; flow_law.hpp says what each means.
 inline Softening softening(const Material& m, double pressure, double temperature) {
   if (m.varies_with_compression()) return softening(at_pressure(m, pressure), pressure, temperature);
-  const double bracket =
-      1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (temperature - kSofteningReference);
-  const double to_melting = m.melting_temperature - temperature;
-  if (!(bracket > 0.0) || !(to_melting > 0.0)) return {};
-  const double exponent = kMeltingFactor * temperature / to_melting;
-  if (!(exponent < kExponentialRange)) return {};
-  const double melting = exponential(-exponent);
-  const double melting_rate = kMeltingFactor * m.melting_temperature / (to_melting * to_melting);
-  return {bracket * melting, -melting * (m.temperature_coefficient + bracket * melting_rate)};
+  return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::softening(m, pressure, temperature); });
 }
 
-// Hardened strength before softening: min(Y_max, Y0 (1 + beta ep)^n).
-inline double hardened_strength(const Material& m, double plastic_strain) {
-  const double hardening = power(1.0 + m.hardening_coefficient * plastic_strain, m.hardening_exponent);
-  return std::min(m.yield_strength_max, m.yield_strength * hardening);
+// Strength before softening, after a plastic strain and at its rate.
+inline double hardened_strength(const Material& m, double plastic_strain, double rate = 0.0) {
+  return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::hardened(m, plastic_strain, rate); });
 }
 
-// Y(ep, P, T) = min(Y_max, Y0 (1 + beta ep)^n) g(P, T)   [Pa]
-inline double flow_stress(const Material& m, double plastic_strain, double pressure, double temperature) {
-  return hardened_strength(m, plastic_strain) * softening(m, pressure, temperature).g;
+// Its derivative where a step of dt brings the strain `increment`.
+inline double hardening_slope(const Material& m, double plastic_strain, double increment, double dt) {
+  return FlowLaws::with(
+      m.flow_law, [&](auto law) { return decltype(law)::type::hardening_slope(m, plastic_strain, increment, dt); });
 }
 
-// The largest hardened strength there is: Y_max, or Y0 where nothing hardens.
+// Y(ep, dep/dt, P, T)   [Pa]
+inline double flow_stress(const Material& m, double plastic_strain, double pressure, double temperature,
+                          double rate = 0.0) {
+  return hardened_strength(m, plastic_strain, rate) * softening(m, pressure, temperature).g;
+}
+
+// The largest hardened strength there is; infinity: none.
 inline double strength_ceiling(const Material& m) {
-  return m.hardening_coefficient > 0.0 ? m.yield_strength_max : std::min(m.yield_strength, m.yield_strength_max);
+  return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::ceiling(m); });
+}
+
+// Whether strain (or its rate) makes the material stronger.
+inline bool hardens(const Material& m) {
+  return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::hardens(m); });
 }
 
 // beta_T = k sqrt(alpha_h) / (k sqrt(alpha_h) + k_h sqrt(alpha)): the share of the friction heat that enters `soft`

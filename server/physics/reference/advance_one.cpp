@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/parts.hpp"
@@ -146,10 +147,20 @@ bool in_range(const ModelOptions& options, double pressure, const Profile& old, 
 
 }  // namespace
 
-double strain_increment(const Material& m, double a, double pressure, double T, double ep_old) {
+double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt) {
   const double g = softening(m, pressure, T).g;
   if (a <= 0.0) return 0.0;
   if (g <= 0.0) return 1e100;
+  if (m.flow_law == FlowLaws::place<JohnsonCook>()) {
+    const auto missing = [&](double log_dep) {
+      const double dep = std::exp(log_dep);
+      const double rate = 1.0 + m.rate_coefficient * std::log(std::max(1.0, dep / (dt * m.reference_strain_rate)));
+      return (m.yield_strength + m.hardening_modulus * std::pow(ep_old + dep, m.hardening_exponent)) * rate * g -
+             kSqrt3 * a;
+    };
+    constexpr double kLeast = -690.0, kMost = 230.0;
+    return missing(kLeast) >= 0.0 ? 0.0 : missing(kMost) <= 0.0 ? 1e100 : std::exp(bisect(missing, kLeast, kMost));
+  }
   const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
   return std::min(1e100, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));
 }
@@ -189,7 +200,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     double sum = 0.0;
     for (int i = 0; i < grid.num_vertices(); ++i) {
       sum += grid.weight[i] *
-             strain_increment(soft, a, in.pressure, T_ad[i] + heating * a * B[i], state.plastic_strain[i]);
+             strain_increment(soft, a, in.pressure, T_ad[i] + heating * a * B[i], state.plastic_strain[i], dt);
     }
     return sum;
   };
@@ -208,7 +219,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   const double ceiling = bisect(
       [&](double a) {
         const double g = weakest_g(a);
-        return g > 0.0 ? a - soft.yield_strength_max * g / kSqrt3 : 1.0;
+        return g > 0.0 ? a - strength_ceiling(soft) * g / kSqrt3 : 1.0;
       },
       0.0, std::abs(trial) * 2.0);
   const bool molten = weakest_g(0.0) <= 0.0;  // a vertex carries nothing at all
@@ -225,7 +236,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     if (T_ad[i] + flux * B[i] > T_ad[hottest] + flux * B[hottest]) hottest = i;
   }
   for (int i = 0; i < grid.num_vertices() && a > 0.0; ++i) {
-    state.plastic_strain[i] += strain_increment(soft, a, in.pressure, T_ad[i] + flux * B[i], state.plastic_strain[i]);
+    state.plastic_strain[i] +=
+        strain_increment(soft, a, in.pressure, T_ad[i] + flux * B[i], state.plastic_strain[i], dt);
   }
   double interface_slip = 0.0;
   if (coulomb) {
@@ -371,12 +383,28 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const auto jump_new = [&](double a) { return jump_free - direction * a * per_stress; };
   const auto slip = [&](double a) { return std::max(0.0, direction * 0.5 * (in.velocity_jump + jump_new(a))); };
   const auto T0 = [&](double a) { return T_ad[0] + B[0] * beta_T * a * slip(a); };
-  // DLP (65).
-  const double coulomb = options.interface.friction_coefficient * in.pressure;
-  const auto yield = [&](double T) {
-    return options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T).g;
+  // DLP (65), or with (5)'s friction.
+  const InterfaceOptions& law = options.interface;
+  const bool weakens = law.friction_law == FrictionLaws::place<VelocityWeakening>();
+  const auto coulomb = [&](double a) {
+    if (!weakens) return law.friction_coefficient * in.pressure;
+    const double fast = law.friction_coefficient_fast;
+    return (fast + (law.friction_coefficient - fast) * std::exp(-law.velocity_decay * slip(a))) * in.pressure;
   };
-  const auto spare = [&](double a) { return std::min(coulomb, yield(T0(a))) - a; };
+  // DLP (49-54): ep_a grows with the slip it resists.
+  const auto junction_strain = [&](double v) {
+    return options.junctions ? state.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
+  };
+  const auto strength = [&](double v) {
+    if (!options.junctions) return law.yield_strength;
+    const Material& m = options.junctions->metal;
+    return options.junctions->contact_fraction *
+           std::min(
+               m.yield_strength_max,
+               m.yield_strength * std::pow(1.0 + m.hardening_coefficient * junction_strain(v), m.hardening_exponent));
+  };
+  const auto yield = [&](double T, double v) { return strength(v) / kSqrt3 * softening(soft, in.pressure, T).g; };
+  const auto spare = [&](double a) { return std::min(coulomb(a), yield(T0(a), slip(a))) - a; };
 
   NodeOutputs out;
   double a = 0.0;
@@ -388,7 +416,8 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     // Every stress between none and the one that sticks at which what the interface carries is what it is asked to
     // carry.
     const double a_stick = std::abs(jump_free) / per_stress;
-    const double end = std::min(a_stick, std::min(coulomb, yield(T_ad[0])));
+    const double most = yield(T_ad[0], slip(0.0));
+    const double end = std::min(a_stick, weakens ? most : std::min(coulomb(0.0), most));
     std::vector<double> slips;
     double before = 0.0;
     for (int i = 1; i <= kScan; ++i) {
@@ -402,17 +431,19 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     const bool can_stick = spare(a_stick) >= 0.0;
     if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, met without heating
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
-    const bool stick = can_stick && (state.regime == Regime::kStick || slips.empty());
+    const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
+    const bool stick = can_stick && (rests || slips.empty());
     a = stick ? a_stick : slips.empty() ? end : slips.front();
     out.sliding_velocity = direction * slip(a);
     out.velocity_jump_new = stick ? 0.0 : jump_new(a);
-    const bool coulomb_acts = coulomb <= yield(T0(a));
+    const bool coulomb_acts = coulomb(a) <= yield(T0(a), slip(a));
     out.regime = stick                                                                ? Regime::kStick
                  : coulomb_acts                                                       ? Regime::kCoulomb
                  : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting
                                                                                       : Regime::kTresca;
   }
   const double flux = in.pressure <= 0.0 ? 0.0 : beta_T * a * slip(a);
+  if (in.pressure > 0.0) state.junction_strain = junction_strain(slip(a));
   heat_up(state, T_ad, flux, B);
   out.shear_stress = state.shear_stress = direction * a;
   out.friction_heat = flux * dt;
@@ -441,11 +472,16 @@ NodeState initial_state(const ModelOptions& options) {
       state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
     }
   }
+  if (options.inertia) {
+    state.stress_field.assign(grid.num_vertices(), 0.0);
+    state.layer_velocity.assign(grid.num_cells(), 0.0);
+  }
   return state;
 }
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2 && !inputs.backward_euler;
+  if (options.inertia) return with_inertia(options, dt, inputs, state);
   if (options.strategy == Strategy::kVelocityDriven) {
     if (sdirk2) return velocity_driven_sdirk2(options, dt, inputs, state);
     return velocity_driven(options, dt, inputs, state, heat_of_step(options, dt, state, profile_of(state)));

@@ -15,9 +15,12 @@ struct NodeState {
                                          // profile the rows of HeatModes before T0                    [K]
   std::vector<double> plastic_strain;    // of each layer vertex
   std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
+  std::vector<double> stress_field;      // with inertia: of each layer vertex                        [Pa]
+  std::vector<double> layer_velocity;    // with inertia: of each layer cell, against the hard body   [m/s]
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
-  bool sticking = false;  // plastic layer
+  bool sticking = false;         // plastic layer
+  double junction_strain = 0.0;  // ep_a
 };
 
 struct NodeInputs {

@@ -25,8 +25,7 @@ struct FlowingStep {
     const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
     direction = leads < 0.0 ? -1.0 : 1.0;
     drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_rate : 0.0;
-    ceiling_strength = soft.hardening_coefficient > 0.0 ? soft.yield_strength_max
-                                                        : std::min(soft.yield_strength, soft.yield_strength_max);
+    ceiling_strength = strength_ceiling(soft);
     T_melt = at_pressure(soft, in.pressure).melting_temperature;
   }
 
@@ -47,10 +46,10 @@ struct FlowingStep {
     return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
   }
   double flow(double a, double q) const {
-    if (!(soft.hardening_coefficient > 0.0) || a <= 0.0) return 0.0;
+    if (!hardens(soft) || a <= 0.0) return 0.0;
     double sum = 0.0;
     for (int i = 0; i < grid.num_vertices(); ++i) {
-      sum += grid.weight[i] * strain_increment(soft, a, in.pressure, T(i, q), old.plastic_strain[i]);
+      sum += grid.weight[i] * strain_increment(soft, a, in.pressure, T(i, q), old.plastic_strain[i], dt);
     }
     return kSqrt3 * sum / dt;  // [m/s]
   }
@@ -167,8 +166,9 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   const bool at_ceiling = a >= step.ceiling(taken.flux) * (1.0 - 1e-9);
   const int hottest = step.hottest(taken.flux);
   bool flows = false;
-  for (int i = 0; i < step.grid.num_vertices() && options.soft.hardening_coefficient > 0.0; ++i) {
-    const double dep = strain_increment(options.soft, a, in.pressure, step.T(i, taken.flux), state.plastic_strain[i]);
+  for (int i = 0; i < step.grid.num_vertices() && hardens(options.soft); ++i) {
+    const double dep =
+        strain_increment(options.soft, a, in.pressure, step.T(i, taken.flux), state.plastic_strain[i], dt);
     flows = flows || dep > 0.0;
     state.plastic_strain[i] += dep;
   }

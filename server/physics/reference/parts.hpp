@@ -35,10 +35,13 @@ Profile unit_response(const ModelOptions& options, double dt, const std::vector<
 // T = T_ad + q B, kept.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
 
-// dep of one vertex under a stress magnitude, DLP (48) as printed.
-double strain_increment(const Material& m, double a, double pressure, double T, double ep_old);
+// dep of one vertex under a stress magnitude: DLP (48) as printed, or the root of the law as printed.
+double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
 
 // The force-driven step with plastic strain.
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+
+// The velocity-driven step of a layer with inertia.
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
 }  // namespace shearbus::physics::reference

@@ -42,8 +42,8 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
 
   // 1. The answer of a layer that does not flow is an answer if the layer does not flow under it. A stuck interface
   //    comes loose only when it cannot stick, and a flowing layer helps it stick.
-  rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
-                      start.before.sticks);
+  rigid_ = rigid_slip(start.limit, {start.limit.coulomb, start.limit.coulomb}, trial_, start.heat_partition, B0, T_ad,
+                      std::abs(start.before.stress), start.before.sticks);
   if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface sticks to nothing
     ask_rigid(Phase::kRigid);
   } else {
@@ -170,9 +170,8 @@ void FlowingSlip::begin_stick() {
   if (most_ad > 0.0 && start_.hardens) {
     const double g = softening(soft, start_.limit.pressure, T0(0.0)).g;
     const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
-    const double beyond = soft.yield_strength *
-                          power(1.0 + soft.hardening_coefficient * most_strain, soft.hardening_exponent) * g / kSqrt3 *
-                          (1.0 + kBeyond);
+    const double beyond = hardened_strength(soft, most_strain, (most_strain - start_.first_strain) / start_.dt) * g /
+                          kSqrt3 * (1.0 + kBeyond);
     if (beyond < high) {
       high = beyond;
       high_is_ceiling_ = false;
@@ -243,6 +242,13 @@ double FlowingSlip::slip_balance(double slip) const {
 void FlowingSlip::end_slip(double q) {
   kind_ = Kind::kSlip;
   ask_slip(Phase::kDone, q);
+  // Where the last digit of T0 is all that is left to melting: the cold side, on which there is a stress to slip under.
+  const double T_ad = T0(0.0);
+  const double hot = T0(q);
+  for (int ulps = 1; a_ <= 0.0 && q_ > 0.0 && ulps < kMostUlps; ulps *= 2) {
+    const double T = hot * (1.0 - ulps * std::numeric_limits<double>::epsilon());
+    ask_slip(Phase::kDone, std::max(0.0, (T - T_ad) / start_.layer.response(0)));
+  }
 }
 
 FlowingSlip::Answer FlowingSlip::answer(double slip) const {
@@ -260,7 +266,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
   const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : slip_beside_flow(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
-  const Regime regime = slip_regime(start_.limit, T0(q_));
+  const Regime regime = slip_regime(start_.limit, T0(q_), v);
   return {{d * a_, d * v, trial_.jump_new(a_), q_, regime, false, rigid_.unique, rigid_.several}, surplus, hottest};
 }
 

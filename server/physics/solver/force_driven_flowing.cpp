@@ -1,9 +1,7 @@
 // The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
 // interface law together.
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
 
 #include "server/physics/solver/flowing_slip.hpp"
 #include "server/physics/solver/layer_flow.hpp"
@@ -22,7 +20,7 @@ FlowingStart start_of(const Problem& problem, const Material& soft, const TileIn
   start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
                  &soft};
   start.ceiling = strength_ceiling(soft) / kSqrt3;
-  start.hardens = soft.hardening_coefficient > 0.0;
+  start.hardens = hardens(soft);
   start.first_weight = problem.grid.weight[0];
   start.first_strain = first_strain;
   start.layer = {T_ad + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1};
@@ -46,7 +44,7 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
     return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
   }
   const FlowingStart start = start_of(problem, soft, inputs, lane, heat, T, strain[lane], before);
-  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, 0};
+  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, 0, heat.dt};
   const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
     if (!start.hardens) return 0.0;
     FlowLoad load;
@@ -70,7 +68,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
                                   const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
-  const bool hardens = soft.hardening_coefficient > 0.0;
+  const bool layer_hardens = hardens(soft);
   const int n = problem.heat_grid.num_vertices();
   const HeatOperator& heat = operators.heat();
   const double* T_old = committed + layout.first_temperature();
@@ -86,14 +84,11 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   FlowingSlip lanes[kLanes];
   LaneStep before[kLanes];
   FlowLoad load;
-  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
-  if (soft.varies_with_compression()) own.emplace();
-  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
+  const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
-    before[l] = {committed[layout.shear_stress + l],
+    before[l] = {stress_before(layout, inputs, committed, l),
                  0.0,
                  inputs.velocity_jump[l],
                  0.0,
@@ -109,20 +104,20 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 3. Stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
   FlowSum sum{};
-  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated()};
-  if (hardens) flow_thresholds(flow, load, strain_new);
+  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
+  if (layer_hardens) flow_thresholds(flow, load, strain_new);
   for (;;) {
     bool all_done = true;
     for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
     if (all_done) break;
-    if (hardens) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
+    if (layer_hardens) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done()) continue;
       lanes[l].take(sum.slip[l]);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
     }
   }
-  if (hardens) {
+  if (layer_hardens) {
     flow_to(flow, load, problem.grid.num_vertices(), strain_new, sum);
   } else {
     std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);

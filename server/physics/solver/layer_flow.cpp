@@ -4,51 +4,11 @@
 #include <cstddef>
 #include <limits>
 
-#include "server/physics/material/strength.hpp"
-
-// Lane kernels are compiled twice, the wider version taken where the machine has the registers. Every lane is computed
-// by the same products and sums in the same order either way (none fused: contraction is off), so its bits are the
-// same; tests/unit/physics_bits.cpp holds them. Sanitizers start too late for functions chosen at load time.
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && \
-    !defined(__SANITIZE_THREAD__)
-#define SHEARBUS_WIDE [[gnu::target_clones("avx2", "default")]]
-#else
-#define SHEARBUS_WIDE
-#endif
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/solver/wide.hpp"
 
 namespace shearbus::physics {
 namespace {
-
-// Excesses are cut here: the strain is then beyond anything a host imposes, and still a number that sums.
-constexpr double kMaxExcess = 300.0;
-constexpr double kMolten = 1e300;  // excess where g = 0: any load flows, kNoLoad does not
-
-// Constants of the material, in registers.
-struct FlowLaw {
-  explicit FlowLaw(const Material& m)
-      : inverse_n(1.0 / m.hardening_exponent),
-        inverse_beta(1.0 / m.hardening_coefficient),
-        hT(m.temperature_coefficient) {}
-  double inverse_n, inverse_beta, hT;
-};
-
-// -log(g)/n at a temperature, kMolten where g = 0, and its derivative with respect to T.
-struct SofteningExcess {
-  double value;
-  double rate;
-};
-inline SofteningExcess softening_excess(const FlowLaw& law, double bracket_at_0, double T_melt, double T) {
-  const double to_melting = T_melt - T;
-  const double bracket = bracket_at_0 - law.hT * T;
-  const bool solid = to_melting > 0.0 && bracket > 0.0;
-  const double x = solid ? to_melting : 1.0;
-  const double b = solid ? bracket : 1.0;
-  const double inverse_xb = 1.0 / (x * b);
-  const double inverse_x = b * inverse_xb;
-  const double value = law.inverse_n * (kMeltingFactor * T * inverse_x - logarithm(b));
-  const double rate = law.inverse_n * (law.hT * x * inverse_xb + kMeltingFactor * T_melt * inverse_x * inverse_x);
-  return {solid ? value : kMolten, rate};
-}
 
 inline bool any_positive(const double (&value)[kLanes]) {
   double largest = value[0];
@@ -56,12 +16,10 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-enum class Response { kShared, kSpread, kOfTwo };
-
-template <bool kWrite, Response kResponse>
+template <class Law, bool kWrite, bool kSpread>
 [[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
                                         const double* threshold, double* strain_new, FlowSum& sum) {
-  const FlowLaw law(*problem.soft);
+  const Law law(*problem.soft, problem.dt);
   const std::ptrdiff_t heated = problem.num_heated;
   std::ptrdiff_t num_yielding = 0;
   double slip[kLanes] = {};
@@ -70,17 +28,14 @@ template <bool kWrite, Response kResponse>
     const double* strain = problem.strain + i * kLanes;
     const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
-    alignas(64) double growth[kLanes] = {};  // of -log(g)/n with log(a)
+    alignas(64) double growth[kLanes] = {};  // of the softening's share with log(a)
     if (i < heated) {
-      constexpr bool kSpread = kResponse == Response::kSpread;
       const double B = kSpread ? 0.0 : problem.response[i];
       const double* B_lane = kSpread ? problem.spread_response + i * kLanes : nullptr;
-      const double B_other = kResponse == Response::kOfTwo ? problem.other_response[i] : 0.0;
       const double* T_ad = problem.T_ad + i * kLanes;
       for (int l = 0; l < kLanes; ++l) {
-        double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
-        if (kResponse == Response::kOfTwo) rise += load.other_flux[l] * B_other;  // one of the two is 0
-        const SofteningExcess softened = softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l] + rise);
+        const double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
+        const SofteningExcess softened = law.softening_excess(load.bracket[l], load.T_melt[l], T_ad[l] + rise);
         growth[l] = rise * softened.rate;
         excess[l] = (load.scaled_log[l] + softened.value) - yield[l];
       }
@@ -90,16 +45,13 @@ template <bool kWrite, Response kResponse>
     if (any_positive(excess)) {
       num_yielding = i + 1;
       const double w = problem.grid->weight[static_cast<std::size_t>(i)];
+      alignas(64) double flows[kLanes];
+      alignas(64) double rate[kLanes];
+      law.flow(excess, growth, strain, flows, rate);
       for (int l = 0; l < kLanes; ++l) {
-        const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
-        const double hardened = law.inverse_beta + strain[l];
-        const double dep = hardened * exponential_minus_1(cut);
-        const bool yields = excess[l] > 0.0;
-        const double flows = yields ? dep : 0.0;
-        const double rate = yields ? (hardened + dep) * (law.inverse_n + growth[l]) : 0.0;
-        slip[l] += w * flows;
-        slope[l] += w * rate;
-        if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows;
+        slip[l] += w * flows[l];
+        slope[l] += w * rate[l];
+        if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows[l];
       }
     } else if (kWrite) {
       for (int l = 0; l < kLanes; ++l) strain_new[i * kLanes + l] = strain[l];
@@ -112,6 +64,34 @@ template <bool kWrite, Response kResponse>
   sum.num_yielding = static_cast<int>(num_yielding);
 }
 
+template <bool kWrite>
+[[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, int num_rows,
+                                        const double* threshold, double* strain_new, FlowSum& sum) {
+  FlowLaws::with(
+      problem.soft->flow_law, [&](auto law) __attribute__((always_inline)) {
+        using Law = typename decltype(law)::type;
+        if (problem.spread_response == nullptr) {
+          flow<Law, kWrite, false>(problem, load, num_rows, threshold, strain_new, sum);
+        } else {
+          flow<Law, kWrite, true>(problem, load, num_rows, threshold, strain_new, sum);
+        }
+      });
+}
+
+template <class Law>
+[[gnu::always_inline]] inline void thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
+  const Law law(*problem.soft, problem.dt);
+  const std::ptrdiff_t n = problem.grid->num_vertices();
+  for (std::ptrdiff_t i = 0; i < n; ++i) {
+    const double* strain = problem.strain + i * kLanes;
+    const double* T_ad = problem.T_ad + i * kLanes;
+    double* yield = threshold + i * kLanes;
+    for (int l = 0; l < kLanes; ++l) yield[l] = law.log_strength(strain[l]);
+    if (i < problem.num_heated) continue;
+    for (int l = 0; l < kLanes; ++l) yield[l] -= law.softening_excess(load.bracket[l], load.T_melt[l], T_ad[l]).value;
+  }
+}
+
 }  // namespace
 
 int num_heated_vertices(const Grid& grid, const double* response) {
@@ -122,69 +102,54 @@ int num_heated_vertices(const Grid& grid, const double* response) {
   return n;
 }
 
-SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
-  const FlowLaw law(*problem.soft);
-  const double beta = problem.soft->hardening_coefficient;
-  const std::ptrdiff_t n = problem.grid->num_vertices();
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    const double* strain = problem.strain + i * kLanes;
-    const double* T_ad = problem.T_ad + i * kLanes;
-    double* yield = threshold + i * kLanes;
-    for (int l = 0; l < kLanes; ++l) yield[l] = logarithm(1.0 + beta * strain[l]);
-    if (i < problem.num_heated) continue;
-    for (int l = 0; l < kLanes; ++l) yield[l] -= softening_excess(law, load.bracket[l], load.T_melt[l], T_ad[l]).value;
-  }
-}
-
 void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load) {
-  load.bracket[lane] = 1.0 + soft.pressure_coefficient * pressure + soft.temperature_coefficient * kSofteningReference;
-  const double ratio = kSqrt3 * a / soft.yield_strength;
-  const bool loads = ratio >= std::numeric_limits<double>::min();
-  load.scaled_log[lane] = loads ? logarithm(ratio) / soft.hardening_exponent : kNoLoad;
+  FlowLaws::with(soft.flow_law, [&](auto law) {
+    using Law = typename decltype(law)::type;
+    const bool loads = kSqrt3 * a / soft.yield_strength >= std::numeric_limits<double>::min();
+    load.scaled_log[lane] = loads ? Law(soft, 1.0).log_load(a) : kNoLoad;
+    load.bracket[lane] = Law::bracket_at(soft, pressure);
+  });
   load.flux[lane] = flux;
-  load.other_flux[lane] = 0.0;
   load.T_melt[lane] = soft.melting_temperature;
 }
 
+SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
+  FlowLaws::with(
+      problem.soft->flow_law, [&](auto law) __attribute__((always_inline)) {
+        thresholds<typename decltype(law)::type>(problem, load, threshold);
+      });
+}
+
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
-  const FlowLaw law(*problem.soft);
-  const double beta = problem.soft->hardening_coefficient;
-  double slip = 0.0;
-  for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
-    const std::ptrdiff_t at = i * kLanes + lane;
-    const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
-    const double excess =
-        (load.scaled_log[lane] + softening_excess(law, load.bracket[lane], load.T_melt[lane], T).value) -
-        logarithm(1.0 + beta * problem.strain[at]);
-    const double old = problem.strain[at];
-    const double dep =
-        excess > 0.0 ? (law.inverse_beta + old) * exponential_minus_1(std::min(excess, kMaxExcess)) : 0.0;
-    slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;
-    if (strain_new != nullptr) strain_new[at] = old + dep;
-  }
-  return slip;
+  return FlowLaws::with(problem.soft->flow_law, [&](auto own) {
+    const typename decltype(own)::type law(*problem.soft, problem.dt);
+    double slip = 0.0;
+    for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
+      const std::ptrdiff_t at = i * kLanes + lane;
+      const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
+      const double old = problem.strain[at];
+      const double excess[] = {
+          (load.scaled_log[lane] + law.softening_excess(load.bracket[lane], load.T_melt[lane], T).value) -
+          law.log_strength(old)};
+      const double growth[] = {0.0};
+      double dep[] = {0.0};
+      double slope[] = {0.0};
+      if (excess[0] > 0.0) law.flow(excess, growth, &old, dep, slope);
+      slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep[0];
+      if (strain_new != nullptr) strain_new[at] = old + dep[0];
+    }
+    return slip;
+  });
 }
 
 SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,
                               FlowSum& sum) {
-  if (problem.spread_response != nullptr) {
-    flow<false, Response::kSpread>(problem, load, num_rows, threshold, nullptr, sum);
-  } else if (problem.other_response != nullptr) {
-    flow<false, Response::kOfTwo>(problem, load, num_rows, threshold, nullptr, sum);
-  } else {
-    flow<false, Response::kShared>(problem, load, num_rows, threshold, nullptr, sum);
-  }
+  flow<false>(problem, load, num_rows, threshold, nullptr, sum);
 }
 
 SHEARBUS_WIDE void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
                            FlowSum& sum) {
-  if (problem.spread_response != nullptr) {
-    flow<true, Response::kSpread>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
-  } else if (problem.other_response != nullptr) {
-    flow<true, Response::kOfTwo>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
-  } else {
-    flow<true, Response::kShared>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
-  }
+  flow<true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(num_rows) * kLanes;
   const std::ptrdiff_t end = static_cast<std::ptrdiff_t>(problem.grid->num_vertices()) * kLanes;
   std::copy(problem.strain + first, problem.strain + end, threshold_to_strain + first);

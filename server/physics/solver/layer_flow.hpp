@@ -7,20 +7,16 @@
 
 namespace shearbus::physics {
 
-// The layer yields at a vertex where its excess is positive,
-//   excess = log(sqrt(3) a / (Y0 g(P, T))) / n - log(1 + beta ep_old),
-// and flows by dep = (1/beta + ep_old) (exp(excess) - 1): DLP (48) as a ratio, which cancels nothing. Vertices beyond
-// `num_heated` do not feel the heat of the step in any digit: there everything but the load is known in advance.
-
-inline constexpr double kNoLoad = -1e305;  // scaled logarithm of a load under which nothing yields, however hot
+// Whatever the law of the flow stress, the layer yields at a vertex where its excess is positive
+// (material/flow_law.hpp). Vertices beyond `num_heated` do not feel the heat of the step in any digit: there everything
+// but the load is known in advance.
 
 // A stress magnitude a per lane and what the flow needs of it.
 struct FlowLoad {
-  alignas(64) double scaled_log[kLanes];  // log(sqrt(3) a / Y0) / n, or kNoLoad
+  alignas(64) double scaled_log[kLanes];  // the law's log_load of a, or kNoLoad
   alignas(64) double flux[kLanes];        // q: T = T_ad + q B, or B_phi  [W/m2]
-  alignas(64) double bracket[kLanes];     // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g
+  alignas(64) double bracket[kLanes];     // the law's, at the lane's pressure
   alignas(64) double T_melt[kLanes];      // at the lane's pressure     [K]
-  alignas(64) double other_flux[kLanes];  // q to the problem's other response, where it has one  [W/m2]
 };
 
 struct FlowSum {
@@ -37,12 +33,15 @@ struct FlowProblem {
   const double* T_ad;
   const double* strain;  // old
   int num_heated;
+  double dt;
   const double* spread_response = nullptr;  // B_phi, [vertex][lane]: instead of B where heat is released in the layer
-  const double* other_response = nullptr;   // T = T_ad + q B + q_other B_other: lanes of two heat operators in one tile
 };
 
 // Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
 int num_heated_vertices(const Grid& grid, const double* response);
+
+// Loads lane l with the stress magnitude a and the heat flux q at the pressure P.
+void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
 
 // What yields have in common for all loads of the step.
 void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold);

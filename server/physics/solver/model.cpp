@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/ledger.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -23,15 +24,12 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
     layout.num_heat_modes = static_cast<std::size_t>(modes->num_rows()) - 1;
     layout.heat_modes = 0;
     layout.temperature = layout.num_heat_modes * kLanes;
-    layout.shear_stress = layout.temperature + kLanes;
-    layout.regime = layout.shear_stress + kLanes;
-    layout.doubles = layout.regime + kLanes;
-    return layout;
+  } else {
+    layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
+    layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
+    if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
+    layout.temperature = layout.num_hard_vertices * kLanes;
   }
-  layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
-  layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
-  if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
-  layout.temperature = layout.num_hard_vertices * kLanes;
   layout.doubles = layout.temperature + layout.num_vertices * kLanes;
   if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
     layout.plastic_strain = layout.doubles;
@@ -42,19 +40,31 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
     layout.heat_shape = layout.doubles;
     layout.doubles += layout.num_strain_vertices * kLanes;
   }
+  if (options.inertia) {
+    layout.num_stress_vertices = static_cast<std::size_t>(layer_vertices);
+    layout.num_velocity_cells = layout.num_stress_vertices - 1;
+  }
   layout.shear_stress = layout.doubles;
-  layout.regime = layout.shear_stress + kLanes;
-  layout.doubles = layout.regime + kLanes;
+  layout.doubles += layout.num_stress_vertices * kLanes;
+  if (options.inertia) {
+    layout.layer_velocity = layout.doubles;
+    layout.doubles += layout.num_velocity_cells * kLanes;
+  }
+  if (options.tangential_components == 2) {
+    layout.second_stress = layout.doubles;
+    layout.doubles += kLanes;
+  }
+  layout.regime = layout.doubles;
+  layout.doubles += kLanes;
   if (options.plastic_layer) {
     layout.sticking = layout.doubles;
     layout.doubles += kLanes;
   }
+  if (options.junctions) {
+    layout.junction_strain = layout.doubles;
+    layout.doubles += kLanes;
+  }
   return layout;
-}
-
-// Rows of kLanes doubles: all of a tile is made of them.
-void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
-  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
 }
 
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
@@ -140,8 +150,14 @@ std::vector<std::string> Model::warnings() const {
                 "layer carries no stress",
                 o.initial_temperature, o.soft.melting_temperature));
   }
+  if (o.junctions && o.junctions->metal.yield_strength_max < o.junctions->metal.yield_strength) {
+    warnings.push_back(
+        text_of("the junctions' saturation strength (%g Pa) is below the interface's yield strength (%g Pa): they do "
+                "not harden",
+                o.junctions->metal.yield_strength_max, o.junctions->metal.yield_strength));
+  }
   if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
-      o.soft.yield_strength_max < o.soft.yield_strength) {
+      strength_ceiling(o.soft) < o.soft.yield_strength) {
     warnings.push_back(
         text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
                 o.soft.yield_strength_max, o.soft.yield_strength));
@@ -180,18 +196,24 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
                     TileOutputs& outputs) const {
   const TileLayout& layout = impl_->layout;
   const bool sdirk2 = impl_->options.time_integrator == TimeIntegrator::kSdirk2;
-  const auto advance_tile = impl_->options.strategy == Strategy::kVelocityDriven
-                                ? (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)
-                            : impl_->options.plastic_layer ? advance_force_driven_flowing
-                            : sdirk2                       ? advance_force_driven_sdirk2
-                                                           : advance_force_driven;
-  advance_tile(*impl_, operators, inputs, committed, trial, outputs);
+  if (impl_->options.inertia) {
+    advance_with_inertia(*impl_, operators, inputs, committed, trial, outputs);
+  } else if (impl_->options.strategy == Strategy::kVelocityDriven) {
+    (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)(*impl_, operators, inputs, committed, trial,
+                                                                        outputs);
+  } else if (impl_->options.plastic_layer) {
+    advance_force_driven_flowing(*impl_, operators, inputs, committed, trial, outputs);
+  } else {
+    (sdirk2 ? advance_force_driven_sdirk2 : advance_force_driven)(*impl_, operators, inputs, committed, trial, outputs);
+  }
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) {
       copy_lane(committed, trial, layout.doubles, lane);
     } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
-               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane])) {
-      // Inputs so extreme that the arithmetic left the range of a double: no answer, the old state stays.
+               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
+               !std::isfinite(outputs.friction_heat[lane])) {
+      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer, the
+      // old state stays.
       copy_lane(committed, trial, layout.doubles, lane);
       outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
       outputs.sliding_velocity[lane] = 0.0;
@@ -202,6 +224,12 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
       outputs.outcome[lane] = kFailed;
     }
   }
+}
+
+void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                 const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second,
+                 const SecondOutputs* second_outputs) const {
+  book_step(*impl_, operators.dt(), inputs, outputs, second, second_outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/interface/friction.hpp"
+#include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/layer/modes.hpp"
 #include "server/physics/material/material.hpp"
@@ -17,11 +19,7 @@ enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
-// The interface law of the force-driven strategy (DLP 65): s_lim = min(mu P, yield_strength g(P, T0) / sqrt(3)).
-struct InterfaceOptions {
-  double friction_coefficient = 0.0;  // mu
-  double yield_strength = 0.0;        // [Pa]
-};
+inline constexpr int kMaxInertiaCells = 1000;  // of a layer with inertia: its step works on the stack
 
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
@@ -36,6 +34,13 @@ struct ModelOptions {
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
+  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
+
+  int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+
+  // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
+  // and the layer's mass is accelerated (DLP 36).
+  bool inertia = false;
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
@@ -65,9 +70,20 @@ class Model {
   std::shared_ptr<const StepOperators> operators(double dt) const;
 
   // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
-  // active lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
+  // active lanes of `outputs`. Never allocates, but once in a thread. Inputs are finite, dt > 0, masses > 0: the
+  // service has checked.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
+
+  // The same where slip has two components: the scalar step along the direction of the trial stress.
+  void advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
+               const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const;
+
+  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing. `second`,
+  // `second_outputs`: where slip has two components.
+  void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+            const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second = nullptr,
+            const SecondOutputs* second_outputs = nullptr) const;
 
  private:
   struct Impl;

@@ -1,11 +1,14 @@
 // What a model knows before the first step: shared by both strategies, constant afterwards.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <optional>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/layer/modes.hpp"
+#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
 
@@ -23,15 +26,40 @@ struct Problem {
   double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
 
+inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an imposed jump by this much of it
+
+// The stress a lane's step starts from.
+inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
+  return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
+}
+
+// The soft body as it is at each lane's pressure; itself where pressure does not change it.
+class LaneMaterials {
+ public:
+  LaneMaterials(const Material& soft, const TileInputs& inputs) : soft_(soft) {
+    if (!soft.varies_with_compression()) return;
+    at_.emplace();
+    for (int l = 0; l < kLanes; ++l) {
+      const bool active = (inputs.active >> l & 1u) != 0;
+      (*at_)[static_cast<std::size_t>(l)] = at_pressure(soft, active ? inputs.pressure[l] : 0.0);
+    }
+  }
+  const Material& operator()(int lane) const { return at_ ? (*at_)[static_cast<std::size_t>(lane)] : soft_; }
+
+ private:
+  const Material& soft_;
+  std::optional<std::array<Material, kLanes>> at_;
+};
+// A tile is rows of kLanes doubles.
+inline void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
+  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
+}
+
 // One solution of the velocity-driven balance under given heat: a backward Euler step, or a stage of SDIRK2.
 struct BalanceStage {
   const HeatOperator* heat;
-  double dt;  // over which the jump acts  [s]
-  // The second stage finds T_ad in `trial`, and lanes whose extrapolation left its domain with that of `fallback`.
-  bool conducted = false;
-  const double* early_flux = nullptr;  // q of the first stage, [lane]  [W/m2]
-  std::uint32_t fallen_back = 0;
-  const HeatOperator* fallback = nullptr;
+  double dt;                           // over which the jump acts  [s]
+  const double* early_flux = nullptr;  // of a second stage, which finds T_ad in `trial`: q of the first, [lane]  [W/m2]
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
@@ -43,6 +71,8 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
                                     const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                  const double* committed, double* trial, TileOutputs& outputs);
+void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

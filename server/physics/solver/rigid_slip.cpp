@@ -17,8 +17,8 @@ TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, doub
   stress_stick = (std::abs(jump_free) + drive) / per_stress;
 }
 
-Regime slip_regime(const StressLimit& limit, double T0) {
-  if (limit.at(T0).is_coulomb) return Regime::kCoulomb;
+Regime slip_regime(const StressLimit& limit, double T0, double slip) {
+  if (limit.at(T0, slip).is_coulomb) return Regime::kCoulomb;
   return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
 }
 
@@ -27,17 +27,20 @@ LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
   return {0.0, 0.5 * (jump_old + jump_free), jump_free, 0.0, Regime::kOpen, false, true, false};
 }
 
-LaneStep rigid_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
-                    double guess, bool stuck) {
+LaneStep rigid_slip(const StressLimit& yield, const Friction& friction, const TrialSlip& trial, double heat_partition,
+                    double B0, double T_ad, double guess, bool stuck) {
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
 
   // 1. Stick: no slip at the end of the step (never [V]mid = 0, which rings), if the interface carries that stress.
   const double a_stick = trial.stress_stick;
-  const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
+  const bool can_stick = spare_strength(yield.beside(friction.holding), heating, a_stick) >= 0.0;
 
   // 2. Slip: the stress equals the limit at the temperature it makes. Where several answers are possible the node goes
   //    on as before: a sticking one sticks, a slipping one takes the answer with the most slip.
-  const bool unique = slip_is_unique(limit, heating, a_stick);
+  const StressLimit limit = yield.beside(friction.sliding);
+  const bool friction_returns =
+      friction.regained < a_stick && friction.regained < yield.at(T_ad, heating.slip(0.0)).stress;
+  const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
   bool stick = can_stick;
   bool several = false;
   double a = a_stick;
@@ -45,16 +48,19 @@ LaneStep rigid_slip(const StressLimit& limit, const TrialSlip& trial, double hea
     if (!can_stick) a = slip_stress(limit, heating, a_stick, guess);
   } else {
     const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
-    several = slip.several || (slip.found && can_stick);
-    stick = can_stick && (stuck || !slip.found);
+    const bool returns = friction_returns && spare_strength(yield, heating, friction.regained) > 0.0;
+    several = slip.several || (slip.found && (can_stick || returns));
+    const bool rests = friction_returns && trial.jump_old == 0.0;  // under the friction of rest, stuck before or not
+    stick = can_stick && (stuck || rests || !slip.found);
     if (!stick) a = slip.stress;
   }
+  if (!stick) a = below_melting(limit, heating, heat_partition, B0, a);
 
   // 3. Answer. Where the jump changes sign within the step the slip along the stress is clipped at 0: no heat, no work.
   const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
   const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);
-  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0);
+  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0, slip);
   return {trial.direction * a, trial.direction * slip, jump_new, flux, regime, stick, unique, several};
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -47,31 +48,11 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
   for (int l = 0; l < kLanes; ++l) add_early_flux_lane(step, num_rows, l, early_flux[l], rows);
 }
 
-double coldest_of_lane(int num_rows, int lane, const double* T_old) {
-  double coldest = T_old[lane];
-  for (std::ptrdiff_t i = 1; i < num_rows; ++i) coldest = std::min(coldest, T_old[i * kLanes + lane]);
-  return coldest;
-}
-
-// The same two stages of one lane with known fluxes.
-void repeat_lane(const HeatOperator& stage, const HeatOperator&, int num_rows, int lane, const double* T_old,
-                 double early_flux, double flux, double* T) {
-  for (std::ptrdiff_t i = lane; i < num_rows * std::ptrdiff_t{kLanes}; i += kLanes) T[i] = T_old[i];
-  conduct_lane(stage, num_rows, lane, T);
-  add_flux_lane(stage, num_rows, lane, early_flux, T);
-  for (std::ptrdiff_t i = lane; i < num_rows * std::ptrdiff_t{kLanes}; i += kLanes)
-    T[i] = T_old[i] + kExtrapolation * (T[i] - T_old[i]);
-  conduct_lane(stage, num_rows, lane, T);
-  const double coldest = coldest_of_lane(num_rows, lane, T_old);
-  for (std::ptrdiff_t i = lane; i < num_rows * std::ptrdiff_t{kLanes}; i += kLanes) T[i] = std::max(T[i], coldest);
-  add_flux_lane(stage, num_rows, lane, flux, T);
-}
-void repeat_lane(const ModeOperator&, const ModeOperator& step, int num_rows, int lane, const double* old,
-                 double early_flux, double flux, double* rows) {
-  for (std::ptrdiff_t i = lane; i < num_rows * std::ptrdiff_t{kLanes}; i += kLanes) rows[i] = old[i];
-  conduct_lane(step, num_rows, lane, rows);
-  add_early_flux_lane(step, num_rows, lane, early_flux, rows);
-  add_flux_lane(step, num_rows, lane, flux, rows);
+// A tile beside the caller's.
+double* scratch_tile(std::size_t doubles) {
+  thread_local std::vector<double> tile;
+  if (tile.size() < doubles) tile.resize(doubles);
+  return tile.data();
 }
 
 // The lanes whose extrapolated temperatures are colder than all there was, or molten: what backward Euler could not do.
@@ -124,18 +105,23 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
     if (is_in(inputs.active, l)) early_flux[l] = outputs.friction_heat[l] / stage.dt;
   }
 
-  // 2. The whole step from where that points to; where it points nowhere, from the old temperatures.
+  // 2. The whole step from where that points to.
   begin_second_stage(stage, n, T_old, early_flux, T);
   const std::uint32_t fallen_back = lanes_out_of_range(problem, inputs, T_old, T);
+  TileInputs theirs = inputs;
+  theirs.active = inputs.active & ~fallen_back;
+  solve_balance(problem, operators, {&stage, operators.dt(), early_flux}, theirs, committed, trial, outputs);
+
+  // 3. Where it points nowhere: backward Euler.
+  if (fallen_back == 0) return;
+  const std::size_t doubles = problem.layout.doubles;
+  double* beside = scratch_tile(doubles);
+  theirs.active = fallen_back;
+  advance_velocity_driven(problem, operators, theirs, committed, beside, outputs);
   for (int l = 0; l < kLanes; ++l) {
     if (!is_in(fallen_back, l)) continue;
-    for (std::ptrdiff_t i = l; i < n * std::ptrdiff_t{kLanes}; i += kLanes) T[i] = T_old[i];
-    conduct_lane(operators.heat(), n, l, T);
-  }
-  solve_balance(problem, operators, {&stage, operators.dt(), true, early_flux, fallen_back, &operators.heat()}, inputs,
-                committed, trial, outputs);
-  for (int l = 0; l < kLanes; ++l) {
-    if (is_in(fallen_back, l)) outputs.outcome[l] |= kFirstOrder;
+    copy_lane(beside, trial, doubles, l);
+    outputs.outcome[l] |= kFirstOrder;
   }
 }
 
@@ -238,7 +224,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;
     if (!first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
-                     std::abs(committed[layout.shear_stress + l]), early_flux[l])) {
+                     std::abs(stress_before(layout, inputs, committed, l)), early_flux[l])) {
       drop(l);
       early_flux[l] = 0.0;
     }
@@ -259,18 +245,20 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     }
   }
 
-  // 3. Lanes it is not for take the backward Euler step, which leaves the others' temperatures to be made again.
+  add_flux(second, n, flux, T);
+
+  // 3. Lanes it is not for: backward Euler.
   if (const std::uint32_t fallen_back = inputs.active & ~taken; fallen_back != 0) {
     TileInputs theirs = inputs;
     theirs.active = fallen_back;
-    advance_force_driven(problem, operators, theirs, committed, trial, outputs);
+    double* beside = scratch_tile(layout.doubles);
+    advance_force_driven(problem, operators, theirs, committed, beside, outputs);
     for (int l = 0; l < kLanes; ++l) {
-      if (is_in(taken, l)) repeat_lane(first, second, n, l, T_old, early_flux[l], flux[l], T);
+      if (!is_in(fallen_back, l)) continue;
+      copy_lane(beside, trial, layout.doubles, l);
       // A node that stops or rests has no slip to be accurate about.
-      if (is_in(fallen_back, l) && outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
+      if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }
-  } else {
-    add_flux(second, n, flux, T);
   }
 
   // 4. Answers.
@@ -284,7 +272,9 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
         lane.at_rest ? 0.0 : lane.direction * (free_jump(lane, dt) - lane.stress * (dt * lane.forcing.mobility));
     outputs.friction_heat[l] = dt * (kFirstWeight * early_flux[l] + kDiagonal * flux[l]);
     outputs.interface_temperature[l] = T0[l];
-    outputs.regime[l] = open ? Regime::kOpen : lane.at_rest ? Regime::kStick : slip_regime(lane.limit, T0[l]);
+    outputs.regime[l] = open           ? Regime::kOpen
+                        : lane.at_rest ? Regime::kStick
+                                       : slip_regime(lane.limit, T0[l], lane.slip);
     outputs.outcome[l] = 0;
     trial[layout.shear_stress + l] = outputs.shear_stress[l];
     trial[layout.regime + l] = static_cast<double>(outputs.regime[l]);

@@ -25,15 +25,20 @@ struct TileLayout {
   std::size_t num_vertices = 0;  // of temperature: the layer's and, for a half-space, those of the soft body behind it
   std::size_t num_hard_vertices = 0;    // of the hard body's temperature, z = 0 apart; none where it does not conduct
   std::size_t num_strain_vertices = 0;  // of plastic strain: the layer's, or none
+  std::size_t num_stress_vertices = 1;  // of shear stress: z = 0, or all of the layer's where it has inertia
+  std::size_t num_velocity_cells = 0;   // of velocity: the layer's where it has inertia
   std::size_t num_heat_modes = 0;  // rows in place of a profile: start temperature, shares of T0; `temperature` is T0
   std::size_t hard_temperature = kAbsent;  // [num_hard_vertices][kLanes]  K, the outermost first; `temperature` follows
   std::size_t heat_modes = kAbsent;        // [num_heat_modes][kLanes]     K, `temperature` follows
   std::size_t temperature = 0;             // [num_vertices][kLanes]  K
   std::size_t plastic_strain = kAbsent;    // [num_strain_vertices][kLanes]  1
   std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
-  std::size_t shear_stress = 0;            // [kLanes]  Pa, signed
+  std::size_t shear_stress = 0;            // [num_stress_vertices][kLanes]  Pa, signed
+  std::size_t second_stress = kAbsent;     // [kLanes]  Pa, of the second tangential direction
+  std::size_t layer_velocity = kAbsent;    // [num_velocity_cells][kLanes]  against the hard body  m/s
   std::size_t regime = 0;                  // [kLanes]  the Regime of the last step, as a double
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
+  std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid, or of HeatModes.
@@ -42,6 +47,7 @@ struct TileLayout {
 
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.
 struct TileInputs {
+  const double* stress_before = nullptr;              // [kLanes], in place of the committed shear stress  [Pa]
   std::uint32_t active = 0;                           // bit i: lane i takes the step
   alignas(64) double velocity_jump[kLanes] = {};      // [V], of n-1/2 when force-driven  [m/s]
   alignas(64) double pressure[kLanes] = {};           // P, compression positive          [Pa]
@@ -53,6 +59,19 @@ struct TileInputs {
   alignas(64) double soft_plastic_rate[kLanes] = {};  // Ep_dot of the soft zone, not negative (plastic layer)  [1/s]
 };
 
+// The second tangential components of what has two, where a node's slip has two. TileInputs and TileOutputs hold the
+// first.
+struct SecondInputs {
+  alignas(64) double velocity_jump[kLanes] = {};
+  alignas(64) double stress_minus[kLanes] = {};
+  alignas(64) double stress_plus[kLanes] = {};
+};
+struct SecondOutputs {
+  alignas(64) double shear_stress[kLanes];
+  alignas(64) double sliding_velocity[kLanes];
+  alignas(64) double velocity_jump_new[kLanes];
+};
+
 struct TileOutputs {
   alignas(64) double shear_stress[kLanes];           // s                                [Pa]
   alignas(64) double sliding_velocity[kLanes];       // [v]                              [m/s]
@@ -61,6 +80,25 @@ struct TileOutputs {
   alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
+};
+
+// Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
+enum class LedgerTerm : std::uint8_t {
+  kWork,
+  kHeatToSoft,
+  kHeatToHard,
+  kPlasticWork,
+  kStoredSoft,
+  kStoredHard,
+  kElastic,
+  kHeatResidual,
+  kEnergyResidual
+};
+inline constexpr std::size_t kLedgerTerms = 9;
+
+struct TileLedger {
+  alignas(64) double term[kLedgerTerms][kLanes] = {};
+  double& operator()(LedgerTerm t, int lane) { return term[static_cast<std::size_t>(t)][lane]; }
 };
 
 }  // namespace shearbus::physics

@@ -1,11 +1,8 @@
 // The velocity-driven step (MODEL.md section 5): DLP (37), (42-48), (56) with the drive that (56) leaves out. The host
 // imposes the velocity jump, the layer's plastic flow finds the stress.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
-#include <utility>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/heated.hpp"
@@ -16,12 +13,12 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kOutsideDomainShare = 0.1;  // slip may differ from the imposed jump by this much of it
-constexpr double kConverged = 1e-10;         // relative: the next Newton step is below rounding
-constexpr double kFarAbove = 100.0;          // flow against the trial stress: Newton changes its function here
-constexpr double kLeastGuess = 1e-12;        // of the upper end: a start below it says nothing
-constexpr int kNewtonIterations = 16;        // far more than it takes; from then on every second step bisects
-constexpr int kMaxIterations = 300;          // bisection alone, from 1e300 to rounding, needs fewer
+constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
+constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kFarAbove = 100.0;      // flow against the trial stress: Newton changes its function here
+constexpr double kLeastGuess = 1e-12;    // of the upper end: a start below it says nothing
+constexpr int kNewtonIterations = 16;    // far more than it takes; from then on every second step bisects
+constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 
 // What holds the stress where the balance alone would let it be larger.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
@@ -38,9 +35,8 @@ struct Lane {
   int hottest = 0;                // vertex that reaches Y_max first
   bool hi_seen = false;
   bool done = false;
-  bool fallen_back = false;  // heated by the step's fallback operator
-  double a = 0.0;            // iterate, then answer                                       [Pa]
-  bool at_bound = false;     // the answer is `hi`, held by `bound`
+  double a = 0.0;         // iterate, then answer                                       [Pa]
+  bool at_bound = false;  // the answer is `hi`, held by `bound`
 };
 
 // The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
@@ -59,7 +55,7 @@ double driving_velocity(const Problem& problem, const TileInputs& inputs, int la
 
 // Trial stress, direction, heating and the bracket of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
-             const Heated& heated, double s_start, double ep0) {
+             const Heated& heated, double s_start, const double* strain) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
   const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
@@ -93,17 +89,16 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = *problem.options.friction_coefficient * pressure;
     state.bound = Bound::kCoulomb;
   }
-  // Not answers, only bounds: a vertex would be molten; the first one alone would carry more than all the slip.
-  const double most_slip = h * state.a_trial / (kSqrt3 * soft.shear_modulus);
-  const double hardened =
-      power(1.0 + soft.hardening_coefficient * (ep0 + most_slip / problem.grid.weight[0]), soft.hardening_exponent);
-  const double g_0 = hottest_ad == 0 ? g_ad : softening(soft, pressure, heated.T(0, 0.0)).g;
-  const double all_at_vertex_0 = soft.yield_strength * hardened * g_0 / kSqrt3;
-  double beyond = all_at_vertex_0 * (1.0 + kConverged);
+  // Not answers, only bounds: a vertex would be molten; the hottest one alone would carry more than all the slip.
+  const double most_strain =
+      h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
+  const double all_at_hottest =
+      hardened_strength(soft, strain[hottest_ad * kLanes] + most_strain, most_strain / dt) * g_ad / kSqrt3;
+  double beyond = all_at_hottest * (1.0 + kConverged);
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
     beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
   }
-  if (g_ad > 0.0 && soft.hardening_coefficient > 0.0 && beyond < state.hi) {
+  if (g_ad > 0.0 && hardens(soft) && beyond < state.hi) {
     state.hi = beyond;
     state.bound = Bound::kNotAnAnswer;
   }
@@ -149,7 +144,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
-    if (std::abs(step) <= kConverged * lane.a) {
+    // Very near melting a short step may still be a long way in the flow.
+    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= kFlowConverged * lane.a_trial) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
       return;
@@ -226,11 +222,10 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const Grid& grid = problem.grid;
   const HeatOperator& heat = *stage.heat;
   const double* B = heat.layer_response();
-  const double* B_fallback = stage.fallen_back != 0 ? stage.fallback->layer_response() : nullptr;
   const double dt = stage.dt;
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
-  const bool hardens = soft.hardening_coefficient > 0.0;
+  const bool layer_hardens = hardens(soft);
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
@@ -240,7 +235,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 1. Conduction without friction: DLP (28-35).
   double* T_all = trial + layout.first_temperature();
-  if (!stage.conducted) conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
+  if (stage.early_flux == nullptr)
+    conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
   // for).
@@ -249,44 +245,35 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
   if (spreads) respond(heat, operators.spread(), shape, B_spread);
   const auto heated = [&](int l) {
-    if (spreads) return Heated{T + l, B_spread + l, kLanes, candidates};
-    return Heated{T + l, (stage.fallen_back >> l & 1u) != 0 ? B_fallback : B, 1, candidates};
+    return spreads ? Heated{T + l, B_spread + l, kLanes, candidates} : Heated{T + l, B, 1, candidates};
   };
 
   // 3. Trial stress and bracket of each lane: DLP (37), (56).
   Lane lanes[kLanes];
   FlowLoad load;
   double s_start[kLanes] = {};
-  std::optional<std::array<Material, kLanes>> own;  // at each lane's pressure, where that makes a difference
-  if (soft.varies_with_compression()) own.emplace();
-  const auto soft_at = [&](int l) -> const Material& { return own ? (*own)[static_cast<std::size_t>(l)] : soft; };
-  const auto load_lane = [&](int l, double pressure) {
-    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
-    if (lanes[l].fallen_back) std::swap(load.flux[l], load.other_flux[l]);
-  };
+  const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    if (own) (*own)[static_cast<std::size_t>(l)] = at_pressure(soft, pressure);
     if (active && pressure > 0.0) {
-      s_start[l] = starting_stress(problem, committed[layout.shear_stress + l], inputs.velocity_jump[l], pressure,
-                                   committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain[l]);
+      s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
+                                   pressure, committed[layout.temperature + l], strain[l]);
+      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain + l);
     }
     lanes[l].done = !lanes[l].loaded;
-    lanes[l].fallen_back = (stage.fallen_back >> l & 1u) != 0;
-    if (lanes[l].loaded && (!hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    load_lane(l, pressure);
+    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
   // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
   FlowSum sum{};
-  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), B_spread, B_fallback};
-  if (hardens) {
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
+  if (layer_hardens) {
     flow_thresholds(flow, load, strain_new);
     int num_rows = grid.num_vertices();
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
@@ -299,7 +286,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
         if (lanes[l].done) continue;
         const double tried = lanes[l].a;
         iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        load_lane(l, inputs.pressure[l]);
+        set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
         all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
       }
       // What does not yield under more than every lane's answer does not yield: leave it out from here on.
@@ -316,10 +303,6 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
   } else {
     add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
-  }
-  for (int l = 0; l < kLanes; ++l) {
-    if (lanes[l].fallen_back)
-      add_flux_lane(*stage.fallback, problem.heat_grid.num_vertices(), l, load.other_flux[l], T_all);
   }
 
   // 6. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
@@ -343,7 +326,9 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
-    const double s = lane.loaded ? lane.direction * lane.a : 0.0;
+    // Where no root was found there is no number, and so no answer.
+    const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
+    const double s = lane.loaded ? lane.direction * found : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}
                                : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
@@ -352,10 +337,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    const double flux = stage.early_flux == nullptr ? load.flux[l]
-                        : lane.fallen_back
-                            ? load.other_flux[l]
-                            : sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * load.flux[l];
+    double flux = load.flux[l];
+    if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
     outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);

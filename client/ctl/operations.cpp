@@ -1,0 +1,161 @@
+#include "client/ctl/operations.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cstddef>
+#include <stdexcept>
+#include <vector>
+
+namespace shearbus::ctl {
+namespace {
+
+double seconds(std::uint64_t ns) {
+  return 1e-9 * static_cast<double>(ns);
+}
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    if (static_cast<unsigned char>(c) >= 0x20) out += c;
+  }
+  return out;
+}
+
+std::string hexadecimal(const wire::SessionId& id) {
+  std::string text;
+  for (const std::uint8_t byte : id) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+void show(const char* what, const std::string& value) {
+  fmt::print("{:<12} {}\n", what, value);
+}
+
+// The upper bound of the bucket that holds the quantile.
+std::string quantile(const wire::Histogram& histogram, double share) {
+  std::uint64_t all = 0;
+  for (const std::uint64_t count : histogram.counts) all += count;
+  std::uint64_t below = 0;
+  double bound_s = seconds(wire::kHistogramBaseNs);
+  for (const std::uint64_t count : histogram.counts) {
+    below += count;
+    if (static_cast<double>(below) >= share * static_cast<double>(all)) break;
+    bound_s *= 2;
+  }
+  return bound_s < 1e-3 ? fmt::format("{:.0f} us", 1e6 * bound_s) : fmt::format("{:.0f} ms", 1e3 * bound_s);
+}
+
+void show_json(const wire::ServerStatus& s) {
+  fmt::print(
+      "{{\"server_version\": \"{}\", \"uptime_s\": {:.3f}, \"threads\": {}, \"sessions\": {}, \"nodes\": {}, "
+      "\"state_bytes\": {}, \"requests\": {}, \"refused\": {}, \"replayed\": {}, \"node_steps\": {}, \"solver_s\": "
+      "{:.6f}, \"draining\": {}, \"checkpoints\": {}, \"journal_bytes\": {}, \"resident_bytes\": {}, \"open_files\": "
+      "{}}}\n",
+      escaped(s.server_version), seconds(s.uptime_ns), s.threads, s.sessions, s.nodes, s.state_bytes, s.requests,
+      s.refused, s.replayed, s.node_steps, seconds(s.solver_ns), s.draining, s.checkpoints, s.journal_bytes,
+      s.resident_bytes, s.open_files);
+}
+
+const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, const std::string& wanted) {
+  const wire::SessionInfo* found = nullptr;
+  for (const wire::SessionInfo& session : sessions) {
+    if (!wanted.empty() && !hexadecimal(session.session_id).starts_with(wanted) && session.name != wanted) continue;
+    if (found != nullptr)
+      throw std::runtime_error(
+          fmt::format("more than one session is meant by \"{}\"; give more digits of its id, as "
+                      "shearbus-ctl sessions shows it",
+                      wanted));
+    found = &session;
+  }
+  if (found == nullptr && sessions.empty()) throw std::runtime_error("no session is open");
+  if (found == nullptr)
+    throw std::runtime_error(
+        fmt::format("no open session has an id that begins with, or a scene called, \"{}\"", wanted));
+  return *found;
+}
+
+constexpr std::array<const char*, 5> kRegimes = {"open", "stick", "coulomb", "tresca", "melting"};
+
+}  // namespace
+
+void show_ping(const Client& client, const std::string& endpoint, double answered_ms) {
+  const auto& welcome = client.welcome();
+  fmt::print("{}: server {}, protocol {}.{}, knows you by {}, answered in {:.1f} ms\n", endpoint,
+             welcome.server_version, welcome.protocol_major, welcome.protocol_minor, welcome.access, answered_ms);
+}
+
+void show_status(const wire::ServerStatus& s, bool json) {
+  if (json) return show_json(s);
+  show("server", fmt::format("{} ({} threads), up {:.0f} s{}", s.server_version, s.threads, seconds(s.uptime_ns),
+                             s.draining ? ", draining: no new sessions" : ""));
+  show("sessions", fmt::format("{} with {} nodes, {:.1f} MB of states", s.sessions, s.nodes,
+                               static_cast<double>(s.state_bytes) / (1 << 20)));
+  show("requests", fmt::format("{} ({} refused, {} repeated)", s.requests, s.refused, s.replayed));
+  for (const wire::Refusals& refusals : s.refusals)
+    show("", fmt::format("refused {}: {}", name(static_cast<wire::Code>(refusals.code)), refusals.count));
+  const double per_step_ns =
+      s.node_steps == 0 ? 0.0 : static_cast<double>(s.solver_ns) / static_cast<double>(s.node_steps);
+  show("node-steps",
+       fmt::format("{} in {:.3f} s of solver time ({:.0f} ns each)", s.node_steps, seconds(s.solver_ns), per_step_ns));
+  for (const wire::Histogram& histogram : s.histograms)
+    if (histogram.verb == "downscale" || histogram.name.starts_with("journal") || histogram.name == "checkpoint")
+      show(histogram.verb.empty() ? histogram.name.c_str() : histogram.verb.c_str(),
+           fmt::format("half below {}, 99 % below {}", quantile(histogram, 0.5), quantile(histogram, 0.99)));
+  show("journal", fmt::format("{} requests, {:.1f} MB; {} checkpoints ({} failed)", s.journal_records,
+                              static_cast<double>(s.journal_bytes) / (1 << 20), s.checkpoints, s.checkpoints_failed));
+  show("connections", fmt::format("{} admitted, {} refused{}", s.connections_admitted, s.connections_refused,
+                                  s.admitting ? "" : "; NOBODY NEW IS ADMITTED: restart the server"));
+  show("process", fmt::format("{:.1f} MB resident, {} of {} files open",
+                              static_cast<double>(s.resident_bytes) / (1 << 20), s.open_files, s.max_open_files));
+}
+
+void show_sessions(Client& client, bool json) {
+  const auto sessions = client.sessions();
+  if (!json)
+    fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8} {:>8}  {}\n", "session", "nodes", "version", "last seq", "age, s",
+               "idle, s", "scene, opened by");
+  for (const wire::SessionInfo& s : sessions) {
+    if (json)
+      fmt::print(
+          "{{\"session\": \"{}\", \"name\": \"{}\", \"identity\": \"{}\", \"nodes\": {}, \"state_version\": {}, "
+          "\"last_sequence\": {}, \"trial_stands\": {}, \"age_s\": {:.3f}, \"idle_s\": {:.3f}, \"state_bytes\": {}, "
+          "\"node_steps\": {}, \"solver_s\": {:.6f}}}\n",
+          hexadecimal(s.session_id), escaped(s.name), escaped(s.identity), s.nodes, s.state_version, s.last_sequence,
+          s.trial_stands, seconds(s.age_ns), seconds(s.idle_ns), s.state_bytes, s.node_steps, seconds(s.solver_ns));
+    else
+      fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", hexadecimal(s.session_id), s.nodes,
+                 s.state_version, s.last_sequence, seconds(s.age_ns), seconds(s.idle_ns), s.name, s.identity,
+                 s.trial_stands ? ", a trial stands" : "");
+  }
+}
+
+void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count) {
+  const auto sessions = client.sessions();
+  const TopNodes top = client.top_nodes(find(sessions, session).session_id, by, count);
+  fmt::print("{} ({} nodes, version {}): {} of {}\n", top.session.name, top.session.nodes, top.session.state_version,
+             top.node_ids.size(), top.matching);
+  const bool sliding = !top.sliding_velocity_m_per_s.empty();
+  fmt::print("{:>20} {:>12} {:>14} {:>8}{}\n", "node", "T0, K", "s, MPa", "regime", sliding ? "       [v], m/s" : "");
+  for (std::size_t i = 0; i < top.node_ids.size(); ++i) {
+    const std::size_t regime = top.regime[i];
+    fmt::print("{:>20} {:>12.3f} {:>14.6f} {:>8}", top.node_ids[i], top.interface_temperature_k[i],
+               1e-6 * top.shear_stress_pa[i], regime < kRegimes.size() ? kRegimes[regime] : "?");
+    if (sliding) fmt::print(" {:>14.6f}", top.sliding_velocity_m_per_s[i]);
+    fmt::print("\n");
+  }
+}
+
+void checkpoint(Client& client) {
+  const wire::Checkpointed written = client.checkpoint();
+  fmt::print("checkpoint of {:.1f} MB in {:.3f} s\n", static_cast<double>(written.bytes) / (1 << 20),
+             seconds(written.duration_ns));
+}
+
+void drain(Client& client, bool exit) {
+  const wire::Draining draining = client.drain(exit);
+  fmt::print("no new sessions; {} are open{}\n", draining.sessions, exit ? ", and the server ends with the last" : "");
+}
+
+}  // namespace shearbus::ctl

@@ -1,0 +1,22 @@
+// What shearbus-ctl asks of a running server, and how it shows the answers.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "client/include/shearbus/client.hpp"
+
+namespace shearbus::ctl {
+
+void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
+void show_status(const wire::ServerStatus& status, bool json);
+void show_sessions(Client& client, bool json);
+// `session`: the first digits of its id, or the name of its scene; empty where there is only one.
+void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
+void checkpoint(Client& client);
+void drain(Client& client, bool exit);
+
+// Prometheus' text format, version 0.0.4.
+std::string prometheus_text(const wire::ServerStatus& status);
+
+}  // namespace shearbus::ctl

@@ -1,0 +1,122 @@
+#include "hydro_stub/summary2d.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+
+namespace shearbus::hydro {
+namespace {
+
+using lagrange::Ledger;
+
+struct Residuals {
+  double energy, momentum;
+};
+
+// What is missing of energy and momentum, relative to what there was in play. About an axis only the axial component of
+// momentum is a sum of vectors.
+Residuals residuals(const lagrange::Cycle& cycle, const Ledger& start) {
+  const Ledger end = cycle.ledger();
+  const lagrange::State& state = cycle.state();
+  const double energy = std::max(start.total_energy(), end.total_energy());
+  double mass = 0.0, pushed = 0.0;
+  for (std::size_t z = 0; z < state.mass.size(); ++z) {
+    mass += state.mass[z];
+    pushed += std::abs(state.pressure[z]) * state.volume[z] / state.sound_speed[z];
+  }
+  const double momentum = std::sqrt(2.0 * mass * std::max(0.0, energy)) + pushed;
+  lagrange::Vec2 missing = end.momentum - end.impulse_given - start.momentum;
+  if (cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric) missing.x = 0.0;
+  return {energy > 0.0 ? (end.total_energy() - end.work_given - start.total_energy()) / energy : 0.0,
+          momentum > 0.0 ? norm(missing) / momentum : 0.0};
+}
+
+std::string error_text(const Comparison& c) {
+  return c.exact != 0.0 ? fmt::format("{:+.3f} %", 100.0 * (c.found / c.exact - 1.0)) : "";
+}
+
+}  // namespace
+
+std::string Summary2d::text() const {
+  const Ledger end = cycle.ledger();
+  const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
+  const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;  // the mesh holds one radian, or a metre of depth
+  const char* joule = has_axis ? "J" : "J/m";
+  const auto [energy, momentum] = residuals(cycle, start);
+  std::string out = fmt::format("{}{}\n  zones, steps            {}, {} (taken back: {})\n", scene,
+                                interface.nodes() > 0 ? ", interface law " + interface_law : "",
+                                cycle.mesh().num_zones(), cycle.steps(), cycle.rejected_steps());
+  if (interface.nodes() > 0) {
+    const auto share = [&](wire::Regime regime) { return 100.0 * interface.share(regime); };
+    out += fmt::format(
+        "  regime shares           open {:.1f} %, stick {:.1f} %, Coulomb {:.1f} %, Tresca {:.1f} %, melting {:.1f} %\n"
+        "  slip distance           mean {:.4f} mm, longest {:.4f} mm\n"
+        "  hottest interface       {:.1f} K; highest pressure {:.3f} GPa\n"
+        "  friction heat           {:.4f} {} of {:.1f} kinetic at the start; closing the gaps {:.4f}\n",
+        share(wire::Regime::kOpen), share(wire::Regime::kStick), share(wire::Regime::kCoulomb),
+        share(wire::Regime::kTresca), share(wire::Regime::kMelting), 1e3 * interface.mean_slip(),
+        1e3 * interface.longest_slip(), interface.hottest(), 1e-9 * interface.highest_pressure(),
+        turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
+  }
+  if (!interface.energy().empty())
+    for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
+  for (const Comparison& c : comparisons) {
+    out += fmt::format("  {:<36}{:.6g} {}, should be {:.6g}  {}\n", c.what, c.found, c.units, c.exact, error_text(c));
+  }
+  out += fmt::format("  ledger residuals        energy {:.1e}, {}momentum {:.1e}\n", energy, has_axis ? "axial " : "",
+                     momentum);
+  out += fmt::format("  run time                {:.2f} s, {:.2f} of the processor", time.total, time.cpu);
+  if (interface.nodes() > 0) {
+    const auto seconds = [](std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); };
+    out += fmt::format(": law's solver {:.2f}, bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
+                       seconds(time.law.solver), seconds(time.law.bus), seconds(time.law.waited),
+                       100.0 * time.waiting_share(), seconds(time.law.cpu), 100.0 * time.cpu_share());
+  }
+  return out + fmt::format(", output {:.2f}\n", time.output);
+}
+
+std::string Summary2d::json() const {
+  const Ledger end = cycle.ledger();
+  const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
+  const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;
+  const auto [energy, momentum] = residuals(cycle, start);
+  std::string out = "{\n";
+  const auto field = [&](const char* key, const std::string& value) {
+    out += fmt::format("  \"{}\": {},\n", key, value);
+  };
+  const auto number = [](double value) { return fmt::format("{:.17g}", value); };
+  field("interface_law", '"' + interface_law + '"');
+  field("zones", fmt::format("{}", cycle.mesh().num_zones()));
+  field("steps", fmt::format("{}", cycle.steps()));
+  field("steps_taken_back", fmt::format("{}", cycle.rejected_steps()));
+  if (interface.nodes() > 0) {
+    field("share_open", number(interface.share(wire::Regime::kOpen)));
+    field("share_stick", number(interface.share(wire::Regime::kStick)));
+    field("share_coulomb", number(interface.share(wire::Regime::kCoulomb)));
+    field("share_tresca", number(interface.share(wire::Regime::kTresca)));
+    field("share_melting", number(interface.share(wire::Regime::kMelting)));
+    field("mean_slip_m", number(interface.mean_slip()));
+    field("longest_slip_m", number(interface.longest_slip()));
+    field("peak_interface_temperature_k", number(interface.hottest()));
+    field("peak_pressure_pa", number(interface.highest_pressure()));
+    field(has_axis ? "friction_heat_j" : "friction_heat_j_per_m", number(turn * end.friction_heat));
+    field("layer_energy", interface.energy().json());
+    field("waiting_share", number(time.waiting_share()));
+    field("cpu_share", number(time.cpu_share()));
+  }
+  std::string list;
+  for (const Comparison& c : comparisons) {
+    list += fmt::format("{}\n    {{\"what\": \"{}\", \"units\": \"{}\", \"exact\": {}, \"found\": {}}}",
+                        list.empty() ? "" : ",", c.what, c.units, number(c.exact), number(c.found));
+  }
+  if (!list.empty()) field("comparisons", "[" + list + "\n  ]");
+  field("energy_residual", number(energy));
+  field("momentum_residual", number(momentum));
+  out += fmt::format("  \"run_time_s\": {:.6g}\n}}\n", time.total);
+  return out;
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,36 @@
+// What a two-dimensional run amounts to, as text for people and as summary.json.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hydro_stub/interface_history.hpp"
+#include "hydro_stub/interface_law.hpp"
+#include "hydro_stub/lagrange/cycle.hpp"
+#include "hydro_stub/problem2d.hpp"
+
+namespace shearbus::hydro {
+
+struct RunTime2d {
+  double total = 0.0;   // [s], of the clock on the wall
+  double output = 0.0;  // [s]
+  double cpu = 0.0;     // of all threads of the process  [s]
+  LawTime law;
+  double waiting_share() const { return std::chrono::duration<double>(law.waited).count() / total; }
+  double cpu_share() const { return std::chrono::duration<double>(law.cpu).count() / cpu; }
+};
+
+struct Summary2d {
+  std::string scene;
+  std::string interface_law;
+  const lagrange::Cycle& cycle;
+  const lagrange::Ledger& start;
+  const InterfaceHistory& interface;
+  std::vector<Comparison> comparisons;
+  RunTime2d time;
+
+  std::string text() const;
+  std::string json() const;
+};
+
+}  // namespace shearbus::hydro

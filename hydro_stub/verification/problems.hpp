@@ -1,0 +1,110 @@
+// Problems with exact or published answers: what the scenes run is what the tests measure.
+//
+// A problem is a struct; make_bodies() meshes it, compare() holds a cycle of it, at its present time, to the answers.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hydro_stub/metal.hpp"
+#include "hydro_stub/problem2d.hpp"
+#include "proto/wire/scene.hpp"
+
+namespace shearbus::hydro {
+
+// A strip along which plane waves run, two zones wide between planes of symmetry: along x in the plane, along the axis
+// in axisymmetry.
+struct Strip {
+  static constexpr int kRows = 2;
+  lagrange::Symmetry symmetry;
+
+  bool axial() const { return symmetry == lagrange::Symmetry::kAxisymmetric; }
+  lagrange::Vec2 along(double v) const { return axial() ? lagrange::Vec2{0.0, v} : lagrange::Vec2{v, 0.0}; }
+  double component(lagrange::Vec2 v) const { return axial() ? v.y : v.x; }
+  lagrange::Block add(lagrange::Mesh& mesh, int zones, double from, double to) const;
+  lagrange::Surface face(const lagrange::Block& block, bool far_end) const;
+  void guide(lagrange::Bodies& bodies, const lagrange::Block& block) const;
+  double stress(const lagrange::Cycle& cycle, int zone) const;
+  // Mean over the zones of the first block whose middle lies between two places.
+  double mean_stress(const lagrange::Cycle& cycle, double from, double to) const;
+};
+
+struct PistonProblem {
+  lagrange::Symmetry symmetry;
+  Metal metal;
+  double length;  // [m]
+  int zones;
+  double speed;  // [m/s]
+};
+struct FlyerProblem {
+  lagrange::Symmetry symmetry;
+  Metal target, flyer;
+  double length;  // of each  [m]
+  int zones;      // along each
+  double speed;   // [m/s]
+};
+struct ImplosionProblem {
+  bool sphere;
+  lagrange::Symmetry symmetry;  // of a cylinder
+  Metal metal;
+  double inner, outer, stop;  // [m]
+  int zones;                  // across the shell
+};
+// Gases; lengths of 1 m, density 1 kg/m3, speeds of 1 m/s.
+struct NohProblem {
+  lagrange::Symmetry symmetry;
+  int zones;
+};
+struct SedovProblem {
+  lagrange::Symmetry symmetry;
+  int zones;
+};
+struct SaltzmanProblem {
+  int zones;  // across the channel
+};
+struct TaylorProblem {
+  Metal metal;
+  double radius, length;  // [m]
+  double speed;           // [m/s]
+  int zones;              // across
+};
+struct PlatesProblem {
+  Metal soft, hard;
+  double length = 3e-3;        // along the line  [m]
+  double soft_depth = 0.4e-3;  // [m]
+  double hard_depth = 0.4e-3;  // [m]
+  double width = 20e-6;        // of the soft zones; the hard ones are 5/4 as wide  [m]
+  double jump = 100.0;         // [m/s]
+  double angle = 0.0;          // of the line
+  double pressure = 1e9;       // holds the bodies together  [Pa]
+};
+
+lagrange::Bodies make_bodies(const PistonProblem& problem);
+lagrange::Bodies make_bodies(const FlyerProblem& problem);
+lagrange::Bodies make_bodies(const ImplosionProblem& problem);
+lagrange::Bodies make_bodies(const NohProblem& problem);
+lagrange::Bodies make_bodies(const SedovProblem& problem);
+lagrange::Bodies make_bodies(const SaltzmanProblem& problem);
+lagrange::Bodies make_bodies(const TaylorProblem& problem);
+lagrange::Bodies make_bodies(const PlatesProblem& problem);
+
+std::vector<Comparison> compare(const PistonProblem& problem, const lagrange::Cycle& cycle);
+std::vector<Comparison> compare(const FlyerProblem& problem, const lagrange::Cycle& cycle);
+std::vector<Comparison> compare(const ImplosionProblem& problem, const lagrange::Cycle& cycle);
+std::vector<Comparison> compare(const NohProblem& problem, const lagrange::Cycle& cycle);
+std::vector<Comparison> compare(const SedovProblem& problem, const lagrange::Cycle& cycle);
+std::vector<Comparison> compare(const SaltzmanProblem& problem, const lagrange::Cycle& cycle);
+std::vector<Comparison> compare(const TaylorProblem& problem, const lagrange::Cycle& cycle);
+// Under constant friction `limit`, 0 and infinity among them. What waves from the plates' ends have reached is not
+// compared.
+std::vector<Comparison> compare(const PlatesProblem& problem, const lagrange::Cycle& cycle, double limit);
+
+double shear_impedance(const physics::Material& metal);  // sqrt(rho G)  [Pa s/m]
+
+// The implosion is over: the inner surface has come to rest.
+bool at_rest(const ImplosionProblem& problem, const lagrange::Cycle& cycle);
+
+// The verification problem of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
+Problem2d make_verification(const wire::Scene& scene);
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,36 @@
+// Sums of the energy ledger that replies bring, and what the summaries of the clients say of them.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "proto/wire/strategy_columns.hpp"
+
+namespace shearbus::wire {
+
+class EnergyTotals {
+ public:
+  // One step of all nodes; a reply without the ledger adds nothing.
+  void add(const Batch& upscale);
+
+  void add(const EnergyTotals& step);
+
+  bool empty() const { return numbers_.back() == 0.0; }
+  double mean(Field term) const;  // of the nodes, summed over the steps  [J/m2]
+
+  // Lines of a summary: label and text.
+  std::vector<std::pair<std::string, std::string>> lines() const;
+  std::string json() const;  // an object of the means
+
+  // All there is to keep: for restart dumps.
+  std::span<double> numbers() { return numbers_; }
+  std::span<const double> numbers() const { return numbers_; }
+
+ private:
+  std::array<double, kLedgerColumns.size() + 1> numbers_{};  // sums over nodes and steps [J/m2]; the nodes
+};
+
+}  // namespace shearbus::wire

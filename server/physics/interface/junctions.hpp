@@ -1,0 +1,44 @@
+// Junctions (MODEL.md section 7): the bodies touch on a fraction f of the area, through junctions of height d that
+// harden as they are sheared, DLP (49-54) corrected:
+//   dep_a/dt = |[v]| / (sqrt(3) d),   Tresca: s <= f Y_a / sqrt(3),   Y_a = min(Y_max_a, Y0_a (1 + beta_a ep_a)^n_a) g
+#pragma once
+
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::physics {
+
+struct JunctionOptions {
+  double contact_fraction = 1.0;  // f
+  double height = 0.0;            // d  [m]
+  Material metal;                 // its hardening: Y0_a, Y_max_a, beta_a, n_a
+};
+
+// The junctions of one node in one step.
+struct Junctions {
+  const JunctionOptions* options = nullptr;  // null: none, the bodies touch everywhere and the interface is as it is
+  double strain_old = 0.0;                   // ep_a
+  double strain_per_slip = 0.0;              // dt / (sqrt(3) d)  [s/m]
+
+  double strain(double slip) const { return strain_old + strain_per_slip * slip; }
+
+  // f Y_a / (g sqrt(3)) after a step of that slip velocity, and its slope in it.
+  struct Value {
+    double strength;  // [Pa]
+    double slope;     // [Pa s/m]
+  };
+  Value at(double slip) const {
+    const Material& m = options->metal;
+    const double hardened = hardened_strength(m, strain(slip));
+    const double strength = options->contact_fraction * hardened / kSqrt3;
+    const double rate = m.hardening_exponent * m.hardening_coefficient * strain_per_slip /
+                        (1.0 + m.hardening_coefficient * strain(slip));
+    return {strength, hardened < m.yield_strength_max ? strength * rate : 0.0};
+  }
+};
+
+inline Junctions junctions_of(const JunctionOptions* options, double strain_old, double dt) {
+  if (options == nullptr) return {};
+  return {options, strain_old, dt / (kSqrt3 * options->height)};
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,31 @@
+// Friction that falls with velocity, DLP (3), (5):
+//
+//   mu(v) = mu_inf + (mu_0 - mu_inf) exp(-theta v)
+//
+// In a step with slip c - b a the balance h(a) = mu(c - b a) P - a is convex where friction falls with velocity: it has
+// two zeros at most while the interface slips, and one only where b theta (mu_0 - mu_inf) P exp(-theta v) < 1.
+#pragma once
+
+#include <string_view>
+
+#include "server/physics/interface/friction.hpp"
+
+namespace shearbus::physics {
+
+struct VelocityWeakening {
+  static constexpr std::string_view kName = "velocity_weakening";
+
+  double at_rest;  // mu_0
+  double fast;     // mu_inf
+  double decay;    // theta  [s/m]
+
+  double coefficient(double velocity) const;
+
+  static Friction friction(const InterfaceOptions& law, double pressure, double c, double b, double a_stick);
+};
+
+// The smallest a >= 0 with a = mu(max(0, c - b a)) P. There is always one; where friction falls steeply with velocity
+// there may be three, and sliding goes on in this one.
+double sliding_stress(const VelocityWeakening& law, double pressure, double c, double b);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,194 @@
+// The step of one layer with inertia, scalar and slow: the twin of solver/layer_waves.
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
+
+namespace shearbus::physics::reference {
+namespace {
+
+struct Layer {
+  const ModelOptions& options;
+  Grid grid;
+  double dt;
+  NodeInputs in;
+  std::vector<double> stress_old, strain_old, velocity_old;
+
+  int cells() const { return grid.num_cells(); }
+  double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
+  double coulomb() const {
+    return options.friction_coefficient ? *options.friction_coefficient * in.pressure
+                                        : std::numeric_limits<double>::infinity();
+  }
+};
+
+// What a vertex keeps of a trial stress magnitude: s + sqrt(3) G0 dep = t, s = Y(ep + dep)/sqrt(3), by bisection in
+// dep.
+struct Kept {
+  double stress, growth, slope;
+};
+Kept kept(const Layer& layer, int vertex, double t, double T) {
+  const Material& m = layer.options.soft;
+  const double ep = layer.strain_old[vertex];
+  const double stiffness = kSqrt3 * m.shear_modulus;
+  const auto yield = [&](double dep) { return flow_stress(m, ep + dep, layer.in.pressure, T) / kSqrt3; };
+  if (t <= yield(0.0)) return {t, 0.0, 1.0};
+  double lo = 0.0;
+  double hi = t / stiffness;
+  for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
+    (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
+  }
+  // How fast the strength rises there, from the law itself.
+  const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
+  const bool capped = m.yield_strength * std::pow(hardened, m.hardening_exponent) >= m.yield_strength_max;
+  const double rate = capped ? 0.0 : yield(lo) * m.hardening_exponent * m.hardening_coefficient / hardened;
+  return {t - stiffness * lo, lo, rate / (rate + stiffness)};
+}
+
+struct Solved {
+  std::vector<double> velocity, stress, growth, slope;
+  double interface_slip = 0.0;
+};
+
+void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
+  for (int i = 0; i <= layer.cells(); ++i) {
+    const double before = i == 0 ? 0.0 : at.velocity[i - 1];
+    const double behind = i == layer.cells() ? layer.in.velocity_jump : at.velocity[i];
+    const double t = layer.stress_old[i] + layer.per_velocity(i) * (behind - before);
+    Kept keeps = kept(layer, i, std::abs(t), T[i]);
+    if (i == 0) at.interface_slip = 0.0;
+    if (i == 0 && keeps.stress > layer.coulomb()) {
+      // The vertex under mu P, as far as that makes it flow; the rest is slip.
+      const double stiffness = kSqrt3 * layer.options.soft.shear_modulus;
+      double lo = 0.0, hi = keeps.growth;
+      for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
+        const double carries =
+            flow_stress(layer.options.soft, layer.strain_old[0] + mid, layer.in.pressure, T[0]) / kSqrt3;
+        (carries < layer.coulomb() ? lo : hi) = mid;
+      }
+      const double slips = (std::abs(t) - layer.coulomb() - stiffness * lo) / layer.per_velocity(0);
+      at.interface_slip = std::copysign(slips, t);
+      keeps = {layer.coulomb(), lo, 0.0};
+    }
+    at.stress[i] = std::copysign(keeps.stress, t);
+    at.growth[i] = keeps.growth;
+    at.slope[i] = keeps.slope;
+  }
+}
+
+// rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36): how far from it.
+Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
+  Eigen::VectorXd r(layer.cells());
+  for (int c = 0; c < layer.cells(); ++c) {
+    r[c] = at.stress[c + 1] - at.stress[c] -
+           layer.options.soft.density * layer.grid.width[c] / layer.dt * (at.velocity[c] - layer.velocity_old[c]);
+  }
+  return r;
+}
+
+// At given temperatures the balance is that of a convex energy: Newton steps cut to where the energy is lowest along
+// them.
+void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
+  const int n = layer.cells();
+  look(layer, T, at);
+  for (int iteration = 0; iteration < 1000; ++iteration) {
+    std::vector<Eigen::Triplet<double>> entries;
+    for (int c = 0; c < n; ++c) {
+      const double before = at.slope[c] * layer.per_velocity(c);
+      const double behind = at.slope[c + 1] * layer.per_velocity(c + 1);
+      entries.emplace_back(c, c, layer.options.soft.density * layer.grid.width[c] / layer.dt + before + behind);
+      if (c > 0) entries.emplace_back(c, c - 1, -before);
+      if (c + 1 < n) entries.emplace_back(c, c + 1, -behind);
+    }
+    Eigen::SparseMatrix<double> matrix(n, n);
+    matrix.setFromTriplets(entries.begin(), entries.end());
+    const Eigen::VectorXd step = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(residual(layer, at));
+    const std::vector<double> start = at.velocity;
+    const auto slope_at = [&](double part) {
+      for (int c = 0; c < n; ++c) at.velocity[c] = start[c] + part * step[c];
+      look(layer, T, at);
+      return -residual(layer, at).dot(step);
+    };
+    double size = std::abs(layer.in.velocity_jump);
+    for (double v : start) size = std::max(size, std::abs(v));
+    const double slope = slope_at(1.0);
+    if (step.lpNorm<Eigen::Infinity>() <= 1e-11 * size) return;
+    if (slope <= 0.0) continue;
+    double lo = 0.0, hi = 1.0;
+    for (int k = 0; k < 40; ++k) (slope_at(0.5 * (lo + hi)) > 0.0 ? hi : lo) = 0.5 * (lo + hi);
+    slope_at(hi);
+  }
+}
+
+}  // namespace
+
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
+  const Profile B = unit_response(options, dt, {}, T_ad);
+  const Material soft = at_pressure(options.soft, in.pressure);
+  NodeOutputs out;
+  out.velocity_jump_new = in.velocity_jump;
+  if (in.pressure <= 0.0) {
+    std::fill(state.stress_field.begin(), state.stress_field.end(), 0.0);
+    std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
+    heat_up(state, T_ad, 0.0, B);
+    state.shear_stress = 0.0;
+    out.interface_temperature = state.temperature[0];
+    out.sliding_velocity = in.velocity_jump;
+    out.regime = state.regime = Regime::kOpen;
+    return out;
+  }
+  if (state.regime == Regime::kOpen) {
+    std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
+  }
+  const Layer layer{
+      options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity};
+  const int n = layer.cells();
+  Solved at{layer.velocity_old, state.stress_field, state.plastic_strain, state.plastic_strain};
+  const auto solve_at = [&](double q) {
+    std::vector<double> T(n + 1);
+    for (int i = 0; i <= n; ++i) T[i] = T_ad[i] + q * B[i];
+    balance(layer, T, at);
+    return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
+           q;  // heat made beyond that assumed
+  };
+  double flux = 0.0;
+  double hi = std::max(0.0, (soft.melting_temperature - T_ad[0]) / B[0]);
+  if (solve_at(0.0) > 0.0 && hi > 0.0) {
+    double lo = 0.0;
+    for (double mid = 0.5 * hi; mid > lo && mid < hi && hi - lo > 1e-15 * hi; mid = 0.5 * (lo + hi)) {
+      (solve_at(mid) > 0.0 ? lo : hi) = mid;
+    }
+    flux = lo;
+    solve_at(flux);
+  }
+
+  double slip = at.interface_slip;
+  bool slips = slip != 0.0;
+  double hottest = 0.0;
+  for (int i = 0; i <= n; ++i) {
+    slip += std::copysign(kSqrt3 * layer.grid.weight[i] * at.growth[i] / dt, at.stress[i]);
+    slips = slips || at.growth[i] > 0.0;
+    state.plastic_strain[i] += at.growth[i];
+    hottest = std::max(hottest, T_ad[i] + flux * B[i]);
+  }
+  heat_up(state, T_ad, flux, B);
+  out.friction_heat = flux * dt;
+  out.interface_temperature = state.temperature[0];
+  state.stress_field = at.stress;
+  state.layer_velocity = at.velocity;
+  state.shear_stress = out.shear_stress = at.stress[0];
+  out.sliding_velocity = slip;
+  out.regime = state.regime = !slips                                       ? Regime::kStick
+                              : at.interface_slip != 0.0                   ? Regime::kCoulomb
+                              : hottest >= 0.99 * soft.melting_temperature ? Regime::kMelting
+                                                                           : Regime::kTresca;
+  return out;
+}
+
+}  // namespace shearbus::physics::reference

@@ -1,0 +1,120 @@
+#include "server/physics/solver/ledger.hpp"
+
+#include <cmath>
+#include <cstddef>
+
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// What one lane's bodies hold more than before  [J/m2].
+struct Stored {
+  double soft = 0.0, hard = 0.0;
+};
+Stored stored_heat(const Problem& problem, const double* T_old, const double* T_new, double entered, int lane) {
+  if (problem.modes) {
+    // Without a profile: a slab's mode of rate 0 holds all its heat; from a half-space none returns.
+    const HeatModes& modes = *problem.modes;
+    const std::ptrdiff_t kept = kLanes + lane;  // behind the row of the start temperature
+    return {modes.rate.front() > 0.0 ? entered : (T_new[kept] - T_old[kept]) / modes.weight.front(), 0.0};
+  }
+  const HeatGrid& grid = problem.heat_grid;
+  const Material& soft = problem.options.soft;
+  const Material& hard = problem.options.hard;
+  Stored stored;
+  for (int i = 0; i < grid.num_vertices(); ++i) {
+    const std::ptrdiff_t at = std::ptrdiff_t{i} * kLanes + lane;
+    const double rise = T_new[at] - T_old[at];
+    if (i == grid.interface) {  // half of it is the hard body's, where that conducts
+      stored.soft += soft.conductivity / soft.diffusivity * grid.weight[static_cast<std::size_t>(i)] * rise;
+      stored.hard += hard.conductivity / hard.diffusivity * grid.hard_weight * rise;
+    } else {
+      (i < grid.interface ? stored.hard : stored.soft) += grid.capacity(i, soft, hard) * rise;
+    }
+  }
+  return stored;
+}
+
+// sqrt(3) integral(dep)  [m]
+double plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new, int lane) {
+  double sum = 0.0;
+  for (int i = 0; i < problem.grid.num_vertices(); ++i) {
+    const std::ptrdiff_t at = std::ptrdiff_t{i} * kLanes + lane;
+    sum += problem.grid.weight[static_cast<std::size_t>(i)] * (ep_new[at] - ep_old[at]);
+  }
+  return kSqrt3 * sum;
+}
+
+// The velocity through which a component of the interface's stress works, but for the host's own shear.
+double working_velocity(const Problem& problem, double jump, double jump_new) {
+  return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
+}
+
+// The velocity of the host's own shear, along the stress (velocity-driven: with its sign).
+double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
+  const double h = problem.options.grid.thickness;
+  if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_rate[lane], stress);
+  const bool slips =
+      problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip;
+  return slips ? h * inputs.soft_shear_rate[lane] : 0.0;
+}
+
+// Share of the plastic work that the scheme does not turn into heat.
+double cold_share(const ModelOptions& options) {
+  if (options.strategy == Strategy::kForceDriven) return 1.0;
+  if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the jump's work heats, the layer's own flow does not
+  return 1.0 - options.taylor_quinney_factor.value_or(1.0);
+}
+
+}  // namespace
+
+void book_step(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
+               const SecondInputs* second, const SecondOutputs* second_outputs, const double* committed,
+               const double* trial, TileLedger& ledger) {
+  const TileLayout& layout = problem.layout;
+  const ModelOptions& options = problem.options;
+  const double spring = options.strategy == Strategy::kVelocityDriven
+                            ? 0.5 * options.grid.thickness / options.soft.shear_modulus
+                            : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!(inputs.active >> lane & 1u)) continue;
+    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
+    const double s_old = committed[layout.shear_stress + lane];
+    const double s = trial[layout.shear_stress + lane];
+    double size = s;  // of the stress, with its sign where there is one component
+    double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
+    double elastic = spring * (s - s_old) * (s + s_old);
+    if (second != nullptr) {
+      const double t_old = committed[layout.second_stress + lane];
+      const double t = trial[layout.second_stress + lane];
+      size = std::hypot(s, t);
+      power += t * working_velocity(problem, second->velocity_jump[lane], second_outputs->velocity_jump_new[lane]);
+      elastic += spring * (t - t_old) * (t + t_old);
+    }
+    const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
+    const double heat = outputs.friction_heat[lane];
+    const Stored stored =
+        stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature(), heat, lane);
+    const double plastic = layout.plastic_strain == TileLayout::kAbsent
+                               ? 0.0
+                               : std::abs(size) * plastic_slip(problem, committed + layout.plastic_strain,
+                                                               trial + layout.plastic_strain, lane);
+
+    // Between half-spaces each takes its share at once; where both are resolved, what they are found to hold.
+    const bool two_sided = options.hard_grid.has_value();
+    const double to_soft = two_sided ? stored.soft : heat;
+    const double to_hard = two_sided ? stored.hard : heat * (1.0 / problem.heat_partition - 1.0);
+    ledger(LedgerTerm::kWork, lane) = work;
+    ledger(LedgerTerm::kHeatToSoft, lane) = to_soft;
+    ledger(LedgerTerm::kHeatToHard, lane) = to_hard;
+    ledger(LedgerTerm::kPlasticWork, lane) = plastic;
+    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft;
+    ledger(LedgerTerm::kStoredHard, lane) = stored.hard;
+    ledger(LedgerTerm::kElastic, lane) = elastic;
+    ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft - stored.hard;
+    ledger(LedgerTerm::kEnergyResidual, lane) = work - to_soft - to_hard - cold_share(options) * plastic - elastic;
+  }
+}
+
+}  // namespace shearbus::physics

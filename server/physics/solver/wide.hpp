@@ -1,0 +1,12 @@
+// Kernels over lanes or vertices are compiled twice, the wider version taken where the machine has the registers. Every
+// value is computed by the same products and sums in the same order either way (none fused: contraction is off), so its
+// bits are the same; tests/unit/physics_bits.cpp holds them. Sanitizers start too late for functions chosen at load
+// time.
+#pragma once
+
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
+#define SHEARBUS_WIDE [[gnu::target_clones("avx2", "default")]]
+#else
+#define SHEARBUS_WIDE
+#endif

@@ -1,0 +1,60 @@
+// A node without an answer leaves all that made it so in a small file: its state, its inputs, the scene, the versions.
+#include <fmt/format.h>
+
+#include <exception>
+
+#include "proto/wire/scene_file.hpp"
+#include "server/service/columns.hpp"
+#include "server/service/member.hpp"
+#include "server/service/service.hpp"
+
+namespace shearbus::service {
+
+namespace {
+
+// Of the row; numbers of any element as doubles.
+std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t row) {
+  std::vector<store::CapsuleValue> values;
+  for (const wire::Column& column : batch.columns()) {
+    if (column.element == wire::Element::kFloat64)
+      values.push_back({name_of(column), batch.f64(column.field, column.component)[row]});
+    if (column.element == wire::Element::kUint8)
+      values.push_back({name_of(column), static_cast<double>(batch.u8(column.field)[row])});
+  }
+  return values;
+}
+
+}  // namespace
+
+// Whatever happens here, the step is answered.
+void Service::leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
+                             const shard::Rows& rows, const FailedStep& failed) noexcept try {
+  if (store_ == nullptr || replaying_) return;
+  const shard::Shard& shard = *member.shard;
+  std::size_t room = store_->capsule_room();
+  for (std::size_t row = 0; row < failed.outcomes.size() && room > 0; ++row) {
+    if ((failed.outcomes[row] & wire::kFailed) == 0) continue;
+    const std::uint32_t slot = rows.all ? shard.nodes().slot_of(row) : rows.slots[row];
+    const auto named = arrival.request.batch.u64(wire::Field::kNodeId);
+    const std::uint64_t node = rows.all ? shard.nodes().ids()[row] : named[row];
+    const std::string file = store_->leave_capsule({.server_version = options_.server_version,
+                                                    .session = member.id,
+                                                    .sequence = arrival.request.sequence,
+                                                    .scene = wire::scene_to_toml(member.scene),
+                                                    .node_id = node,
+                                                    .dt_s = step.dt_s,
+                                                    .time_s = step.time_s,
+                                                    .step = step.step,
+                                                    .attempt = step.attempt,
+                                                    .state = shard.states_of(std::span(&slot, 1), failed.from_trial),
+                                                    .inputs = values_of(arrival.request.batch, row),
+                                                    .answer = values_of(failed.answer, row)});
+    log(fmt::format("node {} of session {} has no answer to step {}: {}", node, short_name(member.id), step.step,
+                    file));
+    --room;
+  }
+} catch (const std::exception& fault) {
+  log(std::string("a failure capsule could not be written: ") + fault.what());
+}
+
+}  // namespace shearbus::service

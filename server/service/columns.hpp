@@ -1,0 +1,49 @@
+// The columns of a step as a shard takes and gives them.
+#pragma once
+
+#include <string>
+
+#include "proto/wire/batch.hpp"
+#include "proto/wire/strategy_columns.hpp"
+#include "server/shard/shard.hpp"
+
+namespace shearbus::service {
+
+// What a capsule calls a column: its field's name, of the second tangential component with an ending.
+inline std::string name_of(const wire::Column& column) {
+  return std::string(wire::name(column.field)) + std::string(column.component == 0 ? "" : "_second");
+}
+
+inline shard::StepInputs inputs_of(const wire::Batch& batch) {
+  using wire::Field;
+  return {.velocity_jump = batch.f64(Field::kVelocityJump),
+          .second_velocity_jump = batch.f64(Field::kVelocityJump, 1),
+          .pressure = batch.f64(Field::kPressure),
+          .soft_shear_rate = batch.f64(Field::kSoftShearRate),
+          .stress_minus = batch.f64(Field::kStressMinus),
+          .second_stress_minus = batch.f64(Field::kStressMinus, 1),
+          .stress_plus = batch.f64(Field::kStressPlus),
+          .second_stress_plus = batch.f64(Field::kStressPlus, 1),
+          .mass_minus = batch.f64(Field::kMassMinus),
+          .mass_plus = batch.f64(Field::kMassPlus),
+          .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
+}
+
+inline shard::StepOutputs outputs_of(wire::Batch& batch) {
+  using wire::Field;
+  shard::StepOutputs outputs{.shear_stress = batch.f64(Field::kShearStress),
+                             .second_shear_stress = batch.f64(Field::kShearStress, 1),
+                             .sliding_velocity = batch.f64(Field::kSlidingVelocity),
+                             .second_sliding_velocity = batch.f64(Field::kSlidingVelocity, 1),
+                             .interface_temperature = batch.f64(Field::kInterfaceTemperature),
+                             .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
+                             .second_velocity_jump_new = batch.f64(Field::kVelocityJumpNew, 1),
+                             .friction_heat = batch.f64(Field::kFrictionHeat),
+                             .regime = batch.u8(Field::kRegime),
+                             .outcome = batch.u8(Field::kOutcome)};
+  static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
+  for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) outputs.ledger[i] = batch.f64(wire::kLedgerColumns[i]);
+  return outputs;
+}
+
+}  // namespace shearbus::service

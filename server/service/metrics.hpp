@@ -1,0 +1,64 @@
+// Where the service's time goes, and why it refuses. Counting is a bit scan and two additions, without allocation; the
+// thread that counts also reads.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <variant>
+
+#include "proto/wire/messages.hpp"
+
+namespace shearbus::service {
+
+class Histogram {
+ public:
+  static constexpr std::size_t kBuckets = 28;  // the last begins at 69 s
+
+  void add(std::uint64_t ns) {
+    const auto bucket = static_cast<std::size_t>(std::bit_width(ns / wire::kHistogramBaseNs));
+    ++counts_[std::min(bucket, kBuckets - 1)];
+    sum_ns_ += ns;
+  }
+  bool empty() const {
+    return std::all_of(counts_.begin(), counts_.end(), [](std::uint64_t count) { return count == 0; });
+  }
+  wire::Histogram told(const char* name, const char* verb = "") const {
+    return {.name = name, .verb = verb, .counts = {counts_.begin(), counts_.end()}, .sum_ns = sum_ns_};
+  }
+
+ private:
+  std::array<std::uint64_t, kBuckets> counts_{};
+  std::uint64_t sum_ns_ = 0;
+};
+
+struct Metrics {
+  static constexpr std::size_t kVerbs = std::variant_size_v<decltype(wire::Request::body)>;
+  static constexpr std::size_t kCodes = 500;  // of the classes a server answers with
+
+  std::array<Histogram, kVerbs> requests;  // from arrival to answer, by place of the body in wire::Request
+  Histogram solver;
+  Histogram journal_append;
+  Histogram journal_sync;
+  Histogram checkpoint;
+  std::array<std::uint64_t, kCodes> refusals{};  // by code
+
+  void put_into(wire::ServerStatus& status) const;
+};
+
+// Runs `act` and adds its time, also where it throws.
+template <typename Clock, typename Act>
+auto timed(const Clock& now_ns, Histogram& histogram, Act act) {
+  struct Lap {
+    const Clock& clock;
+    Histogram& histogram;
+    std::uint64_t started_ns;
+    ~Lap() { histogram.add(clock() - started_ns); }
+  } const lap{now_ns, histogram, now_ns()};
+  return act();
+}
+
+}  // namespace shearbus::service

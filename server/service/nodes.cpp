@@ -1,0 +1,336 @@
+// Which nodes a session has: nodes that come and leave, nodes handed from one session to another, and the marks that
+// bring a set of nodes back.
+//
+// A node belongs to one session of its domain, or to one transfer. An offer takes nodes out of the giver's session, an
+// acceptance puts them into the taker's; each is one request of one session, journaled and answered like any other. So
+// between the two a node is in the transfer and nowhere else, whoever dies.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "proto/wire/limits.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "server/service/member.hpp"
+#include "server/service/service.hpp"
+#include "server/service/validate.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+using wire::Field;
+
+namespace {
+
+std::vector<std::uint64_t> sorted(std::span<const std::uint64_t> ids) {
+  std::vector<std::uint64_t> all(ids.begin(), ids.end());
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+std::vector<std::uint64_t> common_to(std::span<const std::uint64_t> sorted_ids, std::span<const std::uint64_t> ids) {
+  std::vector<std::uint64_t> common;
+  std::ranges::set_intersection(sorted_ids, sorted(ids), std::back_inserter(common));
+  return common;
+}
+
+// What must be equal for states of one session to be states of another: everything of the scene but its names.
+std::string layers_of(wire::Scene scene) {
+  scene.name.clear();
+  scene.source.clear();
+  return wire::scene_to_toml(scene);
+}
+
+void check_no_trial(const shard::Shard& shard) {
+  if (shard.has_trial())
+    throw Error({.code = Code::kTrialStands,
+                 .text = "a trial stands; its states are of the nodes there are",
+                 .remedy = "Commit it or roll it back, then change the set of nodes."});
+}
+
+void check_transfer_id(const wire::TransferId& id) {
+  if (id == wire::TransferId{})
+    throw Error({.code = Code::kInvalidValue,
+                 .text = "transfer_id is all zero; expected 16 random bytes",
+                 .remedy = "Draw them from the system's random source.",
+                 .field = "transfer_id"});
+}
+
+void check_in_domain(const std::string& domain) {
+  if (domain.empty())
+    throw Error({.code = Code::kUnsupported,
+                 .text = "the session has no domain: its nodes are its own",
+                 .remedy = "Open sessions that exchange nodes with the same open_session.domain.",
+                 .field = "open_session.domain"});
+}
+
+}  // namespace
+
+wire::Batch node_column(std::span<const std::uint64_t> node_ids) {
+  constexpr std::array kColumns = {Field::kNodeId};
+  wire::Batch batch = wire::Batch::of(kColumns, node_ids.size());
+  std::ranges::copy(node_ids, batch.u64(Field::kNodeId).begin());
+  return batch;
+}
+
+std::uint64_t kept_bytes(const physics::Model& model, std::size_t nodes) {
+  return nodes * (shard::Shard::bytes_of_state(model) + sizeof(std::uint64_t) + sizeof(std::uint32_t));
+}
+
+std::uint64_t kept_bytes(const shard::States& states) {
+  std::uint64_t bytes = states.rows.size() * (sizeof(std::uint64_t) + sizeof(std::uint32_t));
+  for (const shard::StateColumn& column : states.columns) bytes += column.values.size() * sizeof(double);
+  return bytes;
+}
+
+std::uint64_t Service::Member::held_bytes() const {
+  std::uint64_t bytes = shard->state_bytes();
+  for (const store::MarkImage& mark : marks) bytes += kept_bytes(mark.states);
+  return bytes;
+}
+
+// Throws NODE_OWNED where another session than `self` has one of the nodes, or an offer waits with it; but for offers
+// of `self` after this sequence, which are about to be withdrawn.
+void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
+                           std::span<const std::uint64_t> node_ids) const {
+  if (domain.name.empty()) return;
+  const std::vector<std::uint64_t> ids = sorted(node_ids);
+  const auto refuse = [&](std::vector<std::uint64_t> owned, const std::string& holder, const char* remedy) {
+    const std::size_t count = owned.size();
+    if (owned.size() > wire::kMaxNodesNamed) owned.resize(wire::kMaxNodesNamed);
+    throw Error({.code = Code::kNodeOwned,
+                 .text = fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)", owned.front(),
+                                     printable(std::string(domain.name)), holder, count, ids.size()),
+                 .remedy = remedy,
+                 .field = wire::name(Field::kNodeId),
+                 .node_ids = std::move(owned)});
+  };
+  for (const auto& [id, other] : members_) {
+    if (!other->shard || other.get() == self || other->domain_it_is_in() != domain) continue;
+    if (auto owned = other->shard->nodes().common(ids); !owned.empty())
+      refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene.name)),
+             "Its holder retires it or offers it; or give the node another id, or the session another domain.");
+  }
+  for (const auto& [id, transfer] : transfers_) {
+    if (Domain{transfer.identity, transfer.domain} != domain) continue;
+    if (self != nullptr && transfer.giver == self->id && transfer.sequence > withdrawn_after) continue;
+    if (auto owned = common_to(ids, transfer.node_ids); !owned.empty())
+      refuse(std::move(owned), fmt::format("no session: session {} offers it", short_name(transfer.giver)),
+             "Accept the offer with its transfer_id.");
+  }
+}
+
+// The change that was made ready; from here on nothing fails.
+void Service::take(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
+  metrics_.state_bytes -= member.shard->state_bytes();
+  member.shard->take(std::move(change));
+  metrics_.state_bytes += member.shard->state_bytes();
+  reply.body = wire::NodesChanged{.nodes = member.shard->nodes().size()};
+}
+
+void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply& reply) {
+  shard::Shard& shard = *member.shard;
+  const wire::Batch& batch = arrival.request.batch;
+  check_no_trial(shard);
+  const auto ids = check_new_nodes(batch, shard.nodes());
+  check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
+  const physics::Model& model = shard.model();
+  const auto temperatures = check_initial_temperatures(batch, member.scene, model.options().soft.melting_temperature);
+  const std::size_t after = shard.nodes().size() + ids.size();
+  check_memory(shard::Shard::bytes_for(model, after) - shard.state_bytes(), after);
+  auto change = shard.adding(ids, temperatures);
+  keep(arrival, member.id, &member);
+  take(member, std::move(change), reply);
+  metrics_.nodes += ids.size();
+}
+
+void Service::retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply) {
+  shard::Shard& shard = *member.shard;
+  check_no_trial(shard);
+  const shard::Rows rows = check_leaving_nodes(arrival.request.batch, shard.nodes());
+  auto change = shard.removing(rows.slots);
+  keep(arrival, member.id, &member);
+  take(member, std::move(change), reply);
+  metrics_.nodes -= rows.slots.size();
+}
+
+void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply) {
+  shard::Shard& shard = *member.shard;
+  const wire::Batch& batch = arrival.request.batch;
+  check_in_domain(member.domain);
+  check_no_trial(shard);
+  check_transfer_id(offer.transfer_id);
+  if (transfers_.contains(offer.transfer_id))
+    throw Error({.code = Code::kInvalidValue,
+                 .text = "an offer with this transfer_id waits already",
+                 .remedy = "Draw a new one for every offer.",
+                 .field = "offer_nodes.transfer_id"});
+  if (const auto waiting = offers_of(member).size(); waiting >= wire::kMaxOffers)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("{} offers of the session wait, the most it may have", waiting),
+                 .remedy = "Wait until some are accepted, or offer more nodes at once."});
+  const shard::Rows rows = check_leaving_nodes(batch, shard.nodes());
+  const auto ids = batch.u64(Field::kNodeId);
+  check_memory(kept_bytes(shard.model(), ids.size()), ids.size());
+  std::map<wire::TransferId, store::TransferImage> made;
+  made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
+                                                       .giver = member.id,
+                                                       .sequence = arrival.request.sequence,
+                                                       .identity = member.identity,
+                                                       .domain = member.domain,
+                                                       .layers = layers_of(member.scene),
+                                                       .node_ids = {ids.begin(), ids.end()},
+                                                       .states = shard.states_of(rows.slots, false)});
+  auto change = shard.removing(rows.slots);
+  keep(arrival, member.id, &member);
+  take(member, std::move(change), reply);
+  metrics_.state_bytes += kept_bytes(made.begin()->second.states);
+  transfers_.merge(made);
+}
+
+void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival,
+                           wire::Reply& reply) {
+  shard::Shard& shard = *member.shard;
+  check_in_domain(member.domain);
+  check_no_trial(shard);
+  check_transfer_id(accept.transfer_id);
+  const auto found = transfers_.find(accept.transfer_id);
+  if (found == transfers_.end() || Domain{found->second.identity, found->second.domain} != member.domain_it_is_in())
+    throw Error({.code = Code::kUnknownTransfer,
+                 .text = fmt::format("no offer with this transfer_id waits in domain \"{}\"", printable(member.domain)),
+                 .remedy = "It was accepted or withdrawn, or not made yet: the giver's offer must be answered first.",
+                 .field = "accept_nodes.transfer_id"});
+  const store::TransferImage& transfer = found->second;
+  if (transfer.layers != layers_of(member.scene))
+    throw Error(
+        {.code = Code::kOtherScene,
+         .text = fmt::format("the nodes were offered by session {}, whose scene differs from this session's",
+                             short_name(transfer.giver)),
+         .remedy =
+             "Accept them in a session of the same scene; `effective_scene` of both openings tells what differs."});
+  const physics::Model& model = shard.model();
+  const std::size_t after = shard.nodes().size() + transfer.node_ids.size();
+  check_session_size(after);
+  const std::uint64_t grown = shard::Shard::bytes_for(model, after) - shard.state_bytes();
+  const std::uint64_t freed = kept_bytes(transfer.states);
+  check_memory(grown > freed ? grown - freed : 0, after);
+  const std::vector<double> initial(transfer.node_ids.size(), model.options().initial_temperature);
+  auto change = shard.adding(transfer.node_ids, initial, &transfer.states);
+  reply.batch = node_column(transfer.node_ids);
+  keep(arrival, member.id, &member);
+  take(member, std::move(change), reply);
+  metrics_.state_bytes -= freed;
+  transfers_.erase(found);
+}
+
+std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
+  std::map<std::uint64_t, wire::TransferId> oldest_first;
+  for (const auto& [id, transfer] : transfers_)
+    if (transfer.giver == member.id) oldest_first.emplace(transfer.sequence, id);
+  std::vector<wire::TransferId> offers;
+  for (const auto& [sequence, id] : oldest_first) offers.push_back(id);
+  return offers;
+}
+
+// With the last session of a domain nobody is left who has a part in it.
+void Service::forget_transfers_of(const Domain& domain) {
+  const auto open = [&](const auto& entry) { return entry.second->shard && entry.second->domain_it_is_in() == domain; };
+  if (domain.name.empty() || std::ranges::any_of(members_, open)) return;
+  std::erase_if(transfers_, [&](const auto& entry) {
+    const store::TransferImage& transfer = entry.second;
+    if (Domain{transfer.identity, transfer.domain} != domain) return false;
+    log(fmt::format("domain {} ends: {} nodes that session {} offered are gone", printable(transfer.domain),
+                    transfer.node_ids.size(), short_name(transfer.giver)));
+    metrics_.nodes -= transfer.node_ids.size();
+    metrics_.state_bytes -= kept_bytes(transfer.states);
+    return true;
+  });
+}
+
+void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply) {
+  check_name(mark.name, "mark.name");
+  const shard::Shard& shard = *member.shard;
+  member.marks.reserve(wire::kMaxMarks + 1);
+  auto gone = std::ranges::find(member.marks, mark.name, &store::MarkImage::name);
+  if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
+  const std::uint64_t freed = gone == member.marks.end() ? 0 : kept_bytes(gone->states);
+  const std::uint64_t wanted = kept_bytes(shard.model(), shard.nodes().size());
+  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size());
+  auto& answer = reply.body.emplace<wire::Marked>();
+  answer.state_version = shard.state_version();
+  for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
+    if (old != gone) answer.names.push_back(old->name);
+  answer.names.push_back(mark.name);
+  store::MarkImage made{.name = mark.name,
+                        .sequence = arrival.request.sequence,
+                        .state_version = shard.state_version(),
+                        .node_ids = shard.nodes().ids(),
+                        .states = shard.committed_states()};
+  keep(arrival, member.id, &member);
+
+  if (gone != member.marks.end()) member.marks.erase(gone);
+  member.marks.push_back(std::move(made));
+  metrics_.state_bytes += wanted - freed;
+}
+
+void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
+  if (rollback.to_mark.empty()) {
+    keep(arrival, member.id, &member);
+    member.shard->rollback();
+  } else {
+    const auto to = std::ranges::find(member.marks, rollback.to_mark, &store::MarkImage::name);
+    if (to == member.marks.end())
+      throw Error({.code = Code::kUnknownMark,
+                   .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
+                                       member.marks.size()),
+                   .remedy = "The oldest mark goes when a session has more than the limit.",
+                   .field = "rollback.to_mark"});
+    reply.batch = node_column(to->node_ids);
+    rollback_to(member, *to, arrival);
+  }
+  reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
+}
+
+// The nodes of the mark with their states of then: those that came since are gone, those that were retired since are
+// back, and so are those that were offered and not yet accepted.
+void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
+  const shard::Shard& before = *member.shard;
+  std::unique_ptr<shard::Shard> other_nodes;
+  if (mark.node_ids != before.nodes().ids()) {
+    check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
+    const std::uint64_t wanted = shard::Shard::bytes_for(before.model(), mark.node_ids.size());
+    check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size());
+    other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids);
+    other_nodes->restore(mark.states, nullptr, mark.state_version);
+  }
+  keep(arrival, member.id, &member);
+
+  metrics_.nodes += mark.node_ids.size() - before.nodes().size();
+  metrics_.state_bytes -= member.held_bytes();
+  if (other_nodes)
+    member.shard = std::move(other_nodes);
+  else
+    member.shard->restore(mark.states, nullptr, mark.state_version);
+  withdraw_offers(member, mark.sequence);
+  metrics_.state_bytes += member.held_bytes();
+}
+
+// The session's offers since this request were never made; marks from while they stood are of a world that is not.
+void Service::withdraw_offers(Member& member, std::uint64_t after_sequence) {
+  std::uint64_t first_withdrawn = std::numeric_limits<std::uint64_t>::max();
+  std::erase_if(transfers_, [&](const auto& entry) {
+    const store::TransferImage& transfer = entry.second;
+    if (transfer.giver != member.id || transfer.sequence <= after_sequence) return false;
+    metrics_.nodes -= transfer.node_ids.size();
+    metrics_.state_bytes -= kept_bytes(transfer.states);
+    first_withdrawn = std::min(first_withdrawn, transfer.sequence);
+    return true;
+  });
+  std::erase_if(member.marks, [&](const store::MarkImage& made) { return made.sequence > first_withdrawn; });
+}
+
+}  // namespace shearbus::service

@@ -1,0 +1,158 @@
+// What an operator may ask: a checkpoint now, no new sessions, and a look at the sessions there are.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "server/service/member.hpp"
+#include "server/service/service.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+using wire::Field;
+
+namespace {
+
+// A top list before it is cut: rows of the session, with what they are sorted by.
+struct Candidate {
+  double value;
+  std::uint32_t row;
+};
+
+void refuse_top(const std::string& text, const std::string& remedy) {
+  throw Error({.code = Code::kInvalidValue, .text = text, .remedy = remedy, .field = "inspect.top"});
+}
+
+// Sliding velocities of all nodes: states do not hold them, the answer to the last step does.
+std::span<const double> sliding_velocities(const wire::Reply& last, std::size_t nodes) {
+  const std::span<const double> column = std::holds_alternative<wire::Upscale>(last.body)
+                                             ? last.batch.f64(Field::kSlidingVelocity)
+                                             : std::span<const double>();
+  if (column.size() != nodes)
+    refuse_top(
+        "the session's last request was no step of all its nodes that asked for their sliding velocities, and nothing "
+        "else keeps them",
+        "Ask again after such a step, or for the hottest.");
+  return column;
+}
+
+}  // namespace
+
+void Service::check_operator(const Caller& caller) const {
+  if (caller.is_operator) return;
+  log(fmt::format("REFUSED: {} asked for what only an operator may", caller.identity));
+  throw Error({.code = Code::kNotPermitted,
+               .text = fmt::format("{} is no operator of this server", caller.identity),
+               .remedy = "Ask as the server's own user, by ipc, or with a key marked \"operator\" on its list."});
+}
+
+void Service::checkpoint_now(wire::Reply& reply) {
+  if (store_ == nullptr)
+    throw Error({.code = Code::kUnsupported,
+                 .text = "this server has no state directory to write a checkpoint to",
+                 .remedy = "Start it with --state-dir."});
+  const std::uint64_t started_ns = options_.now_ns();
+  if (!checkpoint())
+    throw Error({.code = Code::kCheckpointFailed,
+                 .text = "the checkpoint could not be written; the server's log tells why",
+                 .remedy = "The checkpoints before and the journal hold everything. Mend the disk and ask again."});
+  reply.body =
+      wire::Checkpointed{.bytes = store_->counters().checkpoint_bytes, .duration_ns = options_.now_ns() - started_ns};
+}
+
+void Service::drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply) {
+  log(fmt::format("{} drains the server: no new sessions{}; {} are open", caller.identity,
+                  drain.exit ? ", and the end with the last" : "", metrics_.sessions));
+  draining_ = true;
+  exit_when_drained_ = exit_when_drained_ || drain.exit;
+  reply.body = wire::Draining{.sessions = metrics_.sessions};
+}
+
+wire::SessionInfo Service::info_of(const Member& member) const {
+  const shard::Shard& shard = *member.shard;
+  const std::uint64_t now_ns = options_.now_ns();
+  return {.session_id = member.id,
+          .name = member.scene.name,
+          .identity = member.identity,
+          .nodes = shard.nodes().size(),
+          .last_sequence = member.conversation.last_sequence(),
+          .state_version = shard.state_version(),
+          .trial_stands = shard.has_trial(),
+          .age_ns = now_ns - member.opened_ns,
+          .idle_ns = now_ns - member.last_request_ns,
+          .state_bytes = shard.state_bytes(),
+          .requests = member.totals.requests,
+          .node_steps = member.totals.node_steps,
+          .solver_ns = member.totals.solver_ns};
+}
+
+void Service::inspect(const wire::Inspect& inspect, const wire::Request& request, wire::Reply& reply) const {
+  auto& answer = reply.body.emplace<wire::Inspected>();
+  if (request.session_id != wire::SessionId{}) {
+    const auto found = members_.find(request.session_id);
+    if (found == members_.end() || !found->second->shard)
+      throw Error({.code = Code::kUnknownSession, .text = "no open session has this id"});
+    answer.sessions.push_back(info_of(*found->second));
+    top_nodes(*found->second, inspect, reply);
+    return;
+  }
+  for (auto member = members_.upper_bound(inspect.after); member != members_.end(); ++member) {
+    if (!member->second->shard) continue;
+    if (answer.sessions.size() == wire::kMaxSessionsListed) {
+      answer.more = true;
+      break;
+    }
+    answer.sessions.push_back(info_of(*member->second));
+  }
+}
+
+void Service::top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const {
+  const shard::Shard& shard = *member.shard;
+  auto& answer = std::get<wire::Inspected>(reply.body);
+  if (inspect.count == 0) return;
+  if (inspect.count > wire::kMaxTopNodes)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("{} top nodes asked for, at most {} are told", inspect.count, wire::kMaxTopNodes),
+                 .field = "inspect.count"});
+  if (inspect.top == wire::Top::kUnspecified)
+    refuse_top("inspect.top is not given, expected HOTTEST, FASTEST or MOLTEN", "");
+  const bool fastest = inspect.top == wire::Top::kFastest;
+  std::span<const double> sliding;
+  if (fastest) sliding = sliding_velocities(*member.conversation.kept_reply(), shard.nodes().size());
+
+  std::vector<Candidate> nodes;
+  nodes.reserve(shard.nodes().size());
+  for (std::uint32_t row = 0; row < shard.nodes().size(); ++row) {
+    const shard::NodeGlance glance = shard.glance(shard.nodes().slot_of(row));
+    const bool molten = glance.regime == static_cast<std::uint8_t>(wire::Regime::kMelting);
+    if (inspect.top == wire::Top::kMolten && !molten) continue;
+    nodes.push_back({fastest ? std::abs(sliding[row]) : glance.interface_temperature, row});
+  }
+  answer.matching = nodes.size();
+  const std::size_t count = std::min<std::size_t>(inspect.count, nodes.size());
+  std::partial_sort(
+      nodes.begin(), nodes.begin() + static_cast<std::ptrdiff_t>(count), nodes.end(),
+      [](const Candidate& a, const Candidate& b) { return a.value != b.value ? a.value > b.value : a.row < b.row; });
+
+  std::vector<Field> fields = {Field::kNodeId, Field::kInterfaceTemperature, Field::kShearStress, Field::kRegime};
+  if (fastest) fields.push_back(Field::kSlidingVelocity);
+  reply.batch = wire::Batch::of(fields, count);
+  for (std::size_t place = 0; place < count; ++place) {
+    const std::uint32_t row = nodes[place].row;
+    const shard::NodeGlance glance = shard.glance(shard.nodes().slot_of(row));
+    reply.batch.u64(Field::kNodeId)[place] = shard.nodes().ids()[row];
+    reply.batch.f64(Field::kInterfaceTemperature)[place] = glance.interface_temperature;
+    reply.batch.f64(Field::kShearStress)[place] = glance.shear_stress;
+    reply.batch.u8(Field::kRegime)[place] = glance.regime;
+    if (fastest) reply.batch.f64(Field::kSlidingVelocity)[place] = sliding[row];
+  }
+}
+
+}  // namespace shearbus::service

@@ -1,0 +1,173 @@
+#include "server/transport/access.hpp"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdlib>
+#include <exception>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace shearbus::transport {
+namespace {
+
+constexpr const char* kZapEndpoint = "inproc://zeromq.zap.01";
+constexpr std::size_t kFixedFrames =
+    6;                              // version, request id, domain, address, routing id, mechanism; then credentials
+constexpr int kEnforceDomain = 93;  // ZMQ_ZAP_ENFORCE_DOMAIN: libzmq has it, its header only names it for drafts
+constexpr std::size_t kKeyBytes = 32;
+constexpr std::size_t kKeyText = 41;  // Z85 and a zero
+
+const char* domain_of(Peer::Way way) {
+  switch (way) {
+    case Peer::Way::kIpc:
+      return "ipc";
+    case Peer::Way::kCurve:
+      return "curve";
+    case Peer::Way::kPlaintext:
+      return "plaintext";
+  }
+  return "";
+}
+
+// libzmq tells of a peer on ipc "localhost:UID:GID:PID".
+std::optional<std::uint32_t> uid_in(std::string_view address) {
+  constexpr std::string_view kBefore = "localhost:";
+  if (!address.starts_with(kBefore)) return std::nullopt;
+  address.remove_prefix(kBefore.size());
+  std::uint32_t uid = 0;
+  const auto [end, fault] = std::from_chars(address.data(), address.data() + address.size(), uid);
+  if (fault != std::errc() || end == address.data() + address.size() || *end != ':') return std::nullopt;
+  return uid;
+}
+
+// Nothing where the request is not one that a guarded socket of ours makes.
+std::optional<Peer> peer_of(const std::vector<zmq::message_t>& request) {
+  if (request.size() < kFixedFrames || request[0].to_string_view() != "1.0") return std::nullopt;
+  const std::string_view domain = request[2].to_string_view();
+  const std::string_view mechanism = request[5].to_string_view();
+  Peer peer{.address = request[3].to_string()};
+  if (domain == domain_of(Peer::Way::kIpc) && mechanism == "NULL") {
+    const auto uid = uid_in(peer.address);
+    if (!uid) return std::nullopt;
+    peer.way = Peer::Way::kIpc;
+    peer.uid = *uid;
+  } else if (domain == domain_of(Peer::Way::kCurve) && mechanism == "CURVE" && request.size() == kFixedFrames + 1 &&
+             request[6].size() == kKeyBytes) {
+    std::array<char, kKeyText> text{};
+    if (zmq_z85_encode(text.data(), static_cast<const std::uint8_t*>(request[6].data()), kKeyBytes) == nullptr)
+      return std::nullopt;
+    peer.way = Peer::Way::kCurve;
+    peer.public_key = text.data();
+  } else if (domain == domain_of(Peer::Way::kPlaintext) && mechanism == "NULL") {
+    peer.way = Peer::Way::kPlaintext;
+  } else {
+    return std::nullopt;
+  }
+  return peer;
+}
+
+}  // namespace
+
+void AccessHandler::guard(zmq::socket_t& socket, Peer::Way way) {
+  // Without a domain libzmq asks nobody about peers without keys, and takes those of ZMTP 1 and 2, who skip the
+  // handshake. Without enforcement it lets everybody in where no handler answers.
+  socket.set(zmq::sockopt::zap_domain, domain_of(way));
+  const int enforce = 1;
+  if (zmq_setsockopt(socket.handle(), kEnforceDomain, &enforce, sizeof enforce) != 0) throw zmq::error_t();
+}
+
+AccessHandler::AccessHandler(zmq::context_t& context, Authorise authorise, std::function<void(const std::string&)> log)
+    : authorise_(std::move(authorise)), log_(std::move(log)), stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  if (stop_ < 0) throw std::runtime_error("no eventfd for the access handler: too many open files");
+  zmq::socket_t socket(context, zmq::socket_type::rep);
+  socket.set(zmq::sockopt::linger, 0);
+  socket.bind(kZapEndpoint);
+  // The constructor's thread lets go of the socket here; the start of a thread orders their memory.
+  thread_ = std::thread([this, owned = std::move(socket)]() mutable { run(std::move(owned)); });
+}
+
+AccessHandler::~AccessHandler() {
+  const std::uint64_t one = 1;
+  if (::write(stop_, &one, sizeof one) != sizeof one) std::abort();
+  thread_.join();
+  ::close(stop_);
+}
+
+void AccessHandler::run(zmq::socket_t socket) {
+  struct Farewell {
+    AccessHandler& handler;
+    ~Farewell() { handler.alive_ = false; }
+  } const farewell{*this};
+  try {
+    std::array<zmq::pollitem_t, 2> items = {{{socket.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_, ZMQ_POLLIN, 0}}};
+    for (;;) {
+      if (zmq_poll(items.data(), static_cast<int>(items.size()), -1) < 0) {
+        if (zmq_errno() == EINTR) continue;
+        throw zmq::error_t();
+      }
+      if ((items[1].revents & ZMQ_POLLIN) != 0) return;
+      if ((items[0].revents & ZMQ_POLLIN) != 0) answer_one(socket);
+    }
+  } catch (const std::exception& fault) {
+    if (log_) log_(std::string("FAILED: the access handler has ended, nobody new is let in: ") + fault.what());
+  }
+}
+
+void AccessHandler::answer_one(zmq::socket_t& socket) {
+  std::vector<zmq::message_t> request;
+  for (bool more = true; more;) {
+    zmq::message_t frame;
+    while (zmq_msg_recv(frame.handle(), socket.handle(), ZMQ_DONTWAIT) < 0) {
+      if (zmq_errno() == EAGAIN) return;
+      if (zmq_errno() != EINTR) throw zmq::error_t();
+    }
+    more = frame.more();
+    request.push_back(std::move(frame));
+  }
+  Admission admission{.reason = "a request this handler does not understand"};
+  std::string who = "a peer";
+  if (const auto peer = peer_of(request)) {
+    who = peer->address;
+    admission = judge(*peer);
+  }
+  ++(admission.admitted ? admitted_ : refused_);
+  if (!admission.admitted) log_refusal("REFUSED connection from " + who + ": " + admission.reason);
+  const std::string id = request.size() > 1 ? request[1].to_string() : std::string();
+  const std::array<std::string, 6> reply = {
+      "1.0", id, admission.admitted ? "200" : "400", admission.admitted ? "OK" : "refused", admission.user, ""};
+  for (std::size_t i = 0; i < reply.size(); ++i)
+    socket.send(zmq::buffer(reply[i]), i + 1 < reply.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
+}
+
+// Strangers must not be able to fill the log: after a burst, one line a second.
+void AccessHandler::log_refusal(const std::string& line) {
+  const auto now = std::chrono::steady_clock::now();
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(now - lines_since_).count();
+  if (seconds > 0) {
+    lines_left_ = std::min<std::int64_t>(kBurstOfLines, lines_left_ + seconds);
+    lines_since_ = now;
+  }
+  if (lines_left_ == 0 || !log_) return;
+  --lines_left_;
+  log_(line + " (" + std::to_string(refused_) + " refused so far)");
+}
+
+Admission AccessHandler::judge(const Peer& peer) {
+  try {
+    Admission admission = authorise_(peer);
+    // Without a user the peer's messages would be taken for those of nobody.
+    if (admission.admitted && admission.user.empty()) admission = {.reason = "it has no user"};
+    return admission;
+  } catch (const std::exception& fault) {
+    return {.reason = std::string("it could not be judged: ") + fault.what()};
+  }
+}
+
+}  // namespace shearbus::transport

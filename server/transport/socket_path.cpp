@@ -1,0 +1,95 @@
+#include "server/transport/socket_path.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+namespace shearbus::transport {
+namespace {
+
+std::string octal(mode_t mode) {
+  std::array<char, 8> text{};
+  std::snprintf(text.data(), text.size(), "%04o", static_cast<unsigned>(mode & 07777));
+  return text.data();
+}
+
+std::string directory_of(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+void check_directory(const std::string& path, bool private_to_owner) {
+  const std::string directory = directory_of(path);
+  const auto refuse = [&](const std::string& what) {
+    throw std::runtime_error("cannot listen on ipc://" + path + ": the directory " + directory + " " + what);
+  };
+  if (::mkdir(directory.c_str(), 0700) != 0 && errno != EEXIST)
+    refuse(std::string("does not exist and cannot be made: ") + std::strerror(errno));
+  struct stat found {};
+  if (::stat(directory.c_str(), &found) != 0) refuse(std::string("cannot be looked at: ") + std::strerror(errno));
+  if (!S_ISDIR(found.st_mode)) refuse("is no directory");
+  if (found.st_uid != ::geteuid())
+    refuse("belongs to uid " + std::to_string(found.st_uid) + ", the server runs as uid " +
+           std::to_string(::geteuid()) +
+           "; choose a directory of its own, which the server makes if it does not exist");
+  if (private_to_owner && (found.st_mode & 077) != 0)
+    refuse("has mode " + octal(found.st_mode) + ": others can enter it; expected 0700. chmod 700 " + directory +
+           ", or choose one that does not exist: the server makes it");
+  if (!private_to_owner && (found.st_mode & 022) != 0)
+    refuse("has mode " + octal(found.st_mode) +
+           ": others can write to it, so they could put a socket of their own "
+           "there; expected 0711 or 0750. chmod go-w " +
+           directory);
+}
+
+int take_lock(const std::string& path) {
+  struct stat existing {};
+  if (::lstat(path.c_str(), &existing) == 0 && !S_ISSOCK(existing.st_mode))
+    throw std::runtime_error("ipc://" + path +
+                             " is a file or directory, not a socket: listening there would delete it; "
+                             "choose another path");
+  const std::string lock = path + ".lock";
+  const int file = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) throw std::runtime_error("cannot open lock file " + lock + ": " + std::strerror(errno));
+  if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
+    const int fault = errno;
+    ::close(file);
+    if (fault == EWOULDBLOCK)
+      throw std::runtime_error("another server listens on ipc://" + path + " (it holds " + lock +
+                               "); stop it first, or choose another path");
+    throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(fault));
+  }
+  return file;
+}
+
+}  // namespace
+
+SocketPath::SocketPath(const std::string& path, bool private_to_owner) : path_(path) {
+  check_directory(path, private_to_owner);
+  lock_ = take_lock(path);
+}
+SocketPath::SocketPath(SocketPath&& other) noexcept
+    : path_(std::move(other.path_)), lock_(std::exchange(other.lock_, -1)) {}
+SocketPath& SocketPath::operator=(SocketPath&& other) noexcept {
+  std::swap(path_, other.path_);
+  std::swap(lock_, other.lock_);
+  return *this;
+}
+// libzmq leaves the socket's name behind; while the lock is held nobody else's can be there. The lock file stays:
+// removing it would race with a server that has just opened it.
+SocketPath::~SocketPath() {
+  if (lock_ < 0) return;
+  ::unlink(path_.c_str());
+  ::close(lock_);
+}
+
+}  // namespace shearbus::transport

@@ -1,0 +1,334 @@
+// Memory: what a request may cost, and what happens where there is none. Every single allocation of a request fails
+// once. The request is refused with nothing changed, or it was run and its answer alone found no memory; either way the
+// same request again is answered as by a service that never ran short (P2, P3). Of a server on a disk the journal may
+// have got ahead of the states: it ends, and the next one recovers (P1).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <iostream>
+#include <new>
+#include <optional>
+
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+
+namespace {
+
+std::atomic<long> allocations_left{-1};       // until one fails; below 0: none does
+std::atomic<std::size_t> bytes_allocated{0};  // since it was set to 0
+
+void* allocate(std::size_t size, std::size_t alignment = alignof(std::max_align_t)) {
+  bytes_allocated += size;
+  if (allocations_left.load(std::memory_order_relaxed) >= 0 && allocations_left.fetch_sub(1) == 0) return nullptr;
+  return alignment <= alignof(std::max_align_t)
+             ? std::malloc(size == 0 ? 1 : size)
+             : std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+}
+void* allocate_or_throw(std::size_t size, std::size_t alignment = alignof(std::max_align_t)) {
+  if (void* memory = allocate(size, alignment)) return memory;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) {
+  return allocate_or_throw(size);
+}
+void* operator new[](std::size_t size) {
+  return allocate_or_throw(size);
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate_or_throw(size, static_cast<std::size_t>(alignment));
+}
+void* operator new[](std::size_t size, std::align_val_t alignment) {
+  return allocate_or_throw(size, static_cast<std::size_t>(alignment));
+}
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  return allocate(size);
+}
+void* operator new[](std::size_t size, const std::nothrow_t&) noexcept {
+  return allocate(size);
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
+
+namespace shearbus::service {
+namespace {
+
+using support::Answer;
+using support::DurableServer;
+using support::MemoryStorage;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Strategy;
+
+constexpr std::size_t kNodes = 5;
+
+struct Tally {
+  long failures = 0, refused = 0, unanswered = 0, recovered = 0;
+};
+
+// The service that runs short, on a disk or not, and a twin that never does.
+class Pair {
+ public:
+  explicit Pair(bool durable) {
+    if (durable) start();
+  }
+
+  // The same request with the n-th allocation failing, n = 1, 2, 3, ... as long as one does: `make(i)` is asked for a
+  // fresh request whenever the one before has been run.
+  template <typename Make>
+  void fail_every_allocation(const Make& make, const char* what) {
+    wire::Request request = make();
+    std::optional<Answer> expected = twin_.ask(request);
+    for (long n = 1; n < 100'000; ++n) {
+      const std::string where = std::string(what) + ", allocation " + std::to_string(n);
+      const std::string header = wire::encode_header(request);
+      const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
+      const Frames frames = std::span(views, request.batch.columns().empty() ? 1 : 2);
+      allocations_left = n - 1;
+      std::optional<ReplyFrames> sent = service().handle(frames);
+      const bool fired = allocations_left.exchange(-1) < 0;
+      if (fired) {
+        ++tally_.failures;
+        tally_.unanswered += sent ? 0 : 1;
+        if (service().failed()) {
+          ++tally_.recovered;
+          start();
+        }
+      }
+      const std::optional<Answer> answer = decoded(sent);
+      const bool answered = answer && answer->code() == Code::kOk;
+      if (answer && !answered) {
+        ++tally_.refused;
+        ASSERT_EQ(answer->code(), Code::kInternal) << where << ": " << answer->reply.status.text;
+      }
+      const std::optional<Answer> again = answered ? decoded(sent) : decoded(service().handle(frames));
+      ASSERT_TRUE(again.has_value()) << where;
+      ASSERT_EQ(again->code(), Code::kOk) << where << ": " << again->reply.status.text;
+      ASSERT_EQ(again->payload(), expected->payload()) << where;
+      ASSERT_EQ(again->reply.body.index(), expected->reply.body.index()) << where;
+      if (!fired) return;
+      request = make();
+      expected = twin_.ask(request);
+    }
+    FAIL() << what << ": it never ends";
+  }
+
+  // What a checkpoint cannot hold stays in the journal.
+  void fail_every_allocation_of_a_checkpoint() {
+    for (long n = 1; n < 100'000; ++n) {
+      allocations_left = n - 1;
+      const bool written = service().checkpoint();
+      const bool fired = allocations_left.exchange(-1) < 0;
+      ASSERT_FALSE(service().failed()) << "allocation " << n;
+      if (!fired) {
+        ASSERT_TRUE(written);
+        start();
+        return;
+      }
+      ++tally_.failures;
+      ASSERT_TRUE(service().checkpoint()) << "with enough memory one is written, whatever failed before: " << n;
+    }
+  }
+
+  void ask(const wire::Request& request) {
+    twin_.ask(request);
+    const std::string header = wire::encode_header(request);
+    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
+    service().handle(std::span(views, request.batch.columns().empty() ? 1 : 2));
+  }
+
+  const Tally& tally() const { return tally_; }
+
+ private:
+  static std::optional<Answer> decoded(const std::optional<ReplyFrames>& sent) {
+    if (!sent) return std::nullopt;
+    Answer answer{.frames = *sent, .reply = {}};
+    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
+    wire::decode(std::span(views, answer.frames.has_payload ? 2 : 1), answer.reply);
+    return answer;
+  }
+  void start() {
+    durable_.reset();
+    durable_.emplace(disk_);
+  }
+  Service& service() { return durable_ ? durable_->service : volatile_.service; }
+
+  MemoryStorage disk_;
+  std::optional<DurableServer> durable_;
+  ServiceHarness volatile_;
+  ServiceHarness twin_;
+  Tally tally_;
+};
+
+class RequestOutOfMemory : public testing::TestWithParam<std::tuple<Strategy, bool>> {};
+
+TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
+  const auto [strategy, durable] = GetParam();
+  const auto nodes = support::node_ids(kNodes);
+  Pair pair(durable);
+  wire::Scene scene = support::scene_of(strategy);
+  scene.layer.cells = 6;
+  scene.hard_layer.emplace();
+
+  unsigned session = 0;  // a new one each time
+  const auto next_id = [&] {
+    ++session;
+    wire::SessionId id{};
+    id[0] = static_cast<std::uint8_t>(session);
+    id[1] = static_cast<std::uint8_t>(session >> 8);
+    return id;
+  };
+  const auto opening = [&] {
+    wire::Request request = ServiceHarness::opening(scene, nodes);
+    std::get<wire::OpenSession>(request.body).session_id = next_id();
+    return request;
+  };
+  const auto closing = [&] {
+    wire::Request request = ServiceHarness::in_session(wire::CloseSession{}, 1);
+    request.session_id = next_id();
+    return request;
+  };
+  pair.fail_every_allocation(opening, "open_session");
+  const unsigned last_opened = session;
+  session = 0;
+  pair.fail_every_allocation(closing, "close_session");
+  ASSERT_LT(session, last_opened) << "an opening makes more allocations than a closing";
+
+  pair.ask(ServiceHarness::opening(scene, nodes, 1));
+  std::uint64_t sequence = 0;
+  const auto step = [&](wire::Mode mode, double dt_s = 1e-9) {
+    ++sequence;
+    wire::Request request =
+        ServiceHarness::step(sequence, support::step_columns(strategy, nodes, static_cast<int>(sequence)), mode);
+    std::get<wire::Downscale>(request.body).dt_s = dt_s;
+    return request;
+  };
+  pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance); }, "advance");
+  pair.fail_every_allocation([&] { return step(wire::Mode::kTrial); }, "trial");
+  double dt_s = 1e-9;  // a new one each time: its operators are made anew
+  pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance, dt_s *= 1.001); }, "advance with a new dt");
+  pair.fail_every_allocation([&] { return ServiceHarness::in_session(wire::Rollback{}, ++sequence); }, "rollback");
+  pair.fail_every_allocation(
+      [&] {
+        ++sequence;
+        return ServiceHarness::in_session(wire::Mark{.name = std::to_string(sequence)}, sequence);
+      },
+      "mark");
+  pair.ask(ServiceHarness::in_session(wire::Mark{.name = "the last of the marks"}, ++sequence));
+  pair.fail_every_allocation(
+      [&] { return ServiceHarness::in_session(wire::Rollback{.to_mark = "the last of the marks"}, ++sequence); },
+      "rollback to a mark");
+  pair.fail_every_allocation([&] { return ServiceHarness::in_session(wire::Hello{}, 0); }, "hello");
+  pair.fail_every_allocation([&] { return ServiceHarness::in_session(wire::ServerStatusQuery{}, 0); }, "server_status");
+
+  const Tally& tally = pair.tally();
+  EXPECT_GT(tally.failures, 500);
+  EXPECT_GT(tally.refused, 0);
+  std::cout << "allocations failed: " << tally.failures << " (refused " << tally.refused << ", run and not answered "
+            << tally.unanswered << ", servers ended and recovered " << tally.recovered
+            << "), states changed: " << (HasFailure() ? "SOME" : "0") << "\n";
+}
+
+TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
+  Pair pair(true);
+  wire::Scene scene = support::velocity_scene(6);
+  const auto nodes = support::node_ids(kNodes);
+  pair.ask(ServiceHarness::opening(scene, nodes));
+  std::uint64_t sequence = 0;
+  const auto step = [&] {
+    ++sequence;
+    return ServiceHarness::step(sequence,
+                                support::step_columns(Strategy::kVelocityDriven, nodes, static_cast<int>(sequence)));
+  };
+  pair.ask(step());
+  pair.ask(ServiceHarness::in_session(wire::Mark{.name = "dump"}, ++sequence));
+  pair.fail_every_allocation_of_a_checkpoint();
+  pair.fail_every_allocation(step, "advance after a checkpoint");
+  EXPECT_GT(pair.tally().failures, 50);
+}
+
+// Small messages that a parser makes large: what a stranger's header can cost is bounded, and its limit is that of
+// headers.
+TEST(Amplification, NoHeaderCostsMoreThanAFewMegabytes) {
+  constexpr std::size_t kMost = 64 * wire::kMaxHeaderBytes;
+  constexpr std::size_t kMostAboveTheLimit = 4096;
+  const auto repeated = [](const std::string& part, std::size_t bytes) {
+    std::string all;
+    while (all.size() + part.size() <= bytes) all += part;
+    return all;
+  };
+  const auto field = [](char tag, const std::string& content) {  // length-delimited, length in three bytes
+    const std::size_t n = content.size();
+    return std::string{tag, static_cast<char>(0x80 | (n & 0x7f)), static_cast<char>(0x80 | (n >> 7 & 0x7f)),
+                       static_cast<char>(n >> 14)} +
+           content;
+  };
+  const std::string sound = wire::encode_header(ServiceHarness::in_session(wire::Hello{}, 0));
+  const std::size_t room = wire::kMaxHeaderBytes - sound.size() - 16;
+  const std::pair<const char*, std::string> bodies[] = {
+      {"empty columns", sound + field(0x42, repeated(std::string("\x1a\0", 2), room))},
+      {"unknown numbers", sound + field(0x42, repeated("\xc0\x3e\x01", room))},
+      {"unknown groups of the envelope", sound + repeated("\xc3\x3e\xc4\x3e", room)},
+      {"bodies one after the other", sound + repeated(std::string("\x82\x01\0", 3), room)},
+      {"a text as long as the header", sound + field(0x2a, std::string(room, 'x'))},
+      {"a length beyond the end", sound + "\x42\xff\xff\xff\xff\x07"},
+  };
+  ServiceHarness server;
+  server.ask(ServiceHarness::in_session(wire::Hello{}, 0));  // what is made once is made
+  const auto cost_of = [&](const std::string& header) {
+    const std::span<const std::byte> frame = std::as_bytes(std::span(header));
+    bytes_allocated = 0;
+    const auto sent = server.service.handle(Frames(&frame, 1));
+    const std::size_t cost = bytes_allocated;
+    EXPECT_TRUE(sent.has_value());
+    return cost;
+  };
+  std::size_t most = 0;
+  for (const auto& [what, header] : bodies) {
+    ASSERT_LE(header.size(), wire::kMaxHeaderBytes) << what;
+    const std::size_t cost = cost_of(header);
+    EXPECT_LE(cost, kMost) << what;
+    most = std::max(most, cost);
+    EXPECT_LE(cost_of(header + std::string(4 * wire::kMaxHeaderBytes, '\0')), kMostAboveTheLimit) << what;
+  }
+  EXPECT_GT(most, wire::kMaxHeaderBytes) << "one of them is made larger";
+  std::cout << "memory for a header of " << wire::kMaxHeaderBytes << " bytes: at most " << most << " bytes\n";
+}
+
+INSTANTIATE_TEST_SUITE_P(StrategyAndStore, RequestOutOfMemory,
+                         testing::Combine(testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                                          testing::Bool()),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param) == Strategy::kForceDriven ? "ForceDriven"
+                                                                                                : "VelocityDriven") +
+                                  (std::get<1>(test.param) ? "WithJournal" : "");
+                         });
+
+}  // namespace
+}  // namespace shearbus::service

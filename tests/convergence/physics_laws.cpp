@@ -1,0 +1,178 @@
+// Laws beyond the paper's, against solutions found another way.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// Copper (Johnson and Cook 1983) that heat does not soften: the layer stays uniform, and with the stress taken from the
+// balance what is left is one equation, d ep/dt = r0 exp((sqrt(3) G0 (v t / h - sqrt(3) ep) / (A + B ep^n) - 1) / C).
+ModelOptions cold_copper() {
+  ModelOptions options = graded(paper_options(), 4, 1.0);
+  Material& soft = options.soft;
+  soft.yield_strength = 90e6;
+  soft.hardening_exponent = 0.31;
+  soft.shear_modulus = 46e9;
+  soft.melting_temperature = 1e5;
+  follow_johnson_cook(soft, 292e6, 0.025, 1.0, 20.0, 300.0);
+  return options;
+}
+
+// Runge-Kutta of order 4 with steps far below the relaxation time C A / (3 G0 rate) of 5 ps.
+double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
+  const Material& m = options.soft;
+  const double h = options.grid.thickness;
+  const auto rate = [&](double t, double ep) {
+    const double stress = m.shear_modulus * (v * t / h - std::sqrt(3.0) * ep);
+    const double strength = m.yield_strength + m.hardening_modulus * std::pow(ep, m.hardening_exponent);
+    const double over = std::sqrt(3.0) * stress / strength - 1.0;
+    return over > 0.0 ? m.reference_strain_rate * std::exp(over / m.rate_coefficient) : 0.0;
+  };
+  const double dt = t_end / steps;
+  double ep = 0.0;
+  for (int n = 0; n < steps; ++n) {
+    const double t = n * dt;
+    const double k1 = rate(t, ep), k2 = rate(t + dt / 2, ep + dt / 2 * k1);
+    const double k3 = rate(t + dt / 2, ep + dt / 2 * k2), k4 = rate(t + dt, ep + dt * k3);
+    ep += dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+  }
+  return ep;
+}
+
+TEST(PhysicsJohnsonCookConvergence, RateDependentShearIsFirstOrderInTime) {
+  const ModelOptions options = cold_copper();
+  const double v = 100.0, t_end = 100e-9, h = options.grid.thickness;
+  const double ep = strain_of_shear(options, v, t_end, 400000);
+  ASSERT_NEAR(strain_of_shear(options, v, t_end, 200000), ep, 1e-10 * ep);  // the reference has converged
+  const double s = options.soft.shear_modulus * (v * t_end / h - std::sqrt(3.0) * ep);
+  std::printf("Johnson-Cook copper, 100 m/s, at 100 ns: s %.6f MPa, ep %.8f\n  dt, error of s, order\n", s / 1e6, ep);
+  double before = 0.0;
+  for (double dt : {4e-9, 2e-9, 1e-9, 0.5e-9, 0.25e-9}) {
+    Rig rig(options, 1);
+    rig.set_all(v, 11.2e9);
+    for (int n = 0; n < std::lround(t_end / dt); ++n) rig.step(dt);
+    const double error = std::abs(rig.stress() / s - 1.0);
+    const double order = before > 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %8.2g s  %.3e  %6.3f\n", dt, error, order);
+    EXPECT_NEAR(rig.ep(0), rig.ep(4), 1e-9 * ep);
+    if (before > 0.0) {
+      EXPECT_NEAR(order, 1.0, 0.15) << dt;
+    }
+    before = error;
+  }
+  EXPECT_LT(before, 1e-4);
+}
+
+ModelOptions hot_copper() {
+  ModelOptions options = graded(cold_copper(), 60, 1.08);
+  options.soft.melting_temperature = 1356.0;
+  options.soft.thermal_exponent = 1.09;
+  return options;
+}
+
+// With heat and softening: no exact solution, so the changes between step lengths. The interface slips from the start:
+// a layer loaded from rest begins to flow somewhere within a step, which leaves its order open (next test).
+TEST(PhysicsJohnsonCookConvergence, HotSlipIsFirstOrderInTime) {
+  ModelOptions options = hot_copper();
+  options.drive = Drive::kInterfaceSlip;
+  std::printf("Johnson-Cook copper heated by slip, 100 m/s, at 200 ns: dt, s, T0, order of T0\n");
+  double T_before = 0.0, change_before = 0.0;
+  for (double dt : {4e-9, 2e-9, 1e-9, 0.5e-9, 0.25e-9}) {
+    Rig rig(options, 1);
+    rig.set_all(100.0, 11.2e9);
+    for (int n = 0; n < std::lround(200e-9 / dt); ++n) rig.step(dt);
+    const double change = T_before != 0.0 ? rig.T(0) - T_before : 0.0;
+    const double order = change_before != 0.0 ? std::log2(change_before / change) : NAN;
+    std::printf("  %8.2g s  %.5f MPa  %.4f K  %6.3f\n", dt, rig.stress() / 1e6, rig.T(0), order);
+    if (change_before != 0.0) {
+      EXPECT_NEAR(order, 1.0, 0.15) << dt;
+    }
+    T_before = rig.T(0);
+    change_before = change;
+  }
+}
+
+TEST(PhysicsJohnsonCookConvergence, HotShearAgreesBetweenStepLengthsAndGrids) {
+  const auto run = [](const ModelOptions& options, double dt) {
+    Rig rig(options, 1);
+    rig.set_all(100.0, 11.2e9);
+    for (int n = 0; n < std::lround(500e-9 / dt); ++n) rig.step(dt);
+    std::printf("Johnson-Cook copper, layer shear, 500 ns: dt %.2g s, %d cells: s %.4f MPa, T0 %.3f K\n", dt,
+                options.grid.cells, rig.stress() / 1e6, rig.T(0));
+    return std::pair(rig.stress(), rig.T(0));
+  };
+  const auto [s, T0] = run(hot_copper(), 1e-9);
+  for (const auto& [s_other, T0_other] : {run(hot_copper(), 0.25e-9), run(graded(hot_copper(), 120, 1.04), 1e-9)}) {
+    EXPECT_NEAR(s_other / s, 1.0, 5e-4);
+    EXPECT_NEAR(T0_other, T0, 0.5);
+  }
+}
+
+// Two free bodies rub each other to rest: dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)), k = P (1/m- + 1/m+), of
+// which exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r with r = mu_0/mu_inf - 1. The slip of a step is
+// taken at its middle, so the order is two.
+TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
+  options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
+  const double P = 1e9, m = 0.05, V0 = 300.0, t_end = 80e-9;
+  const auto exact = [&](double t) {
+    const double k = P * 2.0 / m, r = 0.3 / 0.02 - 1.0;
+    return std::log((std::exp(0.01 * V0) + r) * std::exp(-k * 0.01 * 0.02 * t) - r) / 0.01;
+  };
+  std::printf("velocity weakening: [V] from %g to %.6f m/s\n  dt, error, order\n", V0, exact(t_end));
+  ASSERT_GT(exact(t_end), 50.0);
+  double before = 0.0;
+  for (double dt : {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}) {
+    Rig rig(options, 1);
+    rig.inputs.pressure[0] = P;
+    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = m;
+    rig.inputs.velocity_jump[0] = V0;
+    double dissipated = 0.0;
+    for (int n = 0; n < std::lround(t_end / dt); ++n) {
+      rig.step(dt);
+      ASSERT_EQ(rig.outputs.outcome[0], 0);
+      dissipated += rig.outputs.shear_stress[0] * rig.outputs.sliding_velocity[0] * dt;
+      rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
+    }
+    const double V = rig.inputs.velocity_jump[0];
+    EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);  // reduced mass m/2
+    const double error = std::abs(V - exact(t_end));
+    const double order = before > 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %8.2g s  %.3e m/s  %6.3f\n", dt, error, order);
+    if (before > 0.0) {
+      EXPECT_NEAR(order, 2.0, 0.1) << dt;
+    }
+    before = error;
+  }
+}
+
+// To rest: exp(theta V) = 1 ends the slip, and what stopped stays.
+TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
+  options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
+  const double P = 1e9, m = 0.05, V0 = 300.0, k = P * 2.0 / m, r = 0.3 / 0.02 - 1.0;
+  const double stop = std::log((std::exp(0.01 * V0) + r) / (1.0 + r)) / (k * 0.01 * 0.02);
+  for (double dt : {10e-9, 2.5e-9}) {
+    Rig rig(options, 1);
+    rig.inputs.pressure[0] = P;
+    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = m;
+    rig.inputs.velocity_jump[0] = V0;
+    int n = 0;
+    while (rig.outputs.regime[0] != Regime::kStick && n < 1000) {
+      rig.step(dt);
+      rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
+      ++n;
+    }
+    EXPECT_NEAR(n * dt, stop, 1.01 * dt);
+    for (int more = 0; more < 10; ++more) rig.step(dt);
+    EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

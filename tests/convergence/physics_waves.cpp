@@ -1,0 +1,218 @@
+// Layers with inertia against exact solutions: DLP (36-37), d'Alembert, plastic waves, and the layer without mass.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "tests/support/waves.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// The paper's aluminium with strength that neither heat nor pressure changes: yields at Y/sqrt(3) = 115 MPa.
+ModelOptions cold_options(int cells) {
+  ModelOptions options = with_inertia(paper_options());
+  options.grid.cells = cells;
+  options.soft.temperature_coefficient = 0.0;
+  options.soft.pressure_coefficient = 0.0;
+  options.soft.melting_temperature = 1e12;
+  return options;
+}
+constexpr double kPressure = 1e9;  // [Pa]
+
+double yield_stress(const Material& m) {
+  return m.yield_strength / kSqrt3;
+}
+double crossing_time(const ModelOptions& options) {
+  return options.grid.thickness / shear_speed(options.soft);
+}
+
+// Root mean square over time of s(0) minus the exact one, of the largest; V(t) smooth from rest at 0.
+double reflection_error(int cells, double dt, const std::function<double(double)>& V, double t_end) {
+  const ModelOptions options = cold_options(cells);
+  const double cross = crossing_time(options);
+  Rig rig(options, 1);
+  double squares = 0.0, largest = 0.0;
+  const int steps = static_cast<int>(std::lround(t_end / dt));
+  for (int n = 1; n <= steps; ++n) {
+    const double t = n * dt;
+    rig.set_all(V(t), kPressure);
+    rig.step(dt);
+    // Waves from z = h arrive doubled, and again after every two crossings.
+    double exact = 0.0;
+    for (int k = 0; (2 * k + 1) * cross < t; ++k) exact += 2.0 * impedance(options.soft) * V(t - (2 * k + 1) * cross);
+    squares += (rig.stress() - exact) * (rig.stress() - exact);
+    largest = std::max(largest, std::abs(exact));
+  }
+  return std::sqrt(squares / steps) / largest;
+}
+
+TEST(PhysicsWavesConvergence, FirstOrderAgainstDAlembertWithReflectionsAtBothEnds) {
+  const double duration = 20e-9;  // of the pulse; a crossing takes 6.26 ns
+  const auto pulse = [&](double t) {
+    const double sine = std::sin(M_PI * t / duration);
+    return t < duration ? sine * sine : 0.0;
+  };
+  std::printf("pulse of 1 m/s over 20 ns, 40 ns: cells, dt, error of s(0), order\n");
+  double before = 0.0;
+  for (int refined : {1, 2, 4, 8, 16}) {
+    const double dt = 0.2e-9 / refined;
+    const double error = reflection_error(20 * refined, dt, pulse, 40e-9);
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %4d  %8.3g s  %10.3e  %6.3f\n", 20 * refined, dt, error, order);
+    before = error;
+    if (refined == 16) {
+      EXPECT_NEAR(order, 1.0, 0.07);
+      EXPECT_LT(error, 6e-3);
+    }
+  }
+}
+
+TEST(PhysicsWavesConvergence, SecondOrderInCells) {
+  const auto ramp = [](double t) { return 1.0 - std::cos(M_PI * std::min(t, 10e-9) / 10e-9); };
+  const auto stress = [&](int cells) {
+    Rig rig(cold_options(cells), 1);
+    for (int n = 1; n <= 60; ++n) {
+      rig.set_all(ramp(n * 0.25e-9), kPressure);
+      rig.step(0.25e-9);
+    }
+    return rig.stress();
+  };
+  const double fine = stress(800);
+  std::printf("elastic ramp, dt 0.25 ns: cells, s(0) against 800 cells, order\n");
+  double before = 0.0;
+  for (int cells : {10, 20, 40, 80}) {
+    const double error = std::abs(stress(cells) / fine - 1.0);
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %4d  %10.3e  %6.3f\n", cells, error, order);
+    if (before != 0.0) {
+      EXPECT_NEAR(order, 2.0, 0.1);
+    }
+    before = error;
+  }
+}
+
+// A perfectly plastic layer that meets the hard body at 50 m/s: behind a front at the elastic speed s = tau and
+// v = V - tau/Z, all other slip is at z = 0; when the front has reached the soft body, tau/Z of slip is at z = h.
+TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
+  const double V = 50.0;
+  std::printf("perfectly plastic layer, 50 m/s: cells, dt, mean error of s over the layer at half a crossing, order\n");
+  double before = 0.0;
+  for (int refined : {1, 4, 16}) {
+    ModelOptions options = cold_options(50 * refined);
+    options.soft.hardening_coefficient = 0.0;
+    const double tau = yield_stress(options.soft);
+    const double Z = impedance(options.soft);
+    const double cross = crossing_time(options);
+    const int half = 40 * refined;
+    const double dt = 0.5 * cross / half;
+    Rig rig(options, 1);
+    rig.set_all(V, kPressure);
+    for (int n = 0; n < half; ++n) rig.step(dt);
+    const Grid& grid = rig.model.grid();
+    double error = 0.0;
+    for (int i = 0; i < grid.num_vertices(); ++i) {
+      const double exact = grid.vertex[i] < 0.5 * options.grid.thickness ? tau : 0.0;
+      error += grid.weight[i] * std::abs(stress_at(rig, i) - exact) / (tau * options.grid.thickness);
+    }
+    const double order = before != 0.0 ? std::log(before / error) / std::log(4.0) : NAN;
+    std::printf("  %4d  %8.3g s  %10.3e  %6.3f\n", grid.num_cells(), dt, error, order);
+    if (before != 0.0) {
+      EXPECT_GT(order, 0.45);  // a jump under a scheme of first order
+    }
+    before = error;
+    if (refined < 16) continue;
+    EXPECT_NEAR(rig.outputs.sliding_velocity[0], V - tau / Z, 1e-6 * V);
+    EXPECT_NEAR(velocity_in(rig, grid.num_cells() / 4), V - tau / Z, 1e-4 * V);
+    for (int n = 0; n < 3 * half; ++n) rig.step(dt);
+    for (int i = 0; i < grid.num_vertices(); ++i) EXPECT_NEAR(stress_at(rig, i), tau, 1e-9 * tau);
+    EXPECT_NEAR(velocity_in(rig, grid.num_cells() / 4), V - tau / Z, 1e-4 * V);
+    EXPECT_NEAR(rig.outputs.sliding_velocity[0], V, 1e-9 * V);
+  }
+}
+
+// n = 1 hardens linearly, ds = G_t d gamma past the yield stress: a plastic front of speed sqrt(G_t / rho) follows the
+// elastic one, and until reflections return s(0) = tau + rho c_p (V - tau / Z).
+TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
+  const double V = 50.0;
+  std::printf("linear hardening, 50 m/s: cells, dt, error of s(0), of the plastic slip in the layer\n");
+  double before = 0.0;
+  for (int refined : {1, 4, 16}) {
+    ModelOptions options = cold_options(50 * refined);
+    Material& soft = options.soft;
+    soft.hardening_exponent = 1.0;
+    const double rate = soft.yield_strength * soft.hardening_coefficient / 3.0;  // ds per plastic shear  [Pa]
+    const double tangent = soft.shear_modulus * rate / (soft.shear_modulus + rate);
+    const double plastic_speed = std::sqrt(tangent / soft.density);
+    const double tau = yield_stress(soft);
+    const double s = tau + soft.density * plastic_speed * (V - tau / impedance(soft));
+    const int steps = 80 * refined;
+    const double dt = crossing_time(options) / steps;
+    Rig rig(options, 1);
+    rig.set_all(V, kPressure);
+    for (int n = 0; n < steps; ++n) rig.step(dt);
+    const double slip = (s - tau) / rate * plastic_speed * steps * dt;
+    const double error_s = rig.stress() / s - 1.0;
+    const double error_slip = rig.plastic_slip() / slip - 1.0;
+    std::printf("  %4d  %8.3g s  %10.2e  %10.2e\n", options.grid.cells, dt, error_s, error_slip);
+    if (before != 0.0) {
+      EXPECT_LT(std::abs(error_slip), 0.35 * before);
+    }
+    before = std::abs(error_slip);
+    if (refined < 16) continue;
+    EXPECT_NEAR(error_s, 0.0, 1e-4);
+    EXPECT_NEAR(error_slip, 0.0, 2e-3);
+  }
+}
+
+// The paper's layer at 11.2 GPa, the jump rising to V_end in `rise`: the largest difference of s(0) to the layer
+// without mass.
+double difference_to_uniform(double density_factor, double V_end, double rise, double t_end) {
+  ModelOptions options = graded(paper_options());
+  options.soft.density *= density_factor;
+  Rig uniform(options, 1), waves(with_inertia(options), 1);
+  double largest = 0.0;
+  for (int n = 1; n * 1e-9 <= t_end; ++n) {
+    const double t = n * 1e-9;
+    const double V = 0.5 * V_end * (1.0 - std::cos(M_PI * std::min(t / rise, 1.0)));
+    uniform.set_all(V, 11.2e9);
+    waves.set_all(V, 11.2e9);
+    uniform.step(1e-9);
+    waves.step(1e-9);
+    largest = std::max(largest, std::abs(waves.stress() - uniform.stress()));
+  }
+  return largest;
+}
+
+TEST(PhysicsWavesConvergence, WithoutMassItIsTheUniformLayer) {
+  std::printf("jump to 100 m/s in 100 ns: density over aluminium's, largest difference of s to the uniform layer\n");
+  double before = 0.0;
+  for (double factor : {1e-1, 1e-2, 1e-3, 1e-4}) {
+    const double difference = difference_to_uniform(factor, 100.0, 100e-9, 300e-9);
+    std::printf("  %6.0e  %10.3e Pa\n", factor, difference);
+    if (factor <= 1e-3) {
+      EXPECT_NEAR(difference / before, 0.1, 0.03) << "first order in the density";
+    }
+    before = difference;
+  }
+  EXPECT_LT(difference_to_uniform(1e-15, 100.0, 100e-9, 300e-9), 1.0);
+}
+
+TEST(PhysicsWavesConvergence, SlowlyLoadedItIsTheUniformLayer) {
+  std::printf("jump to 10 m/s: time it takes, largest difference of s to the uniform layer\n");
+  double before = 0.0;
+  for (double rise : {100e-9, 400e-9, 1600e-9}) {
+    const double difference = difference_to_uniform(1.0, 10.0, rise, rise);
+    std::printf("  %5.0f ns  %10.3e Pa\n", rise * 1e9, difference);
+    if (before != 0.0) {
+      EXPECT_LT(difference, 0.5 * before);
+    }
+    before = difference;
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

@@ -1,0 +1,223 @@
+// Nodes without an answer. No input that a server lets pass makes one, so a checkpoint is written in which a state is
+// no number, and recovered from: the failure is the model's own, on the paths that users have.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <limits>
+
+#include "server/capsule_replay.hpp"
+#include "server/store/checkpoint.hpp"
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+#include "tests/support/scenes.hpp"
+#include "tests/support/scratch.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::DurableServer;
+using support::MemoryStorage;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Field;
+using wire::Mode;
+using wire::Policy;
+using wire::Strategy;
+
+constexpr std::size_t kNodes = 11;
+constexpr std::size_t kBadRow = 4;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+store::Snapshot snapshot_of(MemoryStorage& disk, std::uint64_t generation) {
+  const std::string name = store::checkpoint_name(generation);
+  return store::read_checkpoint(disk.bytes(name), name, generation);
+}
+
+wire::Request step(Strategy strategy, std::uint64_t sequence, int number, Policy policy, Mode mode = Mode::kAdvance,
+                   bool commit_previous = false) {
+  wire::Request request =
+      ServiceHarness::step(sequence, support::step_columns(strategy, support::node_ids(kNodes), number), mode);
+  auto& body = std::get<wire::Downscale>(request.body);
+  body.policy = policy;
+  body.commit_previous = commit_previous;
+  body.step = static_cast<std::uint64_t>(number);
+  return request;
+}
+
+// A scene, and the column of its state in which a number makes the next step's answer none.
+struct Kind {
+  const char* name;
+  Strategy strategy;
+  bool modes;
+  const char* column;
+
+  operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
+  wire::Scene scene() const {
+    wire::Scene scene = support::scene_of(strategy);
+    if (modes) scene.layer.heat = wire::Heat::kModes;
+    return scene;
+  }
+};
+
+class Failures : public testing::TestWithParam<Kind> {
+ protected:
+  // A server with one session after three steps, on this disk.
+  void prepare(MemoryStorage& disk) {
+    DurableServer server(disk);
+    server.ask(ServiceHarness::opening(GetParam().scene(), support::node_ids(kNodes)));
+    for (int i = 0; i < 3; ++i)
+      server.ask(step(GetParam(), static_cast<std::uint64_t>(i) + 1, i, Policy::kUnspecified));
+    ASSERT_TRUE(server.service.checkpoint());
+  }
+  // The same, with one temperature of the node at kBadRow, or one mode's share of it, that is no number.
+  void prepare_damaged(MemoryStorage& disk) {
+    prepare(disk);
+    store::Snapshot snapshot = snapshot_of(disk, 1);
+    for (shard::StateColumn& column : snapshot.sessions.front().committed.columns)
+      if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
+    disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
+  }
+  static std::vector<std::string> capsules(const MemoryStorage& disk) {
+    std::vector<std::string> found;
+    for (const std::string& name : disk.names())
+      if (name.starts_with("capsule-")) found.push_back(name);
+    return found;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Strategies, Failures,
+                         testing::Values(Kind{"VelocityDriven", Strategy::kVelocityDriven, false, "temperature_k"},
+                                         Kind{"ForceDriven", Strategy::kForceDriven, false, "temperature_k"},
+                                         Kind{"WithoutProfile", Strategy::kForceDriven, true, "heat_modes_k"}),
+                         [](const auto& kind) { return kind.param.name; });
+
+TEST_P(Failures, AcceptedTheNodeKeepsItsStateAndTheOthersStep) {
+  MemoryStorage sound_disk, disk;
+  prepare(sound_disk);
+  prepare_damaged(disk);
+  DurableServer sound(sound_disk), server(disk);
+  for (int i = 3; i < 6; ++i) {
+    const auto sequence = static_cast<std::uint64_t>(i) + 1;
+    const auto expected = sound.ask(step(GetParam(), sequence, i, Policy::kAccept));
+    const auto answer = server.ask(step(GetParam(), sequence, i, Policy::kAccept));
+    ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+    const auto& batch = answer.reply.batch;
+    EXPECT_EQ(batch.u8(Field::kOutcome)[kBadRow], wire::kFailed);
+    EXPECT_EQ(batch.f64(Field::kSlidingVelocity)[kBadRow], 0.0);
+    EXPECT_EQ(batch.f64(Field::kFrictionHeat)[kBadRow], 0.0);
+    EXPECT_GE(std::get<wire::Upscale>(answer.reply.body).flagged_nodes, 1u);
+    for (const Field field : {Field::kShearStress, Field::kInterfaceTemperature, Field::kFrictionHeat})
+      for (std::size_t row = 0; row < kNodes; ++row)
+        EXPECT_TRUE(row == kBadRow || batch.f64(field)[row] == expected.reply.batch.f64(field)[row]) << row;
+  }
+  ASSERT_TRUE(server.service.checkpoint());
+  const auto before = snapshot_of(disk, 1).sessions.front().committed;
+  const auto after = snapshot_of(disk, 2).sessions.front().committed;
+  for (std::size_t i = 0; i < before.columns.size(); ++i)
+    for (std::size_t j = 0; j < before.columns[i].width; ++j) {
+      const std::size_t at = kBadRow * before.columns[i].width + j;
+      const double was = before.columns[i].values[at], is = after.columns[i].values[at];
+      EXPECT_TRUE(was == is || (std::isnan(was) && std::isnan(is))) << before.columns[i].name << " " << j;
+    }
+}
+
+TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
+  MemoryStorage sound_disk, disk;
+  prepare(sound_disk);
+  prepare_damaged(disk);
+  DurableServer sound(sound_disk), server(disk);
+  const auto records = server.store.counters().records;
+  const auto refused = server.ask(step(GetParam(), 4, 3, Policy::kAllOrNothing));
+  EXPECT_EQ(refused.code(), Code::kStepFailed);
+  EXPECT_EQ(refused.reply.status.node_ids, std::vector{support::node_ids(kNodes)[kBadRow]});
+  EXPECT_EQ(server.store.counters().records, records) << "a refused request is not in the journal";
+
+  // A trial of the others stands; the step after it, with it committed on the way, is refused: it stands still.
+  auto others = support::node_ids(kNodes);
+  others.erase(others.begin() + kBadRow);
+  const auto of_others = [&](std::uint64_t sequence, int number, Policy policy, Mode mode, bool commit_previous) {
+    wire::Request request =
+        ServiceHarness::step(sequence, support::step_columns(GetParam(), others, number, true), mode);
+    std::get<wire::Downscale>(request.body).policy = policy;
+    std::get<wire::Downscale>(request.body).commit_previous = commit_previous;
+    return request;
+  };
+  const auto trial = of_others(4, 3, Policy::kAllOrNothing, Mode::kTrial, false);
+  EXPECT_EQ(server.ask(trial).payload(), sound.ask(trial).payload());
+  EXPECT_EQ(server.ask(step(GetParam(), 5, 4, Policy::kAllOrNothing, Mode::kTrial, true)).code(), Code::kStepFailed);
+  EXPECT_EQ(server.ask(step(GetParam(), 5, 4, Policy::kAllOrNothing, Mode::kAdvance, true)).code(), Code::kStepFailed);
+  EXPECT_EQ(server.ask(step(GetParam(), 5, 4, Policy::kAllOrNothing, Mode::kTrial, false)).code(), Code::kStepFailed);
+  for (std::uint64_t i = 5; i < 9; ++i) {
+    const auto next = of_others(i, static_cast<int>(i), i % 2 == 0 ? Policy::kAccept : Policy::kAllOrNothing,
+                                i == 8 ? Mode::kAdvance : Mode::kTrial, true);
+    const auto answer = server.ask(next);
+    ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+    EXPECT_EQ(answer.payload(), sound.ask(next).payload());
+    EXPECT_EQ(std::get<wire::Upscale>(answer.reply.body).state_version, i == 8 ? 8u : i - 1);
+  }
+  // And so does the next server.
+  DurableServer next(disk);
+  EXPECT_EQ(next.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload(),
+            sound.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload());
+}
+
+TEST_P(Failures, TheCapsuleRunsAgainWithTheSameBits) {
+  MemoryStorage disk;
+  prepare_damaged(disk);
+  DurableServer server(disk);
+  EXPECT_EQ(server.ask(step(GetParam(), 4, 3, Policy::kAllOrNothing)).code(), Code::kStepFailed);
+  wire::Request few = step(GetParam(), 4, 3, Policy::kAccept);
+  std::get<wire::Downscale>(few.body).wanted = {Field::kInterfaceTemperature};
+  EXPECT_EQ(server.ask(few).code(), Code::kOk);
+  ASSERT_EQ(capsules(disk).size(), 2u);
+  const test::Scratch scratch;
+  const auto file = scratch.path() / "capsule.h5";
+  const auto replayed = [&](std::span<const std::byte> bytes) {
+    std::ofstream(file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+    return server::replay_capsule(file);
+  };
+  const auto all = replayed(disk.bytes("capsule-000000000001.h5"));
+  EXPECT_TRUE(all.same());
+  EXPECT_EQ(all.node_id, support::node_ids(kNodes)[kBadRow]);
+  EXPECT_EQ(all.step, 3u);
+  EXPECT_EQ(all.answer.size(), GetParam().strategy == Strategy::kVelocityDriven ? 6u : 7u);
+  for (const auto& part : all.state) EXPECT_EQ(part.not_finite, part.name == GetParam().column ? 1u : 0u) << part.name;
+  const auto some = replayed(disk.bytes("capsule-000000000002.h5"));
+  EXPECT_TRUE(some.same());
+  EXPECT_EQ(some.answer.size(), 1u);
+
+  // A node that has an answer, and one that is not what was recorded.
+  store::Capsule capsule = store::read_capsule(disk.bytes("capsule-000000000001.h5"), "capsule");
+  for (shard::StateColumn& column : capsule.state.columns)
+    if (column.name == GetParam().column) column.values[2] = GetParam().modes ? 0.0 : 300.0;
+  EXPECT_FALSE(replayed(store::capsule_bytes(capsule)).same());
+}
+
+TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {
+  MemoryStorage disk;
+  prepare_damaged(disk);
+  DurableServer server(disk);
+  for (std::uint64_t i = 4; i < 40; ++i)
+    ASSERT_EQ(server.ask(step(GetParam(), i, static_cast<int>(i), Policy::kAccept)).code(), Code::kOk);
+  EXPECT_EQ(capsules(disk).size(), 16u);
+  EXPECT_EQ(store::read_capsule(disk.bytes("capsule-000000000001.h5"), "capsule").sequence, 4u);
+  disk.remove("capsule-000000000007.h5");
+  server.ask(step(GetParam(), 40, 40, Policy::kAccept));
+  EXPECT_TRUE(disk.exists("capsule-000000000017.h5"));
+  // A replay of the journal leaves none, and finds them of no interest.
+  DurableServer next(disk);
+  EXPECT_EQ(capsules(disk).size(), 16u);
+}
+
+TEST_P(Failures, ADiskThatTakesNoCapsuleTakesNoAnswer) {
+  MemoryStorage disk;
+  prepare_damaged(disk);
+  DurableServer server(disk);
+  disk.plan({.at_call = 1, .code = EIO, .for_ever = true, .of = MemoryStorage::Call::kCreate});
+  EXPECT_EQ(server.ask(step(GetParam(), 4, 3, Policy::kAccept)).code(), Code::kOk);
+  disk.heal();
+  EXPECT_TRUE(capsules(disk).empty());
+}
+
+}  // namespace
+}  // namespace shearbus::service

@@ -1,0 +1,140 @@
+// Changes of the set of nodes, and steps of none, over the death of the server.
+#include <gtest/gtest.h>
+
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::DurableServer;
+using support::MemoryStorage;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Field;
+using wire::Strategy;
+using Ids = std::vector<std::uint64_t>;
+
+wire::Batch named(const Ids& ids) {
+  constexpr std::array kColumns = {Field::kNodeId};
+  wire::Batch batch = wire::Batch::of(kColumns, ids.size());
+  std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
+  return batch;
+}
+
+// Two sessions of a domain: one gives nodes away, retires, registers, goes back to a mark; the other takes them.
+std::vector<wire::Request> conversation(Strategy strategy) {
+  std::vector<wire::Request> all;
+  std::map<std::uint8_t, std::uint64_t> last;
+  const auto open = [&](std::uint8_t session, const Ids& ids) {
+    all.push_back(ServiceHarness::opening(support::scene_of(strategy), ids, session));
+    auto& body = std::get<wire::OpenSession>(all.back().body);
+    body.domain = "run";
+    body.resume_token.fill(9);
+    if (ids.empty()) all.back().batch = {};
+  };
+  const auto ask = [&](std::uint8_t session, auto body, wire::Batch batch = {}) {
+    all.push_back(ServiceHarness::in_session(std::move(body), ++last[session], session));
+    all.back().batch = std::move(batch);
+  };
+  const auto step = [&](std::uint8_t session, const Ids& ids, bool some = false) {
+    const int number = static_cast<int>(all.size());
+    ask(session, wire::Downscale{.dt_s = 1e-9}, support::step_columns(strategy, ids, number, some));
+  };
+  wire::TransferId first{}, second{}, third{};
+  first.fill(1), second.fill(2), third.fill(3);
+  open(1, {1, 2, 3, 4, 5, 6, 7, 8, 9});
+  open(2, {});
+  step(2, {});
+  step(1, {1, 2, 3, 4, 5, 6, 7, 8, 9});
+  ask(1, wire::Mark{"start"});
+  ask(1, wire::OfferNodes{first}, named({8, 2}));
+  step(1, {1, 3, 4, 5, 6, 7, 9});
+  ask(2, wire::AcceptNodes{first});
+  step(2, {8, 2});
+  ask(2, wire::RegisterNodes{}, named({20, 21}));
+  step(2, {8, 2, 20, 21});
+  ask(1, wire::RetireNodes{}, named({1, 9}));
+  step(1, {5, 3}, true);
+  step(1, {}, true);
+  ask(2, wire::RetireNodes{}, named({2, 8}));
+  ask(1, wire::OfferNodes{second}, named({3}));
+  ask(1, wire::OfferNodes{third}, named({7}));
+  ask(1, wire::AcceptNodes{third});
+  step(1, {4, 5, 6, 7});
+  ask(1, wire::Rollback{"start"});
+  step(1, {1, 2, 3, 4, 5, 6, 7, 8, 9});
+  step(2, {20, 21});
+  return all;
+}
+
+class NodesOver : public testing::TestWithParam<Strategy> {};
+INSTANTIATE_TEST_SUITE_P(Strategies, NodesOver, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST_P(NodesOver, AServerThatDiesAfterEveryRequestLosesNoneAndHasNoneTwice) {
+  MemoryStorage quiet;
+  DurableServer undisturbed(quiet);
+  MemoryStorage disk;
+  int i = 0;
+  for (const wire::Request& request : conversation(GetParam())) {
+    SCOPED_TRACE("request " + std::to_string(i));
+    DurableServer server(disk);
+    const auto expected = undisturbed.ask(request);
+    ASSERT_EQ(expected.code(), Code::kOk) << expected.reply.status.text;
+    const auto answer = server.ask(request);
+    ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+    ASSERT_EQ(answer.payload(), expected.payload());
+    ASSERT_EQ(server.service.status().nodes, undisturbed.service.status().nodes);
+    ASSERT_EQ(server.service.status().state_bytes, undisturbed.service.status().state_bytes);
+    if (++i % 3 == 0) {
+      ASSERT_TRUE(server.service.checkpoint());
+    }
+    DurableServer again(disk);
+    const auto repeat = again.ask(request);
+    ASSERT_TRUE(repeat.reply.replayed);
+    ASSERT_EQ(repeat.payload(), expected.payload());
+  }
+}
+
+// A payload frame without a byte is a frame, in the journal and in a checkpoint's kept reply, too.
+TEST_P(NodesOver, AStepOfNoNodesIsReplayed) {
+  MemoryStorage disk;
+  const wire::Request nobody = ServiceHarness::step(1, support::step_columns(GetParam(), {}, 0, true));
+  {
+    DurableServer server(disk);
+    server.ask(ServiceHarness::opening(support::scene_of(GetParam()), Ids{1, 2}));
+    const auto answer = server.ask(nobody);
+    ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+    EXPECT_TRUE(answer.frames.has_payload);
+  }
+  for (const bool checkpoint : {true, false}) {
+    DurableServer server(disk);
+    EXPECT_TRUE(server.ask(nobody).reply.replayed);
+    if (checkpoint) {
+      EXPECT_TRUE(server.service.checkpoint());
+    }
+  }
+}
+
+TEST_P(NodesOver, ASuccessorOfTheGiverLearnsOfItsOffers) {
+  MemoryStorage disk;
+  DurableServer server(disk);
+  const auto requests = conversation(GetParam());
+  const auto upto = std::ranges::find_if(
+      requests, [](const wire::Request& request) { return std::holds_alternative<wire::AcceptNodes>(request.body); });
+  for (auto request = requests.begin(); request != upto; ++request) server.ask(*request);
+  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0);
+  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
+  const auto where = server.ask(resume);
+  ASSERT_EQ(where.code(), Code::kOk) << where.reply.status.text;
+  wire::TransferId first{};
+  first.fill(1);
+  EXPECT_EQ(std::get<wire::SessionResumed>(where.reply.body).offers, std::vector{first});
+}
+
+}  // namespace
+}  // namespace shearbus::service

@@ -1,0 +1,49 @@
+// A checkpoint as it may lie on a disk: to a snapshot. HDF5 is shown nothing whose hash is wrong, and the mutator
+// rights the sums of the footer only: what stands behind the hash of the image is for checkpoint_content.
+#include <xxhash.h>
+
+#include <cstring>
+
+#include "server/store/checkpoint.hpp"
+#include "tests/fuzz/checkpoint_sample.hpp"
+#include "tests/fuzz/mutate.hpp"
+#include "tests/fuzz/target.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace shearbus;
+  try {
+    const store::Snapshot snapshot =
+        store::read_checkpoint(std::as_bytes(std::span(data, size)), "file", fuzz::kSampleGeneration);
+    // Nobody else has made a file with these sums.
+    fuzz::require(store::checkpoint_bytes(snapshot, fuzz::kSampleGeneration).size() == size,
+                  "what was read is what is written");
+  } catch (const store::DamagedFile&) {
+  }
+  return 0;
+}
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
+                                               unsigned int seed) {
+  using namespace shearbus;
+  fuzz::Random random(seed);
+  store::CheckpointFooter footer;
+  if (size < sizeof footer || random.one_in(3)) return LLVMFuzzerMutate(data, size, max_size);
+  std::uint8_t* end = data + size - sizeof footer;
+  std::memcpy(&footer, end, sizeof footer);
+  switch (random.below(4)) {
+    case 0:
+      footer.image_bytes = random.one_in(2) ? size - sizeof footer : random.number();
+      break;
+    case 1:
+      footer.generation = random.one_in(2) ? fuzz::kSampleGeneration : random.number();
+      break;
+    case 2:
+      footer.image_sum[random.below(2)] = random.number();
+      break;
+    default:
+      footer.version = static_cast<std::uint32_t>(random.number());
+  }
+  footer.sum = XXH3_64bits(&footer, offsetof(store::CheckpointFooter, sum));
+  std::memcpy(end, &footer, sizeof footer);
+  return size;
+}

@@ -1,0 +1,41 @@
+// A small checkpoint with everything in it: two strategies, a trial, marks, a closed session.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+
+namespace shearbus::fuzz {
+
+inline constexpr std::uint64_t kSampleGeneration = 1;
+
+inline std::vector<std::byte> sample_checkpoint() {
+  using support::ServiceHarness;
+  const auto nodes = support::node_ids(3);
+  support::MemoryStorage disk;
+  support::DurableServer server(disk, store::Durability::kNone);
+  const auto ask = [&](wire::Request request) {
+    if (server.ask(request).code() != wire::Code::kOk) throw std::logic_error("the sample's requests are sound");
+  };
+  const auto step = [&](wire::Strategy strategy, std::uint64_t sequence, wire::Mode mode, std::uint8_t session) {
+    ask(ServiceHarness::step(sequence, support::step_columns(strategy, nodes, static_cast<int>(sequence)), mode,
+                             session));
+  };
+  wire::Scene heated = support::velocity_scene(4);
+  heated.velocity_driven.taylor_quinney_factor = 0.9;
+  heated.hard_layer.emplace();
+  ask(ServiceHarness::opening(heated, nodes, 1));
+  step(wire::Strategy::kVelocityDriven, 1, wire::Mode::kAdvance, 1);
+  ask(ServiceHarness::in_session(wire::Mark{.name = "dump"}, 2, 1));
+  step(wire::Strategy::kVelocityDriven, 3, wire::Mode::kTrial, 1);
+  ask(ServiceHarness::opening(support::force_scene(4), nodes, 2));
+  step(wire::Strategy::kForceDriven, 1, wire::Mode::kAdvance, 2);
+  ask(ServiceHarness::opening(support::force_scene(4), nodes, 3));
+  ask(ServiceHarness::in_session(wire::CloseSession{}, 1, 3));
+  if (!server.service.checkpoint()) throw std::logic_error("the sample's checkpoint could not be written");
+  return disk.bytes(store::checkpoint_name(kSampleGeneration));
+}
+
+}  // namespace shearbus::fuzz

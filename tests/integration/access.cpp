@@ -1,0 +1,363 @@
+// Who gets in and who does not, over real sockets with real keys and users.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+#include "proto/wire/key_file.hpp"
+#include "tests/support/raw_peer.hpp"
+#include "tests/support/running_server.hpp"
+#include "tests/support/scenes.hpp"
+#include "tests/support/server_process.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using support::RawDealer;
+using support::RunningServer;
+using support::ScratchDirectory;
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(6);
+
+// Lines from several threads.
+class Lines {
+ public:
+  server::Log log() {
+    const auto keep = [this](const std::string& line) {
+      const std::lock_guard lock(mutex_);
+      text_ += line + "\n";
+    };
+    return {.info = keep, .debug = keep};
+  }
+  std::string text() const {
+    const std::lock_guard lock(mutex_);
+    return text_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::string text_;
+};
+
+Status refusal_of(const ClientOptions& options) {
+  try {
+    Client client(options);
+    client.server_status();
+  } catch (const Error& fault) {
+    return fault.status();
+  }
+  return {};
+}
+
+// A refusal is told long before the deadline, which a client without a monitor would wait for.
+Status prompt_refusal_of(ClientOptions options) {
+  options.connect_deadline = 60s;
+  const auto started = std::chrono::steady_clock::now();
+  Status status = refusal_of(options);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 10s) << describe(status);
+  return status;
+}
+
+class Keys : public testing::Test {
+ protected:
+  Keys() {
+    wire::write_secret_key(scratch_ / "server.secret", server_keys_.secret_key);
+    authorize("# clients\n" + alice_.public_key + " alice\n" + operator_.public_key + " operator olga\n");
+  }
+  void authorize(const std::string& text) const {
+    std::ofstream(scratch_ / "new") << text;
+    std::filesystem::rename(scratch_ / "new", scratch_ / "authorized");
+  }
+  server::ServerOptions options() const {
+    server::ServerOptions options;
+    options.curve_secret = scratch_ / "server.secret";
+    options.authorized_keys = scratch_ / "authorized";
+    return options;
+  }
+  ClientOptions client_options(const std::string& endpoint, const KeyPair& pair) const {
+    return {.endpoint = endpoint, .server_key = server_keys_.public_key, .secret_key = pair.secret_key};
+  }
+
+  ScratchDirectory scratch_;
+  KeyPair server_keys_ = make_key_pair();
+  KeyPair alice_ = make_key_pair();
+  KeyPair operator_ = make_key_pair();
+  KeyPair mallory_ = make_key_pair();
+};
+
+TEST_F(Keys, WhoIsOnTheListIsServedWhoIsNotIsToldAtOnceAndNeverHeard) {
+  for (const bool ipc_first : {true, false}) {
+    const ScratchDirectory bus;
+    const std::vector<std::string> endpoints = {ipc_first ? bus.ipc() : "tcp://127.0.0.1:*",
+                                                ipc_first ? "tcp://127.0.0.1:*" : bus.ipc()};
+    RunningServer server(options(), endpoints);
+    const std::string& tcp = server.endpoint("tcp");
+    Client alice(client_options(tcp, alice_));
+    EXPECT_EQ(alice.welcome().access, "key");
+    Client local = server.client("ipc");  // a key is asked for by tcp only
+    EXPECT_EQ(local.welcome().access, "uid");
+    const std::uint64_t heard = alice.server_status().requests;
+
+    const Status unknown = prompt_refusal_of(client_options(tcp, mallory_));
+    EXPECT_EQ(unknown.code, Code::kAuth) << describe(unknown);
+    EXPECT_THAT(unknown.remedy, HasSubstr(mallory_.public_key));
+    const Status keyless = prompt_refusal_of({.endpoint = tcp});
+    EXPECT_EQ(keyless.code, Code::kAuth) << describe(keyless);
+    EXPECT_THAT(keyless.text, HasSubstr("expects clients with keys"));
+    ClientOptions deceived = client_options(tcp, alice_);
+    deceived.server_key = mallory_.public_key;
+    const Status wrong_server = prompt_refusal_of(deceived);
+    EXPECT_EQ(wrong_server.code, Code::kAuth) << describe(wrong_server);
+    EXPECT_THAT(wrong_server.text, HasSubstr("server_key"));
+    RawDealer plain(tcp);
+    plain.send(std::vector<std::string>{"hello"});
+    EXPECT_TRUE(plain.receive(200ms).empty());
+
+    EXPECT_EQ(alice.server_status().requests, heard + 1);
+    EXPECT_EQ(server.transport().without_user, 0u);
+  }
+}
+
+TEST_F(Keys, StrayBytesNeverReachTheServer) {
+  RunningServer server(options());
+  const std::string& tcp = server.endpoint("tcp");
+  Client alice(client_options(tcp, alice_));
+  const std::uint64_t heard = alice.server_status().requests;
+  const std::vector<std::string> strays = {
+      "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // TLS hello
+      std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
+      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
+      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x03\x00"
+                  "CURVE",
+                  17) +
+          std::string(47, '\0') + std::string("\x04\xc8\x05HELLO", 8) + std::string(194, 'x'),
+      std::string(100'000, '\0')};
+  for (const std::string& stray : strays) {
+    support::RawStream stream(tcp);
+    stream.send(stray);
+    stream.closed_within(50ms);
+  }
+  std::this_thread::sleep_for(200ms);
+  EXPECT_EQ(alice.server_status().requests, heard + 1);
+}
+
+TEST_F(Keys, ASessionStepsEncryptedToTheSameBits) {
+  RunningServer server(options());
+  Client alice(client_options(server.endpoint("tcp"), alice_));
+  Client local = server.client("ipc");
+  Session a = alice.open(support::force_scene(), kNodes);
+  Session b = local.open(support::force_scene(), kNodes);
+  for (int step = 0; step < 20; ++step) {
+    const auto request = support::step_columns(Strategy::kForceDriven, kNodes, step);
+    const auto& one = a.advance(request, {.dt_s = 1e-9});
+    const auto& two = b.advance(request, {.dt_s = 1e-9});
+    ASSERT_TRUE(std::ranges::equal(one.shear_stress_pa(), two.shear_stress_pa()));
+  }
+}
+
+TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
+  RunningServer plain({}, {"tcp://127.0.0.1:*"});
+  const Status status = prompt_refusal_of(client_options(plain.endpoint("tcp"), alice_));
+  EXPECT_EQ(status.code, Code::kAuth) << describe(status);
+  // Which end breaks off first is chance, and decides what this one hears.
+  EXPECT_THAT(status.text, AnyOf(HasSubstr("the server has no keys"), HasSubstr("or no keys")));
+  EXPECT_EQ(Client({.endpoint = plain.endpoint("tcp")}).welcome().access, "anonymous");
+  EXPECT_EQ(refusal_of(client_options("ipc:///tmp/bus", alice_)).code, Code::kAuth);
+  EXPECT_EQ(refusal_of({.endpoint = "tcp://127.0.0.1:1", .server_key = alice_.public_key}).code, Code::kAuth);
+}
+
+TEST_F(Keys, TheListIsReadAgainForEachConnectionAndAFaultyOneLetsNobodyIn) {
+  Lines lines;
+  RunningServer server(options(), {"tcp://127.0.0.1:*"}, lines.log());
+  const std::string& tcp = server.endpoint("tcp");
+  Client alice(client_options(tcp, alice_));
+  EXPECT_EQ(refusal_of(client_options(tcp, mallory_)).code, Code::kAuth);
+  EXPECT_THAT(lines.text(), HasSubstr("REFUSED connection from 127.0.0.1: key " + mallory_.public_key));
+  authorize(alice_.public_key + "\n" + mallory_.public_key + "\n");
+  EXPECT_TRUE(refusal_of(client_options(tcp, mallory_)).ok());
+  authorize(alice_.public_key + "\nnonsense\n");
+  EXPECT_EQ(refusal_of(client_options(tcp, alice_)).code, Code::kAuth);
+  EXPECT_THAT(lines.text(), HasSubstr("line 2: expected a key"));
+  EXPECT_NO_THROW(alice.server_status()) << "who is in stays";
+  std::filesystem::remove(scratch_ / "authorized");
+  EXPECT_EQ(refusal_of(client_options(tcp, alice_)).code, Code::kAuth);
+  authorize(alice_.public_key + "\n");
+  EXPECT_TRUE(refusal_of(client_options(tcp, alice_)).ok());
+  EXPECT_EQ(refusal_of(client_options(tcp, mallory_)).code, Code::kAuth) << "taken off the list";
+  ::chmod((scratch_ / "authorized").c_str(), 0666);
+  EXPECT_EQ(refusal_of(client_options(tcp, alice_)).code, Code::kAuth) << "others could have written it";
+}
+
+TEST_F(Keys, AStolenTicketIsOfNoUseWithAnotherKey) {
+  authorize(alice_.public_key + "\n" + mallory_.public_key + "\n" + operator_.public_key + " operator\n");
+  Lines lines;
+  RunningServer server(options(), {"tcp://127.0.0.1:*"}, lines.log());
+  const std::string& tcp = server.endpoint("tcp");
+  Client alice(client_options(tcp, alice_));
+  Session session = alice.open(support::force_scene(), kNodes);
+  const auto request = support::step_columns(Strategy::kForceDriven, kNodes, 0);
+  session.advance(request, {.dt_s = 1e-9});
+  Client mallory(client_options(tcp, mallory_));
+  try {
+    mallory.resume(session.ticket());
+    ADD_FAILURE() << "resumed";
+  } catch (const Error& fault) {
+    EXPECT_EQ(fault.status().code, Code::kNotPermitted) << fault.what();
+  }
+  EXPECT_THAT(lines.text(), HasSubstr("REFUSED: key " + mallory_.public_key + " asked for session"));
+  EXPECT_NO_THROW(session.advance(request, {.dt_s = 1e-9}));
+  const Session::Ticket ticket = session.ticket();
+  session.leave();
+  Client olga(client_options(tcp, operator_));
+  EXPECT_EQ(olga.resume(ticket).last_sequence(), 2u);
+}
+
+TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
+  wire::write_public_key(scratch_ / "loose.secret", {server_keys_.secret_key, ""});
+  const std::string secret = scratch_ / "server.secret";
+  const std::string list = scratch_ / "authorized";
+  const struct {
+    std::vector<std::string> arguments;
+    std::string reason;
+  } cases[] = {
+      {{}, "--curve-secret and --authorized-keys"},
+      {{"--curve-secret", secret}, "go together"},
+      {{"--authorized-keys", list}, "go together"},
+      {{"--curve-secret", secret, "--authorized-keys", list, "--insecure-plaintext"}, "without effect"},
+      {{"--curve-secret", scratch_ / "loose.secret", "--authorized-keys", list}, "expected 0600"},
+      {{"--curve-secret", secret, "--authorized-keys", scratch_ / "none"}, "No such file"},
+  };
+  for (const auto& c : cases) {
+    std::vector<std::string> arguments = {"--bind", "tcp://127.0.0.1:*"};
+    arguments.insert(arguments.end(), c.arguments.begin(), c.arguments.end());
+    support::ServerProcess server(arguments);
+    EXPECT_EQ(server.process().exit_code(10s), 1) << c.reason;
+    EXPECT_THAT(server.log(), HasSubstr(c.reason));
+  }
+}
+
+// As an operator would do it, from keygen to a step.
+TEST_F(Keys, ProgramsMakeAndUseKeys) {
+  const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
+  const auto run = [&](std::vector<std::string> arguments) {
+    const std::string output = scratch_ / "output";
+    std::filesystem::remove(output);
+    const auto code = support::Process(std::move(arguments), output).exit_code(30s);
+    return std::pair{code.value_or(-1), support::text_of(output)};
+  };
+  EXPECT_EQ(run({ctl, "keygen", scratch_ / "bus"}).first, 0);
+  EXPECT_EQ(run({ctl, "keygen", scratch_ / "host", "--operator"}).first, 0);
+  const auto again = run({ctl, "keygen", scratch_ / "host"});
+  EXPECT_EQ(again.first, 1);
+  EXPECT_THAT(again.second, HasSubstr("never written over"));
+  struct stat found {};
+  ASSERT_EQ(::stat((scratch_ / "host.secret").c_str(), &found), 0);
+  EXPECT_EQ(found.st_mode & 0777, 0600u);
+  EXPECT_THAT(support::text_of(scratch_ / "host.public"), HasSubstr(" operator host"));
+
+  support::ServerProcess server({"--bind", "tcp://127.0.0.1:*", "--curve-secret", scratch_ / "bus.secret",
+                                 "--authorized-keys", scratch_ / "host.public"});
+  ASSERT_TRUE(server.ready()) << server.log();
+  EXPECT_THAT(server.log(), HasSubstr(wire::read_public_key(scratch_ / "bus.public")));
+  const std::string log = server.log();
+  const std::size_t at = log.find("tcp://127.0.0.1:", log.find("listening on"));
+  const std::string endpoint = log.substr(at, log.find('\n', at) - at);
+  const std::vector<std::string> keys = {
+      "--server", endpoint, "--server-key", scratch_ / "bus.public", "--key", scratch_ / "host.secret"};
+  const auto with_keys = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), keys.begin(), keys.end());
+    return run(arguments);
+  };
+  EXPECT_EQ(with_keys({ctl, "ping", "--timeout", "20"}).first, 0);
+  const auto keyless = run({ctl, "ping", "--timeout", "20", "--server", endpoint});
+  EXPECT_EQ(keyless.first, 1);
+  EXPECT_THAT(keyless.second, HasSubstr("AUTH"));
+  const auto hydro = with_keys({SHEARBUS_BINARY_DIR "/bin/shearbus-hydro",
+                                SHEARBUS_SOURCE_DIR "/hydro_stub/problems/sliding_to_a_stop.toml", "--check"});
+  EXPECT_EQ(hydro.first, 0) << hydro.second;
+}
+
+TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {
+  server::ServerOptions options;
+  options.allow_uids = {::geteuid() + 1};
+  const ScratchDirectory bus;
+  RunningServer server(options, {bus.ipc()});
+  const Status status = prompt_refusal_of(server.client_options());
+  EXPECT_EQ(status.code, Code::kAuth) << describe(status);
+  EXPECT_THAT(status.remedy, HasSubstr("--allow-uid " + std::to_string(::geteuid())));
+  EXPECT_EQ(server.transport().received, 0u);
+}
+
+// Exit code of a client of another user: 0 served, 1 refused by AUTH, 2 anything else.
+int as_user(uid_t uid, const std::function<void()>& act) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::setgid(uid) != 0 || ::setuid(uid) != 0) ::_exit(3);
+    try {
+      act();
+    } catch (const Error& fault) {
+      ::_exit(fault.status().code == Code::kAuth ? 1 : 2);
+    } catch (...) {
+      ::_exit(2);
+    }
+    ::_exit(0);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WEXITSTATUS(status);
+}
+
+TEST(Users, AnotherUserIsServedWhereTheListNamesHimAndHasSessionsOfHisOwn) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can be another user";
+  constexpr uid_t kFriend = 65533;
+  constexpr uid_t kStranger = 65534;
+  const ScratchDirectory bus;
+  ASSERT_EQ(::chmod(bus.path().c_str(), 0711), 0);
+  support::ServerProcess server({"--bind", bus.ipc(), "--allow-uid", "0", "--allow-uid", std::to_string(kFriend)});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Session::Ticket ticket;
+  const int shared = ::memfd_create("ticket", 0);
+  EXPECT_EQ(as_user(kFriend,
+                    [&] {
+                      Client client({.endpoint = bus.ipc()});
+                      Session session = client.open(support::force_scene(), kNodes);
+                      ticket = session.ticket();
+                      if (::write(shared, &ticket, sizeof ticket) != sizeof ticket) ::_exit(4);
+                      session.leave();
+                    }),
+            0);
+  EXPECT_EQ(as_user(kStranger, [&] { Client({.endpoint = bus.ipc()}).server_status(); }), 1);
+  ASSERT_EQ(::pread(shared, &ticket, sizeof ticket, 0), static_cast<ssize_t>(sizeof ticket));
+  ::close(shared);
+  Client root({.endpoint = bus.ipc()});
+  EXPECT_NO_THROW(root.resume(ticket)) << "the server's own user is an operator";
+  EXPECT_THAT(server.log(), HasSubstr("opened by uid 65533"));
+  EXPECT_THAT(server.log(), HasSubstr("uid 65534 is not among --allow-uid"));
+}
+
+TEST(Users, ADirectoryOthersCanEnterIsNoPlaceForASocket) {
+  const ScratchDirectory scratch;
+  ASSERT_EQ(::chmod(scratch.path().c_str(), 0755), 0);
+  support::ServerProcess server({"--bind", scratch.ipc()});
+  EXPECT_EQ(server.process().exit_code(10s), 1);
+  EXPECT_THAT(server.log(), HasSubstr("expected 0700"));
+  support::ServerProcess another({"--bind", "ipc://" + (scratch / "made" / "bus").string()});
+  EXPECT_TRUE(another.ready()) << another.log();
+}
+
+}  // namespace
+}  // namespace shearbus

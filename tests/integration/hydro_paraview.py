@@ -1,0 +1,78 @@
+"""The fields of a run in ParaView's own readers, both of them: every frame, its time, the mesh and the values of every array."""
+import argparse
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import h5py
+import numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
+from vtkmodules.vtkIOXdmf3 import vtkXdmf3Reader
+
+OPTIONS = None
+ZONE_ARRAYS = {"temperature", "pressure", "density", "plastic_strain", "equivalent_stress", "body"}
+
+
+class ParaView(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        directory = pathlib.Path(cls.scratch.name)
+        text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel_coarse.toml").read_text()
+        for key, value in {"zone_width_m": "2e-3\nframes = 4", "end_time_s": "4e-6"}.items():
+            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
+            assert found == 1, key
+        (directory / "cone.toml").write_text(text)
+        cls.out = directory / "run"
+        subprocess.run([OPTIONS.hydro, str(directory / "cone.toml"), "--interface-law", "coulomb_tresca", "--out", str(cls.out),
+                        "--no-plot"], check=True, stdout=subprocess.DEVNULL, timeout=250)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def reads(self, reader):
+        reader.SetFileName(str(self.out / "fields.xmf"))
+        reader.UpdateInformation()
+        information = reader.GetOutputInformation(0)
+        key = reader.GetExecutive().TIME_STEPS()
+        times = [information.Get(key, i) for i in range(information.Length(key))]
+        with h5py.File(self.out / "fields" / "mesh.h5") as f:
+            quads = f["quads"][:]
+        self.assertEqual(len(times), 5)
+        for number, time in enumerate(times):
+            with h5py.File(self.out / "fields" / f"{number:05}.h5") as f:
+                self.assertEqual(time, f["time"][0])
+                reader.UpdateTimeStep(time)
+                grid = reader.GetOutputDataObject(0)
+                while grid.IsA("vtkMultiBlockDataSet"):
+                    grid = grid.GetBlock(0)
+                numpy.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), f["place"][:])
+                velocity = vtk_to_numpy(grid.GetPointData().GetArray("velocity"))
+                numpy.testing.assert_array_equal(velocity, f["velocity"][:])
+                self.assertEqual(grid.GetNumberOfCells(), len(quads))
+                for zone in (0, len(quads) // 2, len(quads) - 1):
+                    corners = grid.GetCell(zone).GetPointIds()
+                    self.assertEqual([corners.GetId(i) for i in range(4)], list(quads[zone]))
+                arrays = {grid.GetCellData().GetArrayName(i) for i in range(grid.GetCellData().GetNumberOfArrays())}
+                self.assertLessEqual(ZONE_ARRAYS, arrays)
+                for name in ZONE_ARRAYS:
+                    numpy.testing.assert_array_equal(vtk_to_numpy(grid.GetCellData().GetArray(name)), f[name][:], err_msg=name)
+
+    def test_xdmf2_reader(self):
+        self.reads(vtkXdmfReader())
+
+    def test_xdmf3_reader(self):
+        self.reads(vtkXdmf3Reader())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--hydro", required=True)
+    parser.add_argument("--problems", required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=[sys.argv[0], *rest])

@@ -1,0 +1,171 @@
+// Floods, too few files, and clients that freeze: who is connected is served, and all is as before afterwards.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <thread>
+
+#include "proto/wire/key_file.hpp"
+#include "tests/support/raw_peer.hpp"
+#include "tests/support/scenes.hpp"
+#include "tests/support/server_process.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using support::RawStream;
+using support::ScratchDirectory;
+using support::ServerProcess;
+using ::testing::HasSubstr;
+using wire::Strategy;
+using Clock = std::chrono::steady_clock;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(8);
+
+void step(Session& session, int number) {
+  session.advance(support::step_columns(Strategy::kForceDriven, kNodes, number), {.dt_s = 1e-9});
+}
+
+std::string tcp_endpoint(const ServerProcess& server) {
+  const std::string log = server.log();
+  const std::size_t at = log.find("tcp://127.0.0.1:", log.find("listening on"));
+  return log.substr(at, log.find('\n', at) - at);
+}
+
+// As many silent connections as this machine lets a process have, up to ten thousand.
+std::size_t silent_connections() {
+  rlimit limit{};
+  ::getrlimit(RLIMIT_NOFILE, &limit);
+  limit.rlim_cur = limit.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+  return std::min<std::size_t>(10'000, limit.rlim_cur - 200);
+}
+
+TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
+  for (const bool keys : {false, true}) {
+    const std::size_t count = silent_connections();
+    const ScratchDirectory scratch;
+    const KeyPair server_keys = make_key_pair();
+    const KeyPair client_keys = make_key_pair();
+    wire::write_secret_key(scratch / "secret", server_keys.secret_key);
+    wire::write_public_key(scratch / "list", {client_keys.public_key, ""});
+    std::vector<std::string> arguments = {"--bind", scratch.ipc(), "--bind", "tcp://127.0.0.1:*"};
+    if (keys)
+      arguments.insert(arguments.end(), {"--curve-secret", scratch / "secret", "--authorized-keys", scratch / "list"});
+    else
+      arguments.emplace_back("--insecure-plaintext");
+    ServerProcess server(arguments);
+    ASSERT_TRUE(server.ready()) << server.log();
+    const std::string tcp = tcp_endpoint(server);
+    Client watcher({.endpoint = scratch.ipc()});
+    Session session = watcher.open(support::force_scene(), kNodes);
+    const std::uint64_t files_before = watcher.server_status().open_files;
+
+    std::vector<RawStream> silent;
+    silent.reserve(count);
+    for (std::size_t i = 0; i < count; ++i) silent.emplace_back(tcp);
+    const auto asked = Clock::now();
+    ClientOptions honest{.endpoint = tcp};
+    if (keys) {
+      honest.server_key = server_keys.public_key;
+      honest.secret_key = client_keys.secret_key;
+    }
+    EXPECT_NO_THROW(Client(honest).server_status());
+    EXPECT_LT(Clock::now() - asked, 2s) << "keys: " << keys;
+    EXPECT_NO_THROW(step(session, 0));
+    // All are shown the door after the handshake's time of 5 s.
+    std::uint64_t files = ~0ULL;
+    for (const auto end = Clock::now() + 20s; files > files_before + 5 && Clock::now() < end;) {
+      std::this_thread::sleep_for(200ms);
+      files = watcher.server_status().open_files;
+    }
+    EXPECT_LE(files, files_before + 5) << "keys: " << keys;
+    EXPECT_EQ(watcher.server_status().messages_without_user, 0u);
+  }
+}
+
+TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
+  const ScratchDirectory scratch;
+  const std::string log = scratch / "log";
+  const std::string start = "ulimit -n 128; exec " SHEARBUS_BINARY_DIR "/bin/shearbus-server --bind " + scratch.ipc() +
+                            " --bind tcp://127.0.0.1:* --insecure-plaintext";
+  support::Process server({"/bin/sh", "-c", start}, log);
+  const auto logged = [&](const std::string& text, std::chrono::milliseconds time) {
+    for (const auto end = Clock::now() + time; Clock::now() < end; std::this_thread::sleep_for(10ms))
+      if (support::text_of(log).find(text) != std::string::npos) return true;
+    return false;
+  };
+  ASSERT_TRUE(logged("listening on tcp://", 20s)) << support::text_of(log);
+  const std::string text = support::text_of(log);
+  const std::size_t at = text.find("tcp://127.0.0.1:", text.find("listening on tcp"));
+  const std::string tcp = text.substr(at, text.find('\n', at) - at);
+  Client client({.endpoint = scratch.ipc()});
+  Session session = client.open(support::force_scene(), kNodes);
+  {
+    std::vector<RawStream> silent;
+    for (int i = 0; i < 150; ++i) silent.emplace_back(tcp);  // the kernel accepts what the server cannot
+    for (int i = 0; i < 20; ++i) EXPECT_NO_THROW(step(session, i));
+    EXPECT_TRUE(logged("ALARM: four fifths of the files", 10s)) << support::text_of(log);
+    EXPECT_NO_THROW(step(session, 20));
+  }
+  EXPECT_TRUE(logged("files can be opened again", 20s)) << support::text_of(log);
+  EXPECT_NO_THROW(Client({.endpoint = tcp}).server_status());
+  EXPECT_NO_THROW(step(session, 21));
+  server.signal(SIGTERM);
+  EXPECT_EQ(server.exit_code(10s), 0);
+}
+
+// Frozen for longer than the heartbeat's patience, it is disconnected; thawed, it connects anew and goes on.
+TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
+  const ScratchDirectory scratch;
+  ServerProcess server({"--bind", scratch.ipc()});
+  ASSERT_TRUE(server.ready()) << server.log();
+  constexpr int kSteps = 40;
+  const pid_t frozen = ::fork();  // before this process has a context of its own
+  if (frozen == 0) {
+    int done = 0;
+    try {
+      Client client({.endpoint = scratch.ipc(), .retry_after = 500ms});
+      Session session = client.open(support::force_scene(), kNodes);
+      for (; done < kSteps; ++done) {
+        step(session, done);
+        std::this_thread::sleep_for(50ms);
+      }
+      if (session.last_sequence() != kSteps) ::_exit(2);
+    } catch (const std::exception&) {
+      ::_exit(1);
+    }
+    ::_exit(0);
+  }
+  Client client({.endpoint = scratch.ipc()});
+  while (client.server_status().node_steps < 5 * kNodes.size()) std::this_thread::sleep_for(2ms);
+  ::kill(frozen, SIGSTOP);
+  const std::uint64_t before = client.server_status().connections_admitted;
+  Session session = client.open(support::force_scene(), kNodes);
+  std::chrono::nanoseconds slowest{0};
+  int number = 0;
+  for (const auto end = Clock::now() + 9s; Clock::now() < end; std::this_thread::sleep_for(20ms)) {
+    const auto started = Clock::now();
+    step(session, number++);
+    slowest = std::max<std::chrono::nanoseconds>(slowest, Clock::now() - started);
+  }
+  EXPECT_LT(slowest, 1s);
+  ::kill(frozen, SIGCONT);
+  int status = 0;
+  ::waitpid(frozen, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+  const wire::ServerStatus after = client.server_status();
+  EXPECT_GT(after.connections_admitted, before) << "it was disconnected and came back";
+  EXPECT_EQ(after.node_steps, (kSteps + static_cast<std::uint64_t>(number)) * kNodes.size()) << "each step ran once";
+}
+
+}  // namespace
+}  // namespace shearbus

@@ -1,0 +1,115 @@
+// The map of the velocity-driven model against what is known of it in closed form.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "client/map/limits.hpp"
+#include "client/map/sweep.hpp"
+#include "server/physics/material/strength.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus {
+namespace {
+
+wire::Scene scene() {
+  wire::Scene scene = support::velocity_scene();
+  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  return scene;
+}
+
+const map::Axes kAxes{map::log_spaced(1e9, 100e9, 4), map::log_spaced(1.0, 1000.0, 13)};
+constexpr double kThickness = 20e-6;
+
+const map::Map& small_map() {
+  static const map::Map made = map::sweep(scene(), kAxes, {50e-9, 100e-9, 400e-9}, 1e-9);
+  return made;
+}
+
+TEST(ValidityMap, AxesAreAtEqualRatios) {
+  EXPECT_EQ(kAxes.velocity_m_per_s.front(), 1.0);
+  EXPECT_EQ(kAxes.velocity_m_per_s.back(), 1000.0);
+  EXPECT_NEAR(kAxes.velocity_m_per_s[4] / kAxes.velocity_m_per_s[3], std::pow(10.0, 0.25), 1e-12);
+}
+
+// sqrt(3) integral(ep) = V t - h s / G0: what is not slip is elastic.
+TEST(ValidityMap, WhatIsNotCarriedIsElastic) {
+  const double G0 = physics::make_material("aluminium_dlp", {}).material.shear_modulus;
+  for (const map::Observation& seen : small_map().observations) {
+    const std::vector<double> shares = map::slip_share(small_map(), seen);
+    for (std::size_t p = 0; p < kAxes.pressure_pa.size(); ++p) {
+      for (std::size_t v = 0; v < kAxes.velocity_m_per_s.size(); ++v) {
+        const std::size_t i = kAxes.node(p, v);
+        const double elastic = kThickness * seen.shear_stress_pa[i] / (G0 * kAxes.velocity_m_per_s[v] * seen.time_s);
+        EXPECT_NEAR(shares[i], 1.0 - elastic, 1e-8) << p << " " << v;
+        EXPECT_EQ(seen.regime[i] == static_cast<std::uint8_t>(wire::Regime::kStick), shares[i] == 0.0) << p << " " << v;
+      }
+    }
+  }
+}
+
+// The layer yields when the elastic stress G0 V t / h reaches Y0 g(P, T_ref) / sqrt(3): a line that falls as 1/t.
+TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
+  const physics::Material soft = physics::make_material("aluminium_dlp", {}).material;
+  int drawn = 0;
+  for (const map::Observation& seen : small_map().observations) {
+    const map::Line line = map::velocity_of_share(small_map(), seen, 0.0);
+    for (std::size_t p = 0; p < line.size(); ++p) {
+      const double yield = physics::flow_stress(soft, 0.0, kAxes.pressure_pa[p], 300.0) / std::sqrt(3.0);
+      const double expected = kThickness * yield / (soft.shear_modulus * seen.time_s);
+      EXPECT_EQ(line[p].has_value(), expected > 1.0) << p << ": " << expected;
+      if (!line[p]) continue;
+      ++drawn;
+      EXPECT_NEAR(*line[p] / expected, 1.0, 0.15) << p;  // hardened by the first node that slips
+    }
+  }
+  EXPECT_GE(drawn, 8);
+}
+
+TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
+  const auto& seen = small_map().observations;
+  for (std::size_t k = 1; k < seen.size(); ++k) {
+    const map::Line before = map::velocity_of_share(small_map(), seen[k - 1], 0.9);
+    const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
+    for (std::size_t p = 0; p < before.size(); ++p) {
+      ASSERT_TRUE(before[p]);
+      // As s/t: by 1/t, less what the layer has hardened meanwhile.
+      const double elapsed = seen[k].time_s / seen[k - 1].time_s;
+      if (after[p]) {
+        EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;
+        EXPECT_LT(*before[p] / *after[p] / elapsed, 1.05) << p;
+      }
+    }
+  }
+}
+
+TEST(ValidityMap, FasterMeltsEarlierAndTheLineFallsWithTime) {
+  const map::Map& made = small_map();
+  int melted = 0;
+  for (std::size_t p = 0; p < kAxes.pressure_pa.size(); ++p) {
+    for (std::size_t v = 1; v < kAxes.velocity_m_per_s.size(); ++v) {
+      const double slower = made.melting_time_s[kAxes.node(p, v - 1)];
+      const double faster = made.melting_time_s[kAxes.node(p, v)];
+      if (std::isnan(slower)) continue;
+      EXPECT_LE(faster, slower);
+      ++melted;
+    }
+  }
+  EXPECT_GT(melted, 4);
+  const map::Line early = map::velocity_of_melting(made, 100e-9);
+  const map::Line late = map::velocity_of_melting(made, 400e-9);
+  for (std::size_t p = 0; p < early.size(); ++p) {
+    ASSERT_TRUE(early[p] && late[p]);
+    EXPECT_LT(*late[p], *early[p]);
+  }
+}
+
+TEST(ValidityMap, ASceneWithoutImposedShearIsRefused) {
+  EXPECT_THROW(map::sweep(support::force_scene(), kAxes, {1e-9}, 1e-9), Error);
+  wire::Scene slip = scene();
+  slip.velocity_driven.drive = wire::Drive::kInterfaceSlip;
+  EXPECT_THROW(map::sweep(slip, kAxes, {1e-9}, 1e-9), Error);
+}
+
+}  // namespace
+}  // namespace shearbus

@@ -1,0 +1,304 @@
+// Slip with two tangential components: isotropic, so that a turned problem has the turned answer, and one along an axis
+// is the scalar one.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// A rig whose slip has two components.
+class PlaneRig : public Rig {
+ public:
+  explicit PlaneRig(const ModelOptions& options) : Rig(options) {}
+
+  void step(double dt) {
+    operators = model.operators(dt);
+    model.advance(*operators, inputs, second, committed.data(), trial.data(), outputs, second_outputs);
+    std::swap(committed, trial);
+  }
+  double second_stress(int lane) const { return committed[model.layout().second_stress + lane]; }
+
+  SecondInputs second;
+  SecondOutputs second_outputs{};
+};
+
+// Inputs of scalar draws, each vector turned by an angle of its own.
+void random_vectors(Draw& draw, PlaneRig& rig, bool extreme) {
+  random_inputs(draw, rig, extreme);
+  const auto turn = [&](double& first, double& second) {
+    const double angle = draw.chance(0.5) ? draw.uniform(-0.1, 0.1) : draw.uniform(-M_PI, M_PI);
+    const double length = first;
+    first = length * std::cos(angle);
+    second = length * std::sin(angle);
+  };
+  for (int l = 0; l < kLanes; ++l) {
+    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
+    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
+    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
+  }
+}
+
+void copy_turned(const PlaneRig& from, double angle, PlaneRig& to) {
+  to.inputs = from.inputs;
+  const double c = std::cos(angle), s = std::sin(angle);
+  const auto turn = [&](const double* x, const double* y, double* x_turned, double* y_turned) {
+    for (int l = 0; l < kLanes; ++l) {
+      x_turned[l] = c * x[l] - s * y[l];
+      y_turned[l] = s * x[l] + c * y[l];
+    }
+  };
+  turn(from.inputs.velocity_jump, from.second.velocity_jump, to.inputs.velocity_jump, to.second.velocity_jump);
+  turn(from.inputs.stress_minus, from.second.stress_minus, to.inputs.stress_minus, to.second.stress_minus);
+  turn(from.inputs.stress_plus, from.second.stress_plus, to.inputs.stress_plus, to.second.stress_plus);
+  // Each step starts from the same state, turned: near melting rounding grows from step to step.
+  to.committed = from.committed;
+  const TileLayout& layout = from.model.layout();
+  turn(from.committed.data() + layout.shear_stress, from.committed.data() + layout.second_stress,
+       to.committed.data() + layout.shear_stress, to.committed.data() + layout.second_stress);
+}
+
+class PhysicsTwoComponents : public ::testing::TestWithParam<Strategy> {};
+
+TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
+  Draw draw(61);
+  int compared = 0, sliding = 0, sticking = 0, open = 0;
+  double worst = 0.0;
+  for (int scene = 0; scene < 60; ++scene) {
+    const ModelOptions options = random_two_component_options(draw, GetParam(), false);
+    PlaneRig rig(options), turned(options);
+    for (int n = 0; n < 15; ++n) {
+      random_vectors(draw, rig, false);
+      const double angle = draw.uniform(-M_PI, M_PI);
+      copy_turned(rig, angle, turned);
+      const double dt = random_dt(draw, false);
+      double stress_before[kLanes];
+      for (int l = 0; l < kLanes; ++l) stress_before[l] = std::hypot(rig.stress(l), rig.second_stress(l));
+      rig.step(dt);
+      turned.step(dt);
+      for (int l = 0; l < kLanes; ++l) {
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
+        if ((rig.outputs.outcome[l] | turned.outputs.outcome[l]) & kSubstepped)
+          continue;  // several answers: rounding chooses
+        const double T0 = rig.outputs.interface_temperature[l];
+        const double to_melting =
+            std::max(1e-6, std::abs(at_pressure(options.soft, rig.inputs.pressure[l]).melting_temperature - T0));
+        const double eps = 1e-10 + 1e-12 * T0 / (to_melting * to_melting) / options.soft.hardening_exponent;
+        ASSERT_NEAR(turned.outputs.interface_temperature[l], T0, 1e-9);
+        if (std::hypot(rig.outputs.sliding_velocity[l], rig.second_outputs.sliding_velocity[l]) > 1e-6) {
+          ASSERT_EQ(turned.outputs.regime[l], rig.outputs.regime[l]);
+        }
+        const double c = std::cos(angle), s = std::sin(angle);
+        const auto expect_turned = [&](double x, double y, double x_turned, double y_turned, double size) {
+          ASSERT_NEAR(x_turned, c * x - s * y, eps * size);
+          ASSERT_NEAR(y_turned, s * x + c * y, eps * size);
+          worst = std::max(worst, std::abs(x_turned - (c * x - s * y)) / size);
+        };
+        const double stress = std::hypot(rig.outputs.shear_stress[l], rig.second_outputs.shear_stress[l]);
+        expect_turned(rig.outputs.shear_stress[l], rig.second_outputs.shear_stress[l], turned.outputs.shear_stress[l],
+                      turned.second_outputs.shear_stress[l], stress + 1.0);
+        const double free_jump =
+            std::hypot(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]) +
+            dt * (std::abs(rig.inputs.stress_minus[l]) + std::abs(rig.second.stress_minus[l])) /
+                rig.inputs.mass_minus[l] +
+            dt * (std::abs(rig.inputs.stress_plus[l]) + std::abs(rig.second.stress_plus[l])) / rig.inputs.mass_plus[l];
+        const double speed = (GetParam() == Strategy::kForceDriven ? free_jump : 0.0) +
+                             std::hypot(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]) +
+                             options.grid.thickness * (stress + stress_before[l]) / (options.soft.shear_modulus * dt) +
+                             1e-6;
+        expect_turned(rig.outputs.velocity_jump_new[l], rig.second_outputs.velocity_jump_new[l],
+                      turned.outputs.velocity_jump_new[l], turned.second_outputs.velocity_jump_new[l], speed);
+        expect_turned(rig.outputs.sliding_velocity[l], rig.second_outputs.sliding_velocity[l],
+                      turned.outputs.sliding_velocity[l], turned.second_outputs.sliding_velocity[l], 1e2 * speed);
+        if (::testing::Test::HasFatalFailure()) return;
+        ++compared;
+        open += rig.outputs.regime[l] == Regime::kOpen;
+        sticking += rig.outputs.regime[l] == Regime::kStick;
+        sliding += rig.outputs.regime[l] > Regime::kStick;
+      }
+    }
+  }
+  std::printf("%d node-steps (open %d, stick %d, sliding %d): turned answers at most %.1e apart\n", compared, open,
+              sticking, sliding, worst);
+  EXPECT_GT(std::min({open, sticking, sliding}), 100);
+}
+
+TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
+  Draw draw(62);
+  for (int scene = 0; scene < 40; ++scene) {
+    const bool extreme = scene % 2 == 1;
+    const ModelOptions plane = random_two_component_options(draw, GetParam(), extreme);
+    ModelOptions line = plane;
+    line.tangential_components = 1;
+    Rig scalar(line);
+    PlaneRig first(plane), second(plane);
+    for (int n = 0; n < 15; ++n) {
+      random_inputs(draw, scalar, extreme);
+      first.inputs = second.inputs = scalar.inputs;
+      for (int l = 0; l < kLanes; ++l) {
+        std::swap(second.inputs.velocity_jump[l], second.second.velocity_jump[l] = 0.0);
+        std::swap(second.inputs.stress_minus[l], second.second.stress_minus[l] = 0.0);
+        std::swap(second.inputs.stress_plus[l], second.second.stress_plus[l] = 0.0);
+      }
+      const double dt = random_dt(draw, extreme);
+      scalar.step(dt);
+      first.step(dt);
+      second.step(dt);
+      for (int l = 0; l < kLanes; ++l) {
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
+        const TileOutputs& want = scalar.outputs;
+        ASSERT_EQ(first.outputs.shear_stress[l], want.shear_stress[l]);
+        ASSERT_EQ(first.outputs.sliding_velocity[l], want.sliding_velocity[l]);
+        ASSERT_EQ(first.outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
+        ASSERT_EQ(first.second_outputs.shear_stress[l], 0.0);
+        ASSERT_EQ(second.second_outputs.shear_stress[l], want.shear_stress[l]);
+        ASSERT_EQ(second.second_outputs.sliding_velocity[l], want.sliding_velocity[l]);
+        ASSERT_EQ(second.second_outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
+        ASSERT_EQ(second.outputs.shear_stress[l], 0.0);
+        for (const PlaneRig* rig : {&first, &second}) {
+          ASSERT_EQ(rig->outputs.interface_temperature[l], want.interface_temperature[l]);
+          ASSERT_EQ(rig->outputs.friction_heat[l], want.friction_heat[l]);
+          ASSERT_EQ(rig->outputs.regime[l], want.regime[l]);
+          ASSERT_EQ(rig->outputs.outcome[l], want.outcome[l]);
+        }
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& test) {
+                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+// The scalar twin, told the problem along the trial stress by a hand that knows nothing of the solver's vectors.
+TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
+  Draw draw(63);
+  int compared = 0;
+  for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    for (int scene = 0; scene < 15; ++scene) {
+      ModelOptions options = random_two_component_options(draw, strategy, false);
+      options.grid.cells = draw.integer(1, 12);
+      if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
+      PlaneRig rig(options);
+      for (int n = 0; n < 8; ++n) {
+        random_vectors(draw, rig, false);
+        const double dt = random_dt(draw, false);
+        const int l = n;
+        const TileInputs& in = rig.inputs;
+        const double stiffness = options.soft.shear_modulus * dt / options.grid.thickness;
+        double x = rig.stress(l) + stiffness * in.velocity_jump[l];
+        double y = rig.second_stress(l) + stiffness * rig.second.velocity_jump[l];
+        if (strategy == Strategy::kForceDriven) {
+          x = in.velocity_jump[l] + dt * (in.stress_minus[l] / in.mass_minus[l] + in.stress_plus[l] / in.mass_plus[l]);
+          y = rig.second.velocity_jump[l] +
+              dt * (rig.second.stress_minus[l] / in.mass_minus[l] + rig.second.stress_plus[l] / in.mass_plus[l]);
+        }
+        const double angle = std::atan2(y, x), c = std::cos(angle), s = std::sin(angle);
+        reference::NodeState state = rig.node_state(l);
+        state.shear_stress = c * rig.stress(l) + s * rig.second_stress(l);
+        reference::NodeInputs inputs = rig.node_inputs(l);
+        inputs.velocity_jump = c * in.velocity_jump[l] + s * rig.second.velocity_jump[l];
+        inputs.stress_minus = c * in.stress_minus[l] + s * rig.second.stress_minus[l];
+        inputs.stress_plus = c * in.stress_plus[l] + s * rig.second.stress_plus[l];
+        const reference::NodeOutputs twin = reference::advance_one(options, dt, inputs, state);
+        rig.step(dt);
+        if ((rig.outputs.outcome[l] & kSubstepped) || twin.answers != 1 || x * x + y * y == 0.0) continue;
+        const double T_melt = at_pressure(options.soft, in.pressure[l]).melting_temperature;
+        const double to_melting = std::max(1e-6, std::abs(T_melt - twin.interface_temperature));
+        const double eps = 1e-9 + 1e-11 * T_melt / (to_melting * to_melting) / options.soft.hardening_exponent;
+        const double size = std::abs(twin.shear_stress);
+        ASSERT_NEAR(rig.outputs.shear_stress[l], c * twin.shear_stress, eps * size + 1e-3) << scene << " " << n;
+        ASSERT_NEAR(rig.second_outputs.shear_stress[l], s * twin.shear_stress, eps * size + 1e-3) << scene << " " << n;
+        ASSERT_NEAR(rig.outputs.interface_temperature[l], twin.interface_temperature, 1e-7);
+        ++compared;
+      }
+    }
+  }
+  EXPECT_GT(compared, 150);
+}
+
+// A slip that turns: the stress follows it, the old one dying away along the new direction of the trial stress.
+TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
+  ModelOptions options = graded(paper_options());
+  options.tangential_components = 2;
+  PlaneRig rig(options);
+  rig.set_all(100.0, 11.2e9);
+  for (int n = 0; n < 50; ++n) rig.step(1e-9);
+  EXPECT_EQ(rig.second_stress(0), 0.0);
+  const double before = rig.stress();
+  for (int l = 0; l < kLanes; ++l) std::swap(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
+  for (int n = 0; n < 50; ++n) {
+    const double along = rig.second_stress(0), across = rig.stress();
+    rig.step(1e-9);
+    EXPECT_GT(rig.second_stress(0), along * 0.999);
+    EXPECT_LT(rig.stress(), across);
+    EXPECT_GE(rig.outputs.shear_stress[0] * rig.outputs.sliding_velocity[0] +
+                  rig.second_outputs.shear_stress[0] * rig.second_outputs.sliding_velocity[0],
+              0.0);
+  }
+  EXPECT_GT(rig.second_stress(0), 0.9 * before);
+  EXPECT_LT(rig.stress(), 1e-3 * before);
+}
+
+TEST(PhysicsTwoComponentsPath, OneComponentPaysNothing) {
+  ModelOptions options = graded(paper_options());
+  const TileLayout one = Model(options).layout();
+  EXPECT_EQ(one.second_stress, TileLayout::kAbsent);
+  options.tangential_components = 2;
+  EXPECT_EQ(Model(options).layout().doubles, one.doubles + kLanes);
+}
+
+// The energy ledger of a turned problem is that of the problem.
+TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
+  Draw draw(77);
+  for (int scene = 0; scene < 60; ++scene) {
+    const Strategy strategy = scene % 2 == 0 ? Strategy::kVelocityDriven : Strategy::kForceDriven;
+    ModelOptions options = random_options(draw, strategy, false);
+    options.drive = Drive::kLayerShear;
+    Rig scalar(options);
+    options.tangential_components = 2;
+    PlaneRig plane(options);
+    const double c = 0.6, s = 0.8;
+    for (int step = 0; step < 10; ++step) {
+      random_inputs(draw, scalar, false);
+      plane.inputs = scalar.inputs;
+      for (int l = 0; l < kLanes; ++l) {
+        plane.second.velocity_jump[l] = s * scalar.inputs.velocity_jump[l];
+        plane.second.stress_minus[l] = s * scalar.inputs.stress_minus[l];
+        plane.second.stress_plus[l] = s * scalar.inputs.stress_plus[l];
+        plane.inputs.velocity_jump[l] *= c;
+        plane.inputs.stress_minus[l] *= c;
+        plane.inputs.stress_plus[l] *= c;
+      }
+      const double dt = random_dt(draw, false);
+      scalar.step(dt);
+      plane.step(dt);
+      TileLedger one, two;
+      scalar.model.book(*scalar.operators, scalar.inputs, scalar.outputs, scalar.trial.data(), scalar.committed.data(),
+                        one);
+      plane.model.book(*plane.operators, plane.inputs, plane.outputs, plane.trial.data(), plane.committed.data(), two,
+                       &plane.second, &plane.second_outputs);
+      for (int l = 0; l < kLanes; ++l) {
+        // Rounding of the turn grows near melting and from step to step: what the two layers differ by bounds it.
+        const double apart = std::abs(std::hypot(plane.outputs.shear_stress[l], plane.second_outputs.shear_stress[l]) -
+                                      std::abs(scalar.outputs.shear_stress[l]));
+        if (!(apart <= 1e-9 * std::abs(scalar.outputs.shear_stress[l]))) continue;
+        const double stress = scalar.outputs.shear_stress[l];
+        double size = 0.5 * options.grid.thickness * stress * stress / options.soft.shear_modulus;
+        for (const auto& term : one.term) size += std::abs(term[l]);
+        for (std::size_t i = 0; i < kLedgerTerms; ++i) {
+          ASSERT_NEAR(two.term[i][l], one.term[i][l], 1e-6 * size) << scene << " " << step << " term " << i;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

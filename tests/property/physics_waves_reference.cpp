@@ -1,0 +1,93 @@
+// Layers with inertia: the fast solver against the slow twin, from the states random histories reach.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "tests/support/random_physics.hpp"
+#include "tests/support/waves.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+struct Worst {
+  double stress = 0.0, velocity = 0.0, slip = 0.0, temperature = 0.0, strain = 0.0;
+};
+
+void expect_agreement(const Rig& rig, int l, const reference::NodeOutputs& twin, const reference::NodeState& state,
+                      double dt, Worst& worst) {
+  const TileOutputs& out = rig.outputs;
+  const double V = std::abs(rig.inputs.velocity_jump[l]);
+  double s = 1e6, v = V;  // a layer about to melt carries next to nothing
+  for (double stress : state.stress_field) s = std::max(s, std::abs(stress));
+  for (double velocity : state.layer_velocity) v = std::max(v, std::abs(velocity));
+  const int n = rig.model.grid().num_cells();
+  for (int i = 0; i <= n; ++i) {
+    const std::size_t at = static_cast<std::size_t>(i);
+    worst.stress = std::max(worst.stress, std::abs(stress_at(rig, i, l) - state.stress_field[at]) / s);
+    ASSERT_NEAR(stress_at(rig, i, l), state.stress_field[at], 1e-7 * s) << i;
+    ASSERT_NEAR(rig.T(i, l), state.temperature[at], 1e-8) << i;
+    const double ep = state.plastic_strain[at];
+    const double moved = v * dt / rig.model.grid().weight[at];
+    worst.strain = std::max(worst.strain, std::abs(rig.ep(i, l) - ep) / (ep + moved + 1e-6));
+    ASSERT_NEAR(rig.ep(i, l), ep, 1e-7 * (ep + moved) + 1e-13) << i;
+    if (i == n) continue;
+    worst.velocity = std::max(worst.velocity, std::abs(velocity_in(rig, i, l) - state.layer_velocity[at]) / (v + 1e-3));
+    ASSERT_NEAR(velocity_in(rig, i, l), state.layer_velocity[at], 1e-7 * (v + 1e-3)) << i;
+  }
+  const double size = V + std::abs(twin.sliding_velocity) + v;
+  worst.slip = std::max(worst.slip, std::abs(out.sliding_velocity[l] - twin.sliding_velocity) / (size + 1e-3));
+  worst.temperature = std::max(worst.temperature, std::abs(out.interface_temperature[l] - twin.interface_temperature));
+  ASSERT_NEAR(out.sliding_velocity[l], twin.sliding_velocity, 1e-7 * (size + 1e-3));
+  ASSERT_NEAR(out.shear_stress[l], twin.shear_stress, 1e-7 * s);
+  ASSERT_NEAR(out.friction_heat[l], twin.friction_heat, 1e-7 * (twin.friction_heat + s * V * dt));
+  ASSERT_EQ(out.velocity_jump_new[l], twin.velocity_jump_new);
+  if (std::abs(twin.sliding_velocity) > 1e-6 * size || twin.regime == Regime::kOpen) {
+    ASSERT_EQ(out.regime[l], twin.regime) << "T0 " << twin.interface_temperature;
+  }
+}
+
+TEST(PhysicsWavesReference, FastAndSlowAgree) {
+  Draw draw(47);
+  Worst worst;
+  int compared = 0, open = 0, coulomb = 0, flowing = 0, melting = 0;
+  for (int scene = 0; scene < 25; ++scene) {
+    ModelOptions options = random_inertia_options(draw, false);
+    options.grid.cells = draw.integer(1, 8);
+    Rig rig(options);
+    for (int step = 0; step < 12; ++step) {
+      random_inputs(draw, rig, false);
+      const double dt = random_dt(draw, false);
+      const int lanes[] = {step % kLanes, (step + 3) % kLanes};
+      std::vector<reference::NodeState> states;
+      std::vector<reference::NodeOutputs> twins;
+      for (int l : lanes) {
+        states.push_back(rig.node_state(l));
+        twins.push_back(reference::advance_one(options, dt, rig.node_inputs(l), states.back()));
+      }
+      rig.step(dt);
+      for (std::size_t k = 0; k < 2; ++k) {
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step) + ", lane " +
+                     std::to_string(lanes[k]));
+        expect_agreement(rig, lanes[k], twins[k], states[k], dt, worst);
+        if (::testing::Test::HasFatalFailure()) return;
+        ++compared;
+        open += twins[k].regime == Regime::kOpen;
+        coulomb += twins[k].regime == Regime::kCoulomb;
+        flowing += twins[k].regime == Regime::kTresca;
+        melting += twins[k].regime == Regime::kMelting;
+      }
+    }
+  }
+  std::printf(
+      "%d node-steps compared (open %d, coulomb %d, tresca %d, melting %d): worst s %.1e, v %.1e, [v] %.1e, T0 "
+      "%.1e K, ep %.1e\n",
+      compared, open, coulomb, flowing, melting, worst.stress, worst.velocity, worst.slip, worst.temperature,
+      worst.strain);
+  EXPECT_GT(std::min({open, coulomb, flowing, melting}), 10);
+}
+
+}  // namespace
+}  // namespace shearbus::testing

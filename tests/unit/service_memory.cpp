@@ -1,0 +1,92 @@
+// What a server says a node costs is what it costs: resident memory of this process against
+// SessionOpened.bytes_per_node.
+#include <gtest/gtest.h>
+#include <malloc.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "server/service/scene_model.hpp"
+#include "tests/support/scenes.hpp"
+#include "tests/support/service_harness.hpp"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kHasItsOwnMemory = true;  // a sanitizer's shadow and quarantine
+#else
+constexpr bool kHasItsOwnMemory = false;
+#endif
+
+namespace shearbus::service {
+namespace {
+
+using support::ServiceHarness;
+using wire::Code;
+
+constexpr std::size_t kNodes = 100'000;
+constexpr double kFactor = 1.10;
+
+// Of what is held: frames that were freed are given back first.
+double resident_bytes() {
+  ::malloc_trim(0);
+  std::ifstream statm("/proc/self/statm");
+  std::uint64_t total = 0, resident = 0;
+  statm >> total >> resident;
+  return static_cast<double>(resident) * static_cast<double>(::sysconf(_SC_PAGESIZE));
+}
+
+class Memory : public testing::TestWithParam<wire::Strategy> {};
+INSTANTIATE_TEST_SUITE_P(Strategies, Memory,
+                         testing::Values(wire::Strategy::kVelocityDriven, wire::Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == wire::Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
+  if (kHasItsOwnMemory) GTEST_SKIP() << "under a sanitizer memory is its own";
+  const auto ids = support::node_ids(kNodes);
+  const wire::Scene scene = support::scene_of(GetParam());
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));  // whatever is made once
+  harness.ask(
+      ServiceHarness::step(1, support::step_columns(GetParam(), std::span(ids).first(8), 0), wire::Mode::kAdvance, 9));
+  const double before = resident_bytes();
+  const auto per_node = [&] { return (resident_bytes() - before) / kNodes; };
+
+  const auto opened = harness.ask(ServiceHarness::opening(scene, ids));
+  ASSERT_EQ(opened.code(), Code::kOk) << opened.reply.status.text;
+  const auto stated = static_cast<double>(std::get<wire::SessionOpened>(opened.reply.body).bytes_per_node);
+  for (std::uint64_t i = 1; i <= 2; ++i)  // both buffers, and a reply to keep
+    ASSERT_EQ(harness.ask(ServiceHarness::step(i, support::step_columns(GetParam(), ids, static_cast<int>(i)))).code(),
+              Code::kOk);
+  const double measured = per_node();
+  EXPECT_LT(measured, stated * kFactor);
+  EXPECT_GT(measured, stated / kFactor);
+
+  // Nodes that leave give their memory back, and those that come take no more than before.
+  const std::span some = std::span(ids).subspan(8);
+  const auto change = [&](auto body, std::uint64_t sequence) {
+    wire::Request request = ServiceHarness::in_session(std::move(body), sequence);
+    request.batch = ServiceHarness::opening(scene, some).batch;
+    return harness.ask(request).code();
+  };
+  ASSERT_EQ(change(wire::RetireNodes{}, 3), Code::kOk);
+  const double left = per_node();
+  EXPECT_LT(left, 0.1 * stated);
+  ASSERT_EQ(change(wire::RegisterNodes{}, 4), Code::kOk);
+  ASSERT_EQ(harness.ask(ServiceHarness::step(5, support::step_columns(GetParam(), ids, 5))).code(), Code::kOk);
+  EXPECT_LT(per_node(), stated * kFactor);
+
+  const physics::Model model(scene_model(scene).options);
+  const double of_mark = 8.0 * static_cast<double>(model.layout().doubles / physics::kLanes) + 12.0;
+  ASSERT_EQ(harness.ask(ServiceHarness::in_session(wire::Mark{"dump"}, 6)).code(), Code::kOk);
+  const double with_mark = per_node();
+  EXPECT_LT(with_mark, (stated + of_mark) * kFactor);
+  EXPECT_GT(with_mark, (stated + of_mark) / kFactor);
+
+  std::cout << "bytes per node: stated " << stated << ", measured " << measured
+            << "; after retiring all but 8: " << left << "; with a mark stated " << stated + of_mark << ", measured "
+            << with_mark << "\n";
+}
+
+}  // namespace
+}  // namespace shearbus::service

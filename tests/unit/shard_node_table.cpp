@@ -1,0 +1,194 @@
+// Nodes come and leave: the order of the rows is that of arrival, slots stay dense, and states are where they belong.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <random>
+#include <set>
+
+#include "server/service/scene_model.hpp"
+#include "server/shard/shard.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus::shard {
+namespace {
+
+using Ids = std::vector<std::uint64_t>;
+
+TEST(NodeTable, ThoseThatStayKeepTheirOrderAndNewOnesFollow) {
+  const NodeTable table = NodeTable({5, 3, 900, 7, 1});
+  const auto [fewer, moves] = table.without(table.locate(Ids{3, 1}).slots);
+  EXPECT_EQ(fewer.ids(), (Ids{5, 900, 7}));
+  ASSERT_EQ(moves.size(), 1u);
+  EXPECT_EQ(moves[0].from, 3u);  // of node 7, into the slot of node 3
+  EXPECT_EQ(moves[0].to, 1u);
+  EXPECT_FALSE(fewer.slots_are_rows());
+  EXPECT_EQ(fewer.locate(Ids{7, 5, 900}).slots, (std::vector<std::uint32_t>{1, 0, 2}));
+  EXPECT_EQ(fewer.with(Ids{3, 4}).ids(), (Ids{5, 900, 7, 3, 4}));
+  EXPECT_EQ(fewer.with(Ids{3, 4}).locate(Ids{3, 4}).slots, (std::vector<std::uint32_t>{3, 4}));
+  EXPECT_EQ(fewer.locate(Ids{3}).unknown, (Ids{3}));
+}
+
+TEST(NodeTable, WhoeverLeavesInTheEndLeavesRowsAndSlotsEqual) {
+  const NodeTable table = NodeTable({5, 3, 900});
+  EXPECT_TRUE(table.without(table.locate(Ids{900}).slots).first.slots_are_rows());
+  EXPECT_TRUE(table.without(table.locate(Ids{900, 3, 5}).slots).first.slots_are_rows());
+  EXPECT_EQ(table.without(table.locate(Ids{900, 3, 5}).slots).first.size(), 0u);
+}
+
+TEST(NodeTable, CommonNodesAreFoundWhereverTheyStand) {
+  const NodeTable table = NodeTable({50, 3, 900, 7});
+  EXPECT_EQ(table.common(Ids{1, 3, 8, 50, 901}), (Ids{3, 50}));
+  EXPECT_EQ(table.common(Ids{901, 902}), (Ids{}));
+  EXPECT_EQ(table.common(Ids{0, 1}), (Ids{}));
+  EXPECT_EQ(NodeTable().common(Ids{0, 1}), (Ids{}));
+}
+
+// A shard whose nodes come and go at random, and one per node that nobody ever joins or leaves: the same bits.
+class Changing : public testing::TestWithParam<wire::Strategy> {
+ protected:
+  static constexpr double kDt = 1e-9;
+
+  Shard make(const Ids& ids) {
+    return Shard(physics::Model(service::scene_model(support::scene_of(GetParam())).options), ids,
+                 std::vector<double>(ids.size(), 300.0), pool, {.nodes_per_task = 4});
+  }
+  std::vector<double> advance(Shard& shard, const Ids& ids, const Rows& rows, int step) {
+    using wire::Field;
+    const wire::Batch batch = support::step_columns(GetParam(), ids, step);
+    std::vector<double> temperature(ids.size()), stress(ids.size());
+    shard.step(rows, *shard.operators(kDt),
+               {.velocity_jump = batch.f64(Field::kVelocityJump),
+                .pressure = batch.f64(Field::kPressure),
+                .stress_minus = batch.f64(Field::kStressMinus),
+                .stress_plus = batch.f64(Field::kStressPlus),
+                .mass_minus = batch.f64(Field::kMassMinus),
+                .mass_plus = batch.f64(Field::kMassPlus)},
+               {.shear_stress = stress, .interface_temperature = temperature});
+    shard.commit();
+    temperature.insert(temperature.end(), stress.begin(), stress.end());
+    return temperature;
+  }
+
+  TaskPool pool{2};
+};
+INSTANTIATE_TEST_SUITE_P(Strategies, Changing,
+                         testing::Values(wire::Strategy::kVelocityDriven, wire::Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == wire::Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
+  std::mt19937 random(11);
+  Ids ids = support::node_ids(30);
+  std::uint64_t next_id = 1000;
+  Shard shard = make(ids);
+  std::map<std::uint64_t, Shard> alone;
+  for (const std::uint64_t id : ids) alone.emplace(id, make({id}));
+  const auto pick = [&](std::size_t count) {
+    Ids picked = ids;
+    std::ranges::shuffle(picked, random);
+    picked.resize(std::min(count, picked.size()));
+    return picked;
+  };
+  std::size_t most = 0;
+  for (int step = 0; step < 120; ++step) {
+    const auto kind = random() % 5;
+    if (kind == 0) {
+      Ids fresh(random() % 25 + 1);
+      for (std::uint64_t& id : fresh) id = next_id++;
+      shard.take(shard.adding(fresh, std::vector<double>(fresh.size(), 300.0)));
+      for (const std::uint64_t id : fresh) alone.emplace(id, make({id}));
+      ids.insert(ids.end(), fresh.begin(), fresh.end());
+    } else if (kind == 1) {
+      const Ids leaving = pick(random() % 18 + 1);
+      shard.take(shard.removing(shard.nodes().locate(leaving).slots));
+      for (const std::uint64_t id : leaving) {
+        std::erase(ids, id);
+        alone.erase(id);
+      }
+    } else if (kind == 2 && !ids.empty()) {  // out, and in again with the states they left with
+      const Ids moving = pick(random() % 9 + 1);
+      const Rows rows = shard.nodes().locate(moving);
+      const States states = shard.states_of(rows.slots, false);
+      shard.take(shard.removing(rows.slots));
+      shard.take(shard.adding(moving, std::vector<double>(moving.size(), 300.0), &states));
+      for (const std::uint64_t id : moving) std::erase(ids, id);
+      ids.insert(ids.end(), moving.begin(), moving.end());
+    }
+    most = std::max(most, ids.size());
+    ASSERT_EQ(shard.nodes().ids(), ids) << "step " << step;
+    ASSERT_EQ(shard.state_bytes(), Shard::bytes_for(shard.model(), ids.size()));
+    if (ids.empty()) continue;
+    const Ids asked = random() % 2 == 0 ? ids : pick(random() % ids.size() + 1);
+    Rows rows;
+    if (asked == ids)
+      rows.all = true;
+    else
+      rows = shard.nodes().locate(asked);
+    const auto answer = advance(shard, asked, rows, step);
+    for (std::size_t row = 0; row < asked.size(); ++row) {
+      Rows one;
+      one.all = true;
+      const auto expected = advance(alone.at(asked[row]), {asked[row]}, one, step);
+      ASSERT_EQ(answer[row], expected[0]) << "node " << asked[row] << " step " << step;
+      ASSERT_EQ(answer[asked.size() + row], expected[1]) << "node " << asked[row] << " step " << step;
+    }
+  }
+  EXPECT_GT(most, 40u);
+}
+
+// Over the border of a block, where the last one is made anew.
+TEST_P(Changing, ManyNodesGrowAndShrinkBlockByBlock) {
+  Ids ids = support::node_ids(700);
+  Shard shard = make(ids);
+  Rows all;
+  all.all = true;
+  advance(shard, ids, all, 0);
+  Shard twin = make(ids);
+  advance(twin, ids, all, 0);
+  const Ids more = support::node_ids(900, 5000);
+  shard.take(shard.adding(more, std::vector<double>(more.size(), 400.0)));
+  shard.take(shard.removing(shard.nodes().locate(more).slots));
+  EXPECT_EQ(shard.nodes().ids(), ids);
+  EXPECT_EQ(shard.state_bytes(), twin.state_bytes());
+  EXPECT_EQ(advance(shard, ids, all, 1), advance(twin, ids, all, 1));
+}
+
+TEST_P(Changing, AnAttemptChangesNothingUntilItIsTaken) {
+  const Ids ids = support::node_ids(21);
+  Shard shard = make(ids);
+  Shard twin = make(ids);
+  Rows all;
+  all.all = true;
+  const wire::Batch batch = support::step_columns(GetParam(), ids, 3);
+  using wire::Field;
+  const StepInputs inputs{.velocity_jump = batch.f64(Field::kVelocityJump),
+                          .pressure = batch.f64(Field::kPressure),
+                          .stress_minus = batch.f64(Field::kStressMinus),
+                          .stress_plus = batch.f64(Field::kStressPlus),
+                          .mass_minus = batch.f64(Field::kMassMinus),
+                          .mass_plus = batch.f64(Field::kMassPlus)};
+  const auto trial = [&](Shard& of) { of.step(all, *of.operators(kDt), inputs, {}); };
+  const auto same = [](const States& a, const States& b) {
+    for (std::size_t i = 0; i < a.columns.size(); ++i)
+      if (a.columns[i].values != b.columns[i].values) return false;
+    return a.rows == b.rows;
+  };
+  trial(shard);
+  trial(twin);
+  const auto attempt = shard.attempt(all, *shard.operators(kDt), inputs, {}, true);
+  EXPECT_TRUE(same(shard.committed_states(), twin.committed_states()));
+  EXPECT_TRUE(same(shard.trial_states(), twin.trial_states()));
+  shard.commit();
+  shard.take(attempt);
+  twin.commit();
+  trial(twin);
+  EXPECT_TRUE(same(shard.trial_states(), twin.trial_states()));
+  shard.commit();
+  twin.commit();
+  EXPECT_TRUE(same(shard.committed_states(), twin.committed_states()));
+}
+
+}  // namespace
+}  // namespace shearbus::shard
