@@ -24,6 +24,7 @@ enum Outcome : std::uint8_t {
   kMultipleRoots = 2,
   kOutsideDomain = 4,
   kAsleep = 32,
+  kFirstOrder = 64,
   kFailed = 128,
 };
 

@@ -35,7 +35,13 @@ class SavedStates : public ::testing::TestWithParam<int> {
     }
     if (GetParam() == 5) options.inertia = true;
     if (GetParam() == 6) options.tangential_components = 2;
-    if (GetParam() == 7) {
+    if (GetParam() == 7 || GetParam() == 8) {
+      options.strategy = physics::Strategy::kForceDriven;
+      options.interface = {0.3, 200e6};
+      options.time_integrator = physics::TimeIntegrator::kSdirk2;
+    }
+    if (GetParam() == 8) options.modes.emplace();
+    if (GetParam() == 9) {
       options.strategy = physics::Strategy::kForceDriven;
       options.sleep = true;
       options.shadow_share = 0.5;
@@ -90,11 +96,11 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided",  "TwoSided", "PlasticWorkHeats", "PlasticLayer",
-                                    "Junctions", "Inertia",  "TwoComponents",    "Sleep"};
+  constexpr const char* kNames[] = {"OneSided", "TwoSided",      "PlasticWorkHeats", "PlasticLayer",   "Junctions",
+                                    "Inertia",  "TwoComponents", "SecondOrder",      "WithoutProfile", "Sleep"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 8), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 10), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

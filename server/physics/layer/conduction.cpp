@@ -240,8 +240,8 @@ void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[k
     strongest = std::max(strongest, std::abs(flux[l]));
     coldest = std::min({coldest, temperature[l], temperature[std::ptrdiff_t{num_vertices - 1} * kLanes + l]});
   }
-  // B falls from z = 0 outwards. Half an ulp of T is more than 2^-54 T.
-  const double felt = 0x1p-54 * coldest;
+  // B falls from z = 0 outwards. Half an ulp of T is more than 2^-54 T, and no vertex is half as warm as the ends are.
+  const double felt = 0x1p-55 * coldest;
   const auto unfelt = [&](double response) { return strongest * response < felt; };
   const std::ptrdiff_t first =
       std::partition_point(heat.response.begin(), heat.response.begin() + heat.interface, unfelt) -

@@ -36,12 +36,14 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
-    const Eigen::VectorXd temperature = mode.col(k).cwiseQuotient(root);
+    Eigen::VectorXd temperature = mode.col(k).cwiseQuotient(root);
+    if (k == 0) temperature.setOnes();
     const double largest = temperature.cwiseAbs().maxCoeff();
+    const double scale = k == 0 ? 1.0 / root.norm() : largest;
     double in_soft = 0.0;
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
-      projection.push_back(mode(i, k) * root[i] * largest);
+      projection.push_back(mode(i, k) * root[i] * scale);
       const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 of the soft body alone
       if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
       if (k == 0) heat += grid.capacity(i, soft, hard);

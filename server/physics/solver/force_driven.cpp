@@ -1,6 +1,7 @@
 // The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
 // stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
 #include <cstddef>
+#include <span>
 
 #include "server/physics/solver/interface_step.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -8,17 +9,20 @@
 #include "server/physics/solver/substeps.hpp"
 
 namespace shearbus::physics {
+namespace {
 
-void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs) {
+// `heat_of(k)`: the operator of dt / 2^k.
+template <class HeatOf>
+void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, const TileInputs& inputs,
+             const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  const int n = problem.heat_grid.num_vertices();
+  const int n = problem.heat_rows;
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
-  conduct(operators.heat(), n, T_old, T);
+  conduct(heat_of(0), n, T_old, T);
 
   // 2. Stress and slip, lane by lane: DLP (61), (65).
   double flux[kLanes] = {};
@@ -28,24 +32,24 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const double junction_strain_old = interface_step.junction_strain;
     const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
-    const auto step_from = [&](const HeatOperator& heat, const LaneStep& last) {
+    const auto step_from = [&](const auto& heat, const LaneStep& last) {
       return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
     };
 
     LaneResult result;
-    result.step = step_from(operators.heat(), before);
-    result.heat = result.step.flux * operators.dt();
+    result.step = step_from(heat_of(0), before);
+    result.heat = result.step.flux * heat_of(0).dt;
     std::uint8_t outcome = 0;
     if (result.step.unique) {
       flux[lane] = result.step.flux;
     } else {
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
       outcome = kSubstepped;
-      for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const HeatOperator& heat = operators.halved(k);
+      for (int k = 1; k <= max_halvings; ++k) {
+        const auto& heat = heat_of(k);
         for (std::ptrdiff_t i = 0; i < n; ++i) T[i * kLanes + lane] = T_old[i * kLanes + lane];
         interface_step.junction_strain = junction_strain_old;
-        if (run_substeps(heat, n, 1 << k, k == operators.max_halvings(), lane, before, T, result,
+        if (run_substeps(heat, n, 1 << k, k == max_halvings, lane, before, T, result,
                          [&](const LaneStep& last) { return step_from(heat, last); })) {
           break;
         }
@@ -60,9 +64,25 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   }
 
   // 4. The friction heat of this step: T = T_ad + q B.
-  add_flux(operators.heat(), n, flux, T);
+  add_flux(heat_of(0), n, flux, T);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T0[lane];
+  }
+}
+
+}  // namespace
+
+void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.modes) {
+    const std::span<const ModeOperator> modes = operators.modes();
+    advance(
+        problem, [&](int k) -> const ModeOperator& { return modes[static_cast<std::size_t>(k)]; },
+        static_cast<int>(modes.size()) - 1, inputs, committed, trial, outputs);
+  } else {
+    advance(
+        problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.halved(k); },
+        operators.max_halvings(), inputs, committed, trial, outputs);
   }
 }
 

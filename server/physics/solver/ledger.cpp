@@ -1,5 +1,6 @@
 #include "server/physics/solver/ledger.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -23,11 +24,22 @@ void add_change(Lanes& sum, double factor, const double* before, const double* n
 struct Stored {
   Lanes soft{}, hard{};
 };
-Stored stored_in_profiles(const Problem& problem, const double* T_old, const double* T_new) {
+Stored stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
+  Stored stored;
+  if (problem.modes) {
+    // Without a profile: a slab's mode of rate 0, behind the start temperature, holds all its heat; from a half-space
+    // none returns.
+    const HeatModes& modes = *problem.modes;
+    if (modes.rate.front() > 0.0) {
+      std::copy_n(entered, kLanes, stored.soft.begin());
+    } else {
+      add_change(stored.soft, 1.0 / modes.weight.front(), T_old, T_new, 1);
+    }
+    return stored;
+  }
   const HeatGrid& grid = problem.heat_grid;
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;
-  Stored stored;
   for (int i = 0; i < grid.interface; ++i) add_change(stored.hard, grid.capacity(i, soft, hard), T_old, T_new, i);
   // Half of the vertex between them is the hard body's, where that conducts.
   const double weight = grid.weight[static_cast<std::size_t>(grid.interface)];
@@ -65,7 +77,7 @@ Held held_heat(const Problem& problem, const double* tile, int lane, double refe
 }
 
 // Where a lane is asleep before or after the step, its modes tell.
-Stored stored_heat(const Problem& problem, const double* committed, const double* trial) {
+Stored stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
   const TileLayout& layout = problem.layout;
   const std::size_t first = layout.first_temperature();
   int num_awake = 0;
@@ -76,7 +88,7 @@ Stored stored_heat(const Problem& problem, const double* committed, const double
     num_awake += slept[l] || sleeps[l] ? 0 : 1;
   }
   Stored stored;
-  if (num_awake > 0) stored = stored_in_profiles(problem, committed + first, trial + first);
+  if (num_awake > 0) stored = stored_in_rows(problem, committed + first, trial + first, entered);
   for (int l = 0; l < kLanes; ++l) {
     if (!slept[l] && !sleeps[l]) continue;
     stored.soft[l] = stored.hard[l] = 0.0;
@@ -131,7 +143,7 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
                             : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
-  const Stored stored = stored_heat(problem, committed, trial);
+  const Stored stored = stored_heat(problem, committed, trial, outputs.friction_heat);
   const Lanes plastic_slips =
       layout.plastic_strain == TileLayout::kAbsent
           ? Lanes{}
