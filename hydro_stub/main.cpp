@@ -14,6 +14,7 @@
 #include "hydro_stub/run.hpp"
 #include "hydro_stub/run2d.hpp"
 #include "hydro_stub/simple_laws.hpp"
+#include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
@@ -57,6 +58,7 @@ void carry_out_2d(const Options& options, const wire::SceneFile& file, const wir
   const bool cone = scene.hydro->cone_target.has_value();
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
   problem.bodies.contact.overlap = options.overlap;
+  if (options.explain) return fmt::print("{}", explain(scene, interface_nodes(problem.bodies)));
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
                  .progress = options.progress,
                  .dumps = options.dumps,
@@ -93,6 +95,7 @@ void carry_out(const Options& options, wire::SceneFile& file) {
                        .remedy = "leave out --dump-every and --dump-interval",
                        .field = "hydro.shear_column"});
   const Problem problem = make_problem(scene);
+  if (options.explain) return fmt::print("{}", explain(scene, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =
       make_law(scene, problem.soft_material, problem.hard_material, problem.initial_temperature,
                {.address = options.server, .state_dir = {}});

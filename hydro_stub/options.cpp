@@ -38,6 +38,8 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_flag("--overlap,!--no-overlap", options.overlap,
                "go on with zones off the interface while the law answers, in two dimensions (default: yes; same bits)");
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
+  app.add_flag("--explain", options.explain,
+               "which parts of the subgrid model the scene switches on, what each costs on this machine; runs nothing");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
                "show how far a long run is, on a terminal (default: yes)");

@@ -20,6 +20,7 @@ struct Options {
   DumpSchedule dumps;
   bool overlap = true;
   bool check = false;
+  bool explain = false;
   bool plot = true;
   bool progress = true;
 };

@@ -198,7 +198,8 @@ class Run {
                             .time = {.total = seconds(Clock::now() - begun_),
                                      .output = seconds(output_),
                                      .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
-                                     .law = law_.time_spent()}};
+                                     .law = law_.time_spent()},
+                            .spared = law_.spared()};
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();

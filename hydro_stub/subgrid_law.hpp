@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
@@ -20,6 +21,9 @@ struct SubgridServer {
   wire::ServerAddress address;      // no endpoint: in this process
   std::filesystem::path state_dir;  // of a server in this process: where its sessions outlive it; empty: they do not
 };
+
+// What a scene pays for, measured on this machine: for people.
+std::string explain(const wire::Scene& scene, std::size_t nodes);
 
 class SubgridLaw : public InterfaceLaw {
  public:
@@ -38,6 +42,7 @@ class SubgridLaw : public InterfaceLaw {
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;
   std::string cannot_keep() const override;
+  std::vector<std::pair<std::string, std::string>> spared() const override;
   void close() override;  // throws where that fails
 
   const std::string& server() const;                 // where it runs, for people

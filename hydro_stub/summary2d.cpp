@@ -63,6 +63,7 @@ std::string Summary2d::text() const {
   }
   if (!interface.energy().empty())
     for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
+  for (const auto& [label, value] : spared) out += fmt::format("  {:<24}{}\n", label, value);
   for (const Comparison& c : comparisons) {
     out += fmt::format("  {:<36}{:.6g} {}, should be {:.6g}  {}\n", c.what, c.found, c.units, c.exact, error_text(c));
   }
@@ -72,7 +73,7 @@ std::string Summary2d::text() const {
   if (interface.nodes() > 0) {
     const auto seconds = [](std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); };
     out += fmt::format(
-        ": law {:.2f} ({:.1f} %), its solver {:.2f}; bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
+        ": law {:.2f} ({:.1f} %), its solver {:.3f}; bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
         seconds(time.law.service), 100.0 * time.service_share(), seconds(time.law.solver), seconds(time.law.bus),
         seconds(time.law.waited), 100.0 * time.waiting_share(), seconds(time.law.cpu), 100.0 * time.cpu_share());
   }

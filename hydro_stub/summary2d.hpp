@@ -29,6 +29,7 @@ struct Summary2d {
   const InterfaceHistory& interface;
   std::vector<Comparison> comparisons;
   RunTime2d time;
+  std::vector<std::pair<std::string, std::string>> spared;
 
   std::string text() const;
   std::string json() const;

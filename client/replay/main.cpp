@@ -18,7 +18,8 @@ struct KeyFiles {
   std::filesystem::path own;
 };
 
-void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys, std::filesystem::path& capsule) {
+void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys, std::filesystem::path& capsule,
+              bool& explain) {
   app.set_version_flag("--version", options.version);
   app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->type_name("");
   app.add_option("--scene", options.scene, "scene to replay it through")->type_name("SCENE.toml");
@@ -35,6 +36,8 @@ void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys,
   app.add_option("--key", keys.own, "by tcp: file of one's own secret key, from shearbus-ctl keygen")
       ->type_name("FILE");
   app.add_flag("--check", options.check, "read every value, compare with the scene, open a session; replay nothing");
+  app.add_flag("--explain", explain,
+               "with --scene alone: which parts of the model it switches on, what each costs on this machine");
   app.add_flag("--closed-loop", options.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
   app.add_flag_callback(
@@ -49,18 +52,26 @@ int main(int argc, char** argv) {
   CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
   KeyFiles keys;
   std::filesystem::path capsule;
-  describe(app, options, keys, capsule);
+  bool explain = false;
+  describe(app, options, keys, capsule, explain);
   try {
     app.parse(argc, argv);
     const bool has_history = !options.history.empty() || !options.scene.empty() || !options.out.empty();
     if (!capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "HISTORY.h5, --scene and --out");
-    if (capsule.empty() && options.history.empty()) throw CLI::RequiredError("HISTORY.h5");
-    if (capsule.empty() && options.scene.empty()) throw CLI::RequiredError("--scene");
-    if (capsule.empty() && options.out.empty() && !options.check) throw CLI::RequiredError("--out");
+    if (explain && options.scene.empty()) throw CLI::RequiredError("--scene");
+    if (explain && !(options.history.empty() && options.out.empty() && capsule.empty()))
+      throw CLI::ExcludesError("--explain", "HISTORY.h5, --out and --capsule");
+    if (!explain && capsule.empty() && options.history.empty()) throw CLI::RequiredError("HISTORY.h5");
+    if (!explain && capsule.empty() && options.scene.empty()) throw CLI::RequiredError("--scene");
+    if (!explain && capsule.empty() && options.out.empty() && !options.check) throw CLI::RequiredError("--out");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kUsageError;
   }
   try {
+    if (explain) {
+      shearbus::replay::explain(options.scene);
+      return 0;
+    }
     if (!capsule.empty()) return shearbus::replay::run_capsule(capsule) ? 0 : kRunError;
     shearbus::wire::read_keys_into(options.server, keys.server, keys.own);
     shearbus::replay::run(options);

@@ -15,6 +15,7 @@
 #include "proto/wire/recording.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
+#include "server/explain.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -154,6 +155,10 @@ std::string plural(std::size_t count, const char* noun) {
 
 }  // namespace
 
+void explain(const fs::path& scene) {
+  fmt::print("{}", server::explain(wire::load_scene_file(scene).scene).text());
+}
+
 void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
@@ -202,6 +207,8 @@ void run(const Options& options) {
   fmt::print("  velocity jump               {}\n", input.jump_origin());
   for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
   fmt::print("{}", tally.text(time));
+  if (service.embedded)  // of a server on another machine a measurement here would say nothing
+    fmt::print("  left out                    {}\n", server::explain(session.effective_scene(), false).left_out());
   fmt::print("  result                      {}{}\n", options.out.string(), replaced ? " (replaced)" : "");
   if (tally.failed_node_steps() > 0)
     fmt::print(stderr, "shearbus-replay: warning: {} node-steps have no answer: the node kept its old state\n",

@@ -19,6 +19,9 @@ struct Options {
   std::string version;  // of this program, for the result's /meta
 };
 
+// Prints what the scene pays for, and replays nothing.
+void explain(const std::filesystem::path& scene);
+
 // Prints the summary. Throws shearbus::Error; no result is left behind then.
 void run(const Options& options);
 

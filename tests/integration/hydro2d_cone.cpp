@@ -108,6 +108,42 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   EXPECT_LT(service.hottest, problem.soft.strength.melting_temperature);
 }
 
+// The cone with everything solved - contact through junctions that are everywhere and do not harden is the plain one to
+// the last bit - and with what it does not need left out.
+TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
+  wire::Scene everything = cone();
+  everything.hydro->end_time_s = 12e-6;
+  wire::Scene sparing = everything;
+  everything.junctions = wire::Junctions{.contact_fraction = 1.0, .height_m = 1e-6, .hardening_coefficient = 0.0};
+  sparing.layer.sleep = true;
+  sparing.layer.shadow_share = 0.3;
+  const hydro::ConeTarget problem = hydro::make_cone_target(everything);
+  const std::size_t nodes = hydro::interface_nodes(hydro::make_bodies(problem));
+  const std::vector<double> temperature(nodes, 300.0);
+  hydro::SubgridLaw solved(everything, hydro::node_ids(nodes), temperature);
+  hydro::SubgridLaw spared(sparing, hydro::node_ids(nodes), temperature);
+  Cycle all(hydro::make_bodies(problem), &solved), few(hydro::make_bodies(problem), &spared);
+  double apart = 0.0, stress_apart = 0.0;
+  while (all.state().time < problem.end_time) {
+    all.advance(problem.end_time);
+    few.advance(problem.end_time);
+    const hydro::InterfaceAnswer& a = all.contact().answer();
+    const hydro::InterfaceAnswer& b = few.contact().answer();
+    ASSERT_EQ(a.regime, b.regime) << "step " << all.steps();
+    for (std::size_t i = 0; i < nodes; ++i) {
+      apart = std::max(apart, std::abs(a.interface_temperature[i] - b.interface_temperature[i]));
+      stress_apart = std::max(stress_apart, std::abs(a.shear_stress[i] - b.shear_stress[i]));
+    }
+  }
+  EXPECT_LT(apart, 1e-6);         // [K], of 1200
+  EXPECT_LT(stress_apart, 10.0);  // [Pa], of 1e8
+  const auto lines = spared.spared();
+  ASSERT_EQ(lines.size(), 2U);
+  std::printf("cone, %d steps: apart by %.1e K, %.1e Pa; left out: %s; asleep: %s\n", few.steps(), apart, stress_apart,
+              lines[0].second.c_str(), lines[1].second.c_str());
+  EXPECT_GT(std::stod(lines[1].second), 40.0);  // % of node-steps
+}
+
 // A step the host takes back never happened: the next one gives every bit as if it had not been tried.
 TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   const wire::Scene scene = cone();

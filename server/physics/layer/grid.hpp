@@ -5,6 +5,8 @@
 
 namespace shearbus::physics {
 
+inline constexpr int kMaxBasisVertices = 1000;  // that conduct, of nodes that sleep: their modes are a square matrix
+
 enum class FarBoundary { kInsulated, kHalfSpace };
 
 struct GridOptions {

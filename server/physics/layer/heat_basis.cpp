@@ -60,7 +60,7 @@ std::vector<double> HeatBasis::decay(double dt) const {
   return left;
 }
 
-int to_modes(const HeatBasis& basis, int lane, double* rows) {
+SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
   const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // as conduct()
@@ -78,7 +78,8 @@ int to_modes(const HeatBasis& basis, int lane, double* rows) {
   return still_living(basis.num_modes(), lane, rows);
 }
 
-void to_profile(const HeatBasis& basis, int num_live, int lane, const double* amplitudes, double* temperature) {
+SHEARBUS_WIDE void to_profile(const HeatBasis& basis, int num_live, int lane, const double* amplitudes,
+                              double* temperature) {
   const std::ptrdiff_t n = basis.num_modes();
   double sum[kMaxBasisVertices];
   std::fill_n(sum, n, 0.0);

@@ -12,8 +12,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr int kMaxBasisVertices = 1000;  // its modes are a square matrix
-
 struct HeatBasis {
   HeatBasis(const HeatGrid& grid, const Material& soft, const Material& hard);
 

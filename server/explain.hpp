@@ -1,0 +1,46 @@
+// What a scene pays for: the parts it switches on and those it leaves out, with what each costs in memory, by the model
+// itself, and in time, measured here and now. A second at most.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "proto/wire/scene.hpp"
+
+namespace shearbus::server {
+
+struct ScenePart {
+  std::string name;                 // "hard_layer"
+  bool on = false;                  // the scene asks for it
+  std::string meaning;              // what it brings
+  std::string excluded;             // why this scene could not have it; empty: it could
+  std::int64_t bytes_per_node = 0;  // it takes, or would take
+  double slipping_s = 0.0;          // it adds, or would add, to a node-step
+};
+
+struct SceneCost {
+  std::uint64_t bytes_per_node = 0;  // both states, index and kept reply
+  double slipping_s = 0.0;           // a node-step
+  double resting_s = 0.0;            // of an open contact that holds heat
+  double step_length_s = 0.0;        // a step length that was not there before, once
+};
+
+struct Explanation {
+  std::string scene;
+  SceneCost cost;
+  std::vector<ScenePart> parts;
+  SceneCost everything;               // all parts on that go together
+  std::vector<std::string> together;  // the names of those
+
+  std::string text(std::size_t nodes = 0) const;  // 0: of one node
+  // What is off, and what that saves; a line for a summary.
+  std::string left_out() const;
+};
+
+// `each_part`: with what every single part costs; else only which are on, and the cost of all. Throws wire::Error where
+// the scene is not in order.
+Explanation explain(const wire::Scene& scene, bool each_part = true);
+
+}  // namespace shearbus::server
