@@ -90,10 +90,10 @@ class InterfaceLaw {
   virtual std::string keep(const std::string& /*name*/) { return {}; }
   // Empty where keep() can be called, or why not and what to do about it.
   virtual std::string cannot_keep() const { return {}; }
-  // What the run was spared, as lines of its summary: label and text.
-  virtual std::vector<std::pair<std::string, std::string>> spared() const { return {}; }
   // The run is over: what was kept may go.
   virtual void close() {}
+  // What the run was spared, once it is closed, as lines of its summary: label and text.
+  virtual std::vector<std::pair<std::string, std::string>> spared() const { return {}; }
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.

@@ -113,6 +113,7 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
   summary.finish(column, time);
   write_text(out / "summary.json", summary.json());
   fmt::print("{}", summary.text());
+  law.close();
   for (const auto& [label, value] : law.spared()) fmt::print("  {:<24}{}\n", label, value);
 }
 

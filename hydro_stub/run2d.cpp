@@ -198,11 +198,11 @@ class Run {
                             .time = {.total = seconds(Clock::now() - begun_),
                                      .output = seconds(output_),
                                      .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
-                                     .law = law_.time_spent()},
-                            .spared = law_.spared()};
+                                     .law = law_.time_spent()}};
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();
+    for (const auto& [label, value] : law_.spared()) fmt::print("  {:<24}{}\n", label, value);
     dumps_.remove();
   }
 

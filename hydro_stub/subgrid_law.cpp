@@ -126,8 +126,7 @@ struct SubgridLaw::Impl {
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
-  std::uint64_t node_steps = 0;  // since this process has the session
-  std::uint64_t asleep = 0;
+  wire::SessionClosed totals;  // once it is closed
 };
 
 std::string explain(const wire::Scene& scene, std::size_t nodes) {
@@ -187,9 +186,6 @@ void SubgridLaw::finish() {
   impl_->time.bus += result.round_trip() - solver;
 
   const std::span<const std::uint8_t> outcome = result.outcome();
-  impl_->node_steps += outcome.size();
-  impl_->asleep += static_cast<std::uint64_t>(
-      std::ranges::count_if(outcome, [](std::uint8_t bits) { return (bits & wire::kAsleep) != 0; }));
   const auto failed = std::ranges::find_if(outcome, [](std::uint8_t bits) { return (bits & wire::kFailed) != 0; });
   if (failed != outcome.end()) {
     const auto row = static_cast<std::size_t>(failed - outcome.begin());
@@ -240,22 +236,15 @@ std::string SubgridLaw::cannot_keep() const {
          "--dump-interval), or run the server as a process of its own (--server)";
 }
 
-std::vector<std::pair<std::string, std::string>> SubgridLaw::spared() const {
-  std::vector<std::pair<std::string, std::string>> lines;
-  // Measured here: of a server on another machine it would say nothing.
-  if (impl_->embedded)
-    lines.emplace_back("left out", server::explain(impl_->session.effective_scene(), false).left_out());
-  if (impl_->session.effective_scene().layer.sleep)
-    lines.emplace_back(
-        "asleep", fmt::format("{:.1f} % of node-steps, not solved for heat",
-                              100.0 * static_cast<double>(impl_->asleep) / static_cast<double>(impl_->node_steps)));
-  return lines;
-}
 void SubgridLaw::close() {
   if (impl_->trial_stands) impl_->session.commit();
   impl_->trial_stands = false;
-  impl_->session.close();
+  impl_->totals = impl_->session.close();
   impl_->kept = false;
+}
+
+std::vector<std::pair<std::string, std::string>> SubgridLaw::spared() const {
+  return server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
 }
 
 }  // namespace shearbus::hydro

@@ -63,7 +63,6 @@ std::string Summary2d::text() const {
   }
   if (!interface.energy().empty())
     for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
-  for (const auto& [label, value] : spared) out += fmt::format("  {:<24}{}\n", label, value);
   for (const Comparison& c : comparisons) {
     out += fmt::format("  {:<36}{:.6g} {}, should be {:.6g}  {}\n", c.what, c.found, c.units, c.exact, error_text(c));
   }

@@ -29,7 +29,6 @@ struct Summary2d {
   const InterfaceHistory& interface;
   std::vector<Comparison> comparisons;
   RunTime2d time;
-  std::vector<std::pair<std::string, std::string>> spared;
 
   std::string text() const;
   std::string json() const;

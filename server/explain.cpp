@@ -292,4 +292,20 @@ std::string Explanation::left_out() const {
                      microseconds(everything.slipping_s));
 }
 
+std::vector<std::pair<std::string, std::string>> spared(const wire::Scene& effective, const wire::SessionClosed& totals,
+                                                        bool here) {
+  std::vector<std::pair<std::string, std::string>> lines;
+  if (here) lines.emplace_back("left out", explain(effective, false).left_out());
+  if (!effective.layer.sleep || totals.node_steps == 0) return lines;
+  lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved for heat",
+                                           100.0 * static_cast<double>(totals.asleep_node_steps) /
+                                               static_cast<double>(totals.node_steps)));
+  if (effective.layer.shadow_share > 0.0)
+    lines.emplace_back(
+        "solved beside",
+        fmt::format("{} node-steps of those asleep: T0 apart by at most {:.1e} K, s by {:.1e} Pa",
+                    totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa));
+  return lines;
+}
+
 }  // namespace shearbus::server

@@ -5,8 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "proto/wire/messages.hpp"
 #include "proto/wire/scene.hpp"
 
 namespace shearbus::server {
@@ -42,5 +44,10 @@ struct Explanation {
 // `each_part`: with what every single part costs; else only which are on, and the cost of all. Throws wire::Error where
 // the scene is not in order.
 Explanation explain(const wire::Scene& scene, bool each_part = true);
+
+// What a run was spared, as lines of its summary: label and text. `here`: its layers were computed on this machine,
+// where what was left out can be measured.
+std::vector<std::pair<std::string, std::string>> spared(const wire::Scene& effective, const wire::SessionClosed& totals,
+                                                        bool here);
 
 }  // namespace shearbus::server

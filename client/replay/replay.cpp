@@ -196,7 +196,7 @@ void run(const Options& options) {
   wire::HistoryWriter writer(options.out, history.node_ids(), quantities(input), meta, history.start_time_s());
   Tally tally(history.node_ids());
   replay(options, history, input, session, writer, tally, time);
-  session.close();
+  const wire::SessionClosed totals = session.close();
   const auto replayed = Clock::now();
   writer.close();
   time.writing += Clock::now() - replayed;
@@ -207,8 +207,8 @@ void run(const Options& options) {
   fmt::print("  velocity jump               {}\n", input.jump_origin());
   for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
   fmt::print("{}", tally.text(time));
-  if (service.embedded)  // of a server on another machine a measurement here would say nothing
-    fmt::print("  left out                    {}\n", server::explain(session.effective_scene(), false).left_out());
+  for (const auto& [label, value] : server::spared(session.effective_scene(), totals, service.embedded.has_value()))
+    fmt::print("  {:<28}{}\n", label, value);
   fmt::print("  result                      {}{}\n", options.out.string(), replaced ? " (replaced)" : "");
   if (tally.failed_node_steps() > 0)
     fmt::print(stderr, "shearbus-replay: warning: {} node-steps have no answer: the node kept its old state\n",

@@ -90,9 +90,6 @@ std::string Tally::text(const RunTime& time) const {
   for (const auto& [label, value] : energy_.lines()) text += fmt::format("  {:<28}{}\n", label, value);
   text += fmt::format("  regimes                     {}\n", regimes_text());
   text += fmt::format("  flagged                     {}\n", outcomes_text());
-  if (const std::uint64_t asleep = outcomes_[kAsleepBit]; asleep > 0)
-    text += fmt::format("  asleep                      {:.1f} % of node-steps: at rest, not solved for heat\n",
-                        100.0 * static_cast<double>(asleep) / static_cast<double>(node_steps_));
   text += fmt::format(
       "  run time                    {:.3f} s: reading {:.3f}, bus {:.3f}, solver {:.3f}, writing {:.3f} s\n",
       seconds(time.total), seconds(time.reading), seconds(time.bus), seconds(time.solver), seconds(time.writing));

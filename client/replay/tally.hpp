@@ -33,7 +33,6 @@ class Tally {
 
  private:
   static constexpr std::size_t kRegimes = 5;
-  static constexpr std::size_t kAsleepBit = 5;
   static constexpr std::size_t kFailedBit = 7;
   std::string regimes_text() const;
   std::string outcomes_text() const;

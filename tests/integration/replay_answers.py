@@ -124,6 +124,15 @@ class Results(ReplayTest):
         self.assertIn("5 steps of 3 nodes", run.stdout)
         self.assertEqual([p.name for p in self.path.iterdir()], ["history.h5"])
 
+    def test_explain_tells_what_a_scene_pays_for_and_replays_nothing(self):
+        self.write(**velocity_history())
+        command = [PROGRAMS["replay"], "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--explain"]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertRegex(run.stdout, r"off layer.inertia +would take \+\d+ B per node")
+        self.assertRegex(run.stdout, r"memory +\d+ B per node; with everything on \d+ B")
+        self.assertEqual(self.replay("--explain", out=False).returncode, 2, "with a history it is refused")
+
     def test_soft_shear_rate_drives_the_layer_of_interface_slip(self):
         scene = EXAMPLES / "interface_slip.toml"
         without = (self.write(**velocity_history()), self.result(scene=scene))[1]

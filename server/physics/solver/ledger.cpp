@@ -60,6 +60,7 @@ Held held_heat(const Problem& problem, const double* tile, int lane, double refe
   Held held{};
   if (asleep(problem.layout, tile, lane)) {
     const HeatBasis& basis = *problem.basis;  // all but the first mode only share heat out
+    if (!problem.options.hard_grid) return {basis.heat * (rows[0] - reference), 0.0};
     held.soft = basis.soft_heat[0] * (rows[0] - reference);
     for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
       held.soft += basis.soft_heat[static_cast<std::size_t>(k)] * rows[k * kLanes];

@@ -1,0 +1,132 @@
+// Nodes that sleep, seen from a session: what is counted, and what trials, marks and moves make of them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <variant>
+#include <vector>
+
+#include "tests/support/scenes.hpp"
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::Answer;
+using support::ServiceHarness;
+using wire::Field;
+using wire::Mode;
+
+constexpr std::size_t kNodes = 21;  // three tiles, the last in part
+
+wire::Scene sleepy_scene() {
+  wire::Scene scene = support::force_scene();
+  scene.layer.sleep = true;
+  scene.layer.shadow_share = 0.4;
+  return scene;
+}
+
+// Nodes rub for five steps; from then on all but every fourth are open.
+wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids = false) {
+  wire::Batch batch = support::step_columns(wire::Strategy::kForceDriven, ids, 0, with_ids);
+  for (std::size_t row = 0; row < ids.size(); ++row)
+    batch.f64(Field::kPressure)[row] = step < 5 || ids[row] % 4 == 0 ? 6e9 : -1.0;
+  return batch;
+}
+
+struct Host {
+  explicit Host(const wire::Scene& scene) : ids(support::node_ids(kNodes)) {
+    harness.ask(ServiceHarness::opening(scene, ids));
+  }
+  Answer step(Mode mode = Mode::kAdvance) {
+    ++sequence;
+    Answer answer = harness.ask(ServiceHarness::step(sequence, columns(ids, static_cast<int>(sequence)), mode));
+    EXPECT_EQ(answer.code(), wire::Code::kOk) << answer.reply.status.text;
+    return answer;
+  }
+  template <typename Body>
+  Answer tell(Body body) {
+    return harness.ask(ServiceHarness::in_session(std::move(body), ++sequence));
+  }
+  ServiceHarness harness;
+  std::vector<std::uint64_t> ids;
+  std::uint64_t sequence = 0;
+};
+
+TEST(ServiceSleep, SleepersAreCountedAndAreNoRemark) {
+  Host host(sleepy_scene());
+  for (int n = 0; n < 60; ++n) host.step();
+  const Answer answer = host.step();
+  const auto outcome = answer.reply.batch.u8(Field::kOutcome);
+  const auto asleep = std::ranges::count(outcome, std::uint8_t{wire::kAsleep});
+  EXPECT_EQ(asleep, std::ranges::count_if(host.ids, [](std::uint64_t id) { return id % 4 != 0; }));
+  EXPECT_EQ(
+      std::get<wire::Upscale>(answer.reply.body).flagged_nodes,
+      static_cast<std::uint64_t>(std::ranges::count_if(outcome, [](auto o) { return (o & ~wire::kAsleep) != 0; })));
+  const Answer closed = host.tell(wire::CloseSession{});
+  const auto totals = std::get<wire::SessionClosed>(closed.reply.body);
+  EXPECT_GT(totals.asleep_node_steps, 20U * static_cast<std::uint64_t>(asleep));
+  EXPECT_GT(totals.shadowed_node_steps, totals.asleep_node_steps / 10);
+  EXPECT_LT(totals.shadowed_node_steps, totals.asleep_node_steps);
+  EXPECT_LT(totals.shadow_temperature_error_k, 1e-8);
+  EXPECT_EQ(totals.shadow_stress_error_pa, 0.0);
+}
+
+// A trial that is forgotten leaves no trace in who sleeps since when.
+TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
+  Host plain(sleepy_scene()), tried(sleepy_scene());
+  for (int n = 0; n < 70; ++n) {
+    if (n % 3 == 0) {
+      wire::Batch other = columns(tried.ids, 0);  // everybody rubs, and wakes
+      tried.harness.ask(ServiceHarness::step(++tried.sequence, std::move(other), Mode::kTrial));
+      tried.tell(wire::Rollback{});
+    }
+    const Answer expected = plain.harness.ask(ServiceHarness::step(++plain.sequence, columns(plain.ids, n)));
+    const Answer found = tried.harness.ask(ServiceHarness::step(++tried.sequence, columns(tried.ids, n)));
+    ASSERT_EQ(found.payload(), expected.payload()) << "step " << n;
+  }
+}
+
+// Back to a mark the sleepers are as they were, and go on with the same bits.
+TEST(ServiceSleep, AMarkKeepsSleepers) {
+  Host host(sleepy_scene());
+  for (int n = 0; n < 40; ++n) host.step();
+  host.tell(wire::Mark{.name = "m"});
+  const auto run = [&](int steps) {
+    std::vector<std::byte> all;
+    for (int n = 0; n < steps; ++n) {
+      const auto payload =
+          host.harness.ask(ServiceHarness::step(++host.sequence, columns(host.ids, n < 3 ? 0 : 9))).payload();
+      all.insert(all.end(), payload.begin(), payload.end());
+    }
+    return all;
+  };
+  const auto first = run(30);
+  ASSERT_EQ(host.tell(wire::Rollback{.to_mark = "m"}).code(), wire::Code::kOk);
+  EXPECT_EQ(run(30), first);
+}
+
+// Cut into batches, in any order, on threads: the same bits.
+TEST(ServiceSleep, BatchesAndThreadsCannotBeTold) {
+  Host whole(sleepy_scene());
+  ServiceHarness cut(2, {.nodes_per_task = 1});
+  cut.ask(ServiceHarness::opening(sleepy_scene(), whole.ids));
+  std::uint64_t sequence = 0;
+  for (int n = 0; n < 50; ++n) {
+    const Answer expected = whole.harness.ask(ServiceHarness::step(++whole.sequence, columns(whole.ids, n)));
+    for (const std::size_t part : {1U, 0U}) {
+      std::vector<std::uint64_t> ids;
+      for (std::size_t i = whole.ids.size(); i-- > 0;)
+        if (whole.ids[i] % 2 == part) ids.push_back(whole.ids[i]);
+      const Answer found = cut.ask(ServiceHarness::step(++sequence, columns(ids, n, true)));
+      for (std::size_t row = 0; row < ids.size(); ++row) {
+        const std::size_t at = ids[row] - whole.ids.front();
+        for (const Field field : {Field::kInterfaceTemperature, Field::kShearStress, Field::kVelocityJumpNew})
+          ASSERT_EQ(found.reply.batch.f64(field)[row], expected.reply.batch.f64(field)[at]) << "step " << n;
+        ASSERT_EQ(found.reply.batch.u8(Field::kOutcome)[row], expected.reply.batch.u8(Field::kOutcome)[at]);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::service
