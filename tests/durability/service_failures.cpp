@@ -12,10 +12,12 @@
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/scratch.hpp"
+#include "tests/support/server_process.hpp"
 
 namespace shearbus::service {
 namespace {
 
+using namespace std::chrono_literals;
 using support::DurableServer;
 using support::MemoryStorage;
 using support::ServiceHarness;
@@ -28,6 +30,10 @@ using wire::Strategy;
 constexpr std::size_t kNodes = 11;
 constexpr std::size_t kBadRow = 4;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+void write_file(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+  std::ofstream(file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+}
 
 store::Snapshot snapshot_of(MemoryStorage& disk, std::uint64_t generation) {
   const std::string name = store::checkpoint_name(generation);
@@ -157,7 +163,7 @@ TEST_P(Failures, TheCapsuleRunsAgainWithTheSameBits) {
   const test::Scratch scratch;
   const auto file = scratch.path() / "capsule.h5";
   const auto replayed = [&](std::span<const std::byte> bytes) {
-    std::ofstream(file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+    write_file(file, bytes);
     return server::replay_capsule(file);
   };
   const auto all = replayed(disk.bytes("capsule-000000000001.h5"));
@@ -175,6 +181,32 @@ TEST_P(Failures, TheCapsuleRunsAgainWithTheSameBits) {
   for (shard::StateColumn& column : capsule.state.columns)
     if (column.name == "temperature_k") column.values[2] = 300.0;
   EXPECT_FALSE(replayed(store::capsule_bytes(capsule)).same());
+}
+
+TEST_P(Failures, TheProgramRunsACapsuleAgainAndTellsWhatDiffers) {
+  MemoryStorage disk;
+  prepare_damaged(disk);
+  DurableServer server(disk);
+  EXPECT_EQ(server.ask(step(GetParam(), 4, 3, Policy::kAllOrNothing)).code(), Code::kStepFailed);
+  const test::Scratch scratch;
+  const auto file = scratch.path() / "capsule.h5";
+  const std::string log = (scratch.path() / "log").string();
+  const auto run = [&](std::span<const std::byte> bytes) {
+    write_file(file, bytes);
+    return support::Process({SHEARBUS_BINARY_DIR "/bin/shearbus-replay", "--capsule", file.string()}, log)
+        .exit_code(30s);
+  };
+  const std::vector<std::byte> recorded = disk.bytes("capsule-000000000001.h5");
+  EXPECT_EQ(run(recorded), 0);
+  const std::string node = "node " + std::to_string(support::node_ids(kNodes)[kBadRow]);
+  for (const std::string& word : {node, std::string("the same answer, to the last bit")})
+    EXPECT_NE(support::text_of(log).find(word), std::string::npos) << word << " in " << support::text_of(log);
+
+  store::Capsule capsule = store::read_capsule(recorded, "capsule");
+  for (shard::StateColumn& column : capsule.state.columns)
+    if (column.name == "temperature_k") column.values[2] = 300.0;
+  EXPECT_EQ(run(store::capsule_bytes(capsule)), 1);
+  EXPECT_NE(support::text_of(log).find("ANOTHER ANSWER"), std::string::npos) << support::text_of(log);
 }
 
 TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {
