@@ -1,0 +1,176 @@
+// shearbus-bench-leave-out: what leaving out saves on a cone. The coarse cone is run once and what it asks of its
+// layers recorded; the requests then go through the model alone, with
+//
+//   everything   parts that are paid for and change no bit of the answer: contact through junctions that are everywhere
+//                and do not harden, a second direction without slip, the energy ledger
+//   scene        the scene as it is shipped
+//   sleep        the same, and nodes at rest sleep
+//
+// Times are sums over the run of each tile's step, the shortest of some runs; step lengths, nearly all of a cone's
+// steps have one of their own, apart. T0 and s are compared with those of the scene.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "hydro_stub/cone_target.hpp"
+#include "hydro_stub/history.hpp"
+#include "hydro_stub/subgrid_law.hpp"
+#include "proto/wire/scene_file.hpp"
+#include "server/service/scene_model.hpp"
+
+namespace {
+
+using namespace shearbus;
+using physics::kLanes;
+using Clock = std::chrono::steady_clock;
+
+constexpr int kRuns = 15;
+
+// Keeps what the host asks.
+class Recorder : public hydro::InterfaceLaw {
+ public:
+  explicit Recorder(hydro::InterfaceLaw& law) : law_(law) {}
+  void advance(const hydro::InterfaceInputs& inputs, hydro::InterfaceAnswer& answer) override {
+    asked.push_back(inputs);
+    law_.advance(inputs, answer);
+  }
+  void take_back() override {
+    asked.pop_back();
+    law_.take_back();
+  }
+  hydro::LawTime time_spent() const override { return law_.time_spent(); }
+
+  std::vector<hydro::InterfaceInputs> asked;
+
+ private:
+  hydro::InterfaceLaw& law_;
+};
+
+struct Replayed {
+  std::size_t state_doubles = 0;  // of a node
+  double layers_s = 0.0, step_lengths_s = 0.0;
+  double asleep = 0.0;                      // share of node-steps
+  std::vector<double> temperature, stress;  // of every node-step
+};
+
+double since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+Replayed replay(const std::vector<hydro::InterfaceInputs>& asked, const physics::ModelOptions& options, bool ledger) {
+  const physics::Model model(options);
+  const std::size_t doubles = model.layout().doubles;
+  const std::size_t nodes = asked.front().pressure.size();
+  const std::size_t tiles = (nodes + kLanes - 1) / kLanes;
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  std::vector<double> step_length(asked.size(), kNever), layers(asked.size() * tiles, kNever);
+  Replayed found{.state_doubles = doubles / kLanes};
+  std::vector<double> before(tiles * doubles), after(tiles * doubles);
+  for (int run = 0; run < kRuns; ++run) {
+    double temperature[kLanes];
+    std::fill_n(temperature, kLanes, options.initial_temperature);
+    for (std::size_t tile = 0; tile < tiles; ++tile) model.initialise(&before[tile * doubles], temperature);
+    std::size_t asleep = 0;
+    found.temperature.clear();
+    found.stress.clear();
+    for (std::size_t step = 0; step < asked.size(); ++step) {
+      const hydro::InterfaceInputs& in = asked[step];
+      const Clock::time_point made = Clock::now();
+      const auto operators = model.operators(in.dt);
+      step_length[step] = std::min(step_length[step], since(made));
+      for (std::size_t tile = 0; tile < tiles; ++tile) {
+        const Clock::time_point started = Clock::now();
+        physics::TileInputs inputs;
+        for (std::size_t l = 0; l < kLanes && tile * kLanes + l < nodes; ++l) {
+          const std::size_t i = tile * kLanes + l;
+          inputs.active |= 1U << l;
+          inputs.velocity_jump[l] = in.velocity_jump[i];
+          inputs.pressure[l] = in.pressure[i];
+          inputs.stress_minus[l] = in.stress_minus[i];
+          inputs.stress_plus[l] = in.stress_plus[i];
+          inputs.mass_minus[l] = in.mass_minus[i];
+          inputs.mass_plus[l] = in.mass_plus[i];
+        }
+        const double* old = &before[tile * doubles];
+        double* now = &after[tile * doubles];
+        physics::TileOutputs outputs;
+        const physics::SecondInputs second;
+        physics::SecondOutputs second_outputs;
+        physics::TileLedger booked;
+        const bool vectors = options.tangential_components == 2;
+        if (vectors) {
+          model.advance(*operators, inputs, second, old, now, outputs, second_outputs);
+        } else {
+          model.advance(*operators, inputs, old, now, outputs);
+        }
+        if (ledger)
+          model.book(*operators, inputs, outputs, old, now, booked, vectors ? &second : nullptr,
+                     vectors ? &second_outputs : nullptr);
+        double& shortest = layers[step * tiles + tile];
+        shortest = std::min(shortest, since(started));
+        for (std::size_t l = 0; l < kLanes && tile * kLanes + l < nodes; ++l) {
+          asleep += (outputs.outcome[l] & physics::kAsleep) != 0;
+          found.temperature.push_back(outputs.interface_temperature[l]);
+          found.stress.push_back(outputs.shear_stress[l]);
+        }
+      }
+      before.swap(after);
+    }
+    found.asleep = static_cast<double>(asleep) / static_cast<double>(found.stress.size());
+  }
+  for (const double t : step_length) found.step_lengths_s += t;
+  for (const double t : layers) found.layers_s += t;
+  return found;
+}
+
+double apart(const std::vector<double>& a, const std::vector<double>& b) {
+  double most = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) most = std::max(most, std::abs(a[i] - b[i]));
+  return most;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const wire::Scene scene =
+      wire::load_scene_file(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
+          .scene;
+  const hydro::ConeTarget cone = hydro::make_cone_target(scene);
+  lagrange::Bodies bodies = hydro::make_bodies(cone);
+  const std::size_t nodes = hydro::interface_nodes(bodies);
+  hydro::SubgridLaw law(scene, hydro::node_ids(nodes), std::vector<double>(nodes, scene.layer.initial_temperature_k));
+  Recorder recorder(law);
+  lagrange::Cycle cycle(std::move(bodies), &recorder);
+  cycle.run_to(cone.end_time);
+  law.close();
+
+  wire::Scene everything = scene, sleep = scene;
+  everything.junctions = wire::Junctions{.contact_fraction = 1.0, .height_m = 1e-6, .hardening_coefficient = 0.0};
+  everything.tangential_components = 2;
+  sleep.layer.sleep = true;
+  struct Variant {
+    const char* name;
+    const wire::Scene& scene;
+    bool ledger;
+  };
+  const Variant variants[] = {{"scene", scene, false},
+                              {"everything", everything, true},
+                              {"scene, with the ledger", scene, true},
+                              {"sleep", sleep, false},
+                              {"sleep, with the ledger", sleep, true}};
+  std::printf("%zu nodes, %zu steps\n%-24s %10s %10s %12s %10s %12s %12s\n", nodes, recorder.asked.size(), "",
+              "B of state", "layers ms", "lengths ms", "asleep %", "T0 apart K", "s apart Pa");
+  Replayed shipped;
+  for (const Variant& variant : variants) {
+    Replayed found = replay(recorder.asked, service::scene_model(variant.scene).options, variant.ledger);
+    if (shipped.stress.empty()) shipped = found;
+    std::printf("%-24s %10zu %10.2f %12.2f %10.1f %12.1e %12.1e\n", variant.name, 16 * found.state_doubles,
+                1e3 * found.layers_s, 1e3 * found.step_lengths_s, 100.0 * found.asleep,
+                apart(found.temperature, shipped.temperature), apart(found.stress, shipped.stress));
+  }
+  return 0;
+}
