@@ -269,6 +269,13 @@ class RandomScene {
     if (!scene.velocity_driven.taylor_quinney_factor && !(scene.interface && scene.interface->plastic_layer) &&
         !scene.junctions && !scene.layer.inertia && scene.tangential_components == 1 && flip())
       scene.layer.time_integrator = TimeIntegrator::kSdirk2;
+    if (!scene.velocity_driven.taylor_quinney_factor && !scene.layer.inertia && random_() % 4 == 0) {
+      scene.tolerance = number(1e-6, 0.1);
+      scene.layer = {.thickness_m = scene.layer.thickness_m,
+                     .far_boundary = scene.layer.far_boundary,
+                     .initial_temperature_k = scene.layer.initial_temperature_k};
+      if (scene.hard_layer) scene.hard_layer->cells.reset(), scene.hard_layer->grading.reset();
+    }
     if (flip()) scene.hydro = hydro();
     return scene;
   }
@@ -356,6 +363,7 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.thickness_m, scene.layer.thickness_m);
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
+    ASSERT_EQ(again.tolerance, scene.tolerance);
     ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.layer.time_integrator, scene.layer.time_integrator);
     ASSERT_EQ(again.layer.heat, scene.layer.heat);

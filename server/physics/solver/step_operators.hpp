@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "server/physics/layer/conduction.hpp"
@@ -35,6 +36,13 @@ class StepOperators {
     for (int k = 0; k <= halvings; ++k, dt *= 0.5) modes_.emplace_back(modes, dt);
   }
 
+  // Where the error of a step is controlled: those of its halves, quarters, ...
+  void add_halved(StepOperators operators) { halved_.push_back(std::move(operators)); }
+  const StepOperators& halved(int times) const {
+    return times == 0 ? *this : halved_[static_cast<std::size_t>(times) - 1];
+  }
+  int times_halved() const { return static_cast<int>(halved_.size()); }
+
   const HeatOperator& heat(int halving = 0) const { return heat_[static_cast<std::size_t>(halving)]; }
   std::span<const HeatOperator> heats() const { return heat_; }   // of dt, dt/2, ...
   std::span<const ModeOperator> modes() const { return modes_; }  // likewise, where there is no profile
@@ -54,6 +62,7 @@ class StepOperators {
   double dt_;
   std::vector<HeatOperator> heat_;
   std::vector<ModeOperator> modes_;
+  std::vector<StepOperators> halved_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;
