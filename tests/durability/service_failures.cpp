@@ -84,6 +84,13 @@ class Failures : public testing::TestWithParam<Kind> {
       if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
   }
+  // The capsule of a node that has an answer, and one that is not what was recorded.
+  static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
+    store::Capsule capsule = store::read_capsule(recorded, "capsule");
+    for (shard::StateColumn& column : capsule.state.columns)
+      if (column.name == GetParam().column) column.values[2] = GetParam().modes ? 0.0 : 300.0;
+    return store::capsule_bytes(capsule);
+  }
   static std::vector<std::string> capsules(const MemoryStorage& disk) {
     std::vector<std::string> found;
     for (const std::string& name : disk.names())
@@ -192,11 +199,7 @@ TEST_P(Failures, TheCapsuleRunsAgainWithTheSameBits) {
   EXPECT_TRUE(some.same());
   EXPECT_EQ(some.answer.size(), 1u);
 
-  // A node that has an answer, and one that is not what was recorded.
-  store::Capsule capsule = store::read_capsule(disk.bytes("capsule-000000000001.h5"), "capsule");
-  for (shard::StateColumn& column : capsule.state.columns)
-    if (column.name == GetParam().column) column.values[2] = GetParam().modes ? 0.0 : 300.0;
-  EXPECT_FALSE(replayed(store::capsule_bytes(capsule)).same());
+  EXPECT_FALSE(replayed(mended(disk.bytes("capsule-000000000001.h5"))).same());
 }
 
 TEST_P(Failures, TheProgramRunsACapsuleAgainAndTellsWhatDiffers) {
@@ -218,10 +221,7 @@ TEST_P(Failures, TheProgramRunsACapsuleAgainAndTellsWhatDiffers) {
   for (const std::string& word : {node, std::string("the same answer, to the last bit")})
     EXPECT_NE(support::text_of(log).find(word), std::string::npos) << word << " in " << support::text_of(log);
 
-  store::Capsule capsule = store::read_capsule(recorded, "capsule");
-  for (shard::StateColumn& column : capsule.state.columns)
-    if (column.name == "temperature_k") column.values[2] = 300.0;
-  EXPECT_EQ(run(store::capsule_bytes(capsule)), 1);
+  EXPECT_EQ(run(mended(recorded)), 1);
   EXPECT_NE(support::text_of(log).find("ANOTHER ANSWER"), std::string::npos) << support::text_of(log);
 }
 

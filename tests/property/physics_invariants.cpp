@@ -15,18 +15,11 @@ constexpr int kScenes = 120;
 constexpr int kSteps = 25;
 constexpr double kTiny = 1e-290;  // products of denormal inputs have no relative accuracy
 
-// What one unit in the last place of T0 makes of g: near melting a stress limit cannot be met closer.
-double softening_noise(const Material& soft, double pressure, double T0) {
-  if (T0 > at_pressure(soft, pressure).melting_temperature) return 0.0;  // released below its melting pressure
-  // Johnson and Cook's g is a difference of numbers near 1.
-  const double last_digits = T0 * std::abs(softening(soft, pressure, T0).slope) + (is_johnson_cook(soft) ? 1.0 : 0.0);
-  return 16.0 * std::numeric_limits<double>::epsilon() * last_digits;
-}
-
-// The same, relative to the limit.
-double limit_resolution(const Material& soft, double pressure, double T0) {
-  return softening_noise(soft, pressure, T0) / std::max(softening(soft, pressure, T0).g, 1e-300);
-}
+// Laws that temperature softens are held to between the limits of a temperature a few last digits colder and hotter:
+// near melting that is all there is to hold to.
+struct Limits {
+  double lower, upper;
+};
 
 int first_vertex(const Rig& rig) {
   return -static_cast<int>(rig.model.layout().num_hard_vertices);
@@ -65,14 +58,18 @@ void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
               std::isfinite(out.velocity_jump_new[lane]) && std::isfinite(out.friction_heat[lane]));
   ASSERT_EQ(out.interface_temperature[lane], rig.T(0, lane));
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
+  const double T_melt = at_pressure(options.soft, rig.inputs.pressure[lane]).melting_temperature;
   for (int i = first_vertex(rig); i < num_vertices(rig); ++i) {
     const double T = rig.T(i, lane);
     ASSERT_GE(T, before.coldest) << i;
-    if (options.soft.melting_curve == MeltingCurve::kConstant) {
+    if (i < 0) {  // the hard body melts elsewhere; but nowhere is hotter than it was somewhere, or than the interface
+      const bool divided = (out.outcome[lane] & kSubstepped) != 0;
+      const double interface = divided ? T_melt : rig.T(0, lane);
+      ASSERT_LE(T, std::max(before.hottest, interface) * (1 + 1e-14)) << i;
+    } else if (options.soft.melting_curve == MeltingCurve::kConstant) {
       ASSERT_LT(T, options.soft.melting_temperature);
     } else {  // pressure may have been higher before
-      ASSERT_LE(T, std::max(at_pressure(options.soft, rig.inputs.pressure[lane]).melting_temperature,
-                            before.hottest * (1 + 1e-15)));
+      ASSERT_LE(T, std::max(T_melt, before.hottest * (1 + 1e-15)));
     }
     if (i > 0 && falls_inwards) {
       ASSERT_LE(T, rig.T(i - 1, lane) * (1 + 1e-15));
@@ -117,24 +114,15 @@ void expect_complementary_flow(const Rig& rig, const Before& before, int lane, d
     if (P <= 0.0) continue;
     // The rate of the step, as well as a difference of strains tells it.
     const double dep = ep - before.ep[i], noise = 4e-16 * ep;
-    const double limit = flow_stress(soft, ep, P, rig.T(i, lane), (dep + noise) / dt) / kSqrt3;
-    const double least = flow_stress(soft, ep, P, rig.T(i, lane), (dep - noise) / dt) / kSqrt3;
-    const double tolerance = limit * (1e-10 + limit_resolution(soft, P, rig.T(i, lane)));
-    ASSERT_LE(a, limit + tolerance) << "vertex " << i;
+    const auto limit = [&](double T, double increment) { return flow_stress(soft, ep, P, T, increment / dt) / kSqrt3; };
+    const double T = rig.T(i, lane);
+    ASSERT_LE(a, limit(T * (1 - kDigits), dep + noise) * (1 + 1e-10)) << "vertex " << i;
     if (ep > before.ep[i] * (1 + 1e-12) + 1e-15) {
       // Strain resolves to an ulp of itself; a smaller step of it moved the limit by less than it can show.
-      ASSERT_GE(a, least - tolerance) << "vertex " << i << " T " << rig.T(i, lane) << " ep " << ep << " from "
-                                      << before.ep[i];
+      ASSERT_GE(a, limit(T * (1 + kDigits), dep - noise) * (1 - 1e-10))
+          << "vertex " << i << " T " << T << " ep " << ep << " from " << before.ep[i];
     }
   }
-}
-
-double layer_resolution(const Rig& rig, int lane) {
-  double worst = 0.0;
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    worst = std::max(worst, limit_resolution(rig.model.options().soft, rig.inputs.pressure[lane], rig.T(i, lane)));
-  }
-  return worst;
 }
 
 // sqrt(3) integral(dep) = w dt - h ds/G0 where the layer carries all the slip.
@@ -149,26 +137,56 @@ void expect_slip_balance(const Rig& rig, const Before& before, int lane, double 
   const double direction = rig.stress(lane) != 0.0 ? std::copysign(1.0, rig.stress(lane))
                                                    : std::copysign(1.0, rig.outputs.sliding_velocity[lane]);
   const double plastic = direction * (rig.plastic_slip(lane) - before.slip);
-  // dep is (1/beta + ep) times what an excess of load over strength makes of it: an ulp of T0 or of a in the excess is
-  // an ulp of all the strain there is, however small the step's share.
-  const Material& soft = options.soft;
-  const double strain = rig.plastic_slip(lane) + (hardens(soft) ? kSqrt3 * h * strain_scale(soft) : 0.0);
-  const double resolution = strain * (1e-15 + layer_resolution(rig, lane)) / flow_exponent(soft);
-  ASSERT_NEAR(plastic + elastic, rig.inputs.velocity_jump[lane] * dt, 1e-9 * wanted + resolution)
+  // Strains are told to their last digits; flow as closely as stress and temperatures are.
+  const double resolution = 1e-15 * rig.plastic_slip(lane) + kSqrt3 * flow_grain(rig, before.ep, lane, dt);
+  ASSERT_NEAR(plastic + elastic, rig.inputs.velocity_jump[lane] * dt, 1e-9 * wanted + resolution + kTiny)
       << "T0 " << rig.T(0, lane) << " s " << rig.stress(lane);
-  ASSERT_NEAR(rig.outputs.sliding_velocity[lane] * dt, plastic, 1e-9 * wanted + resolution);
+  ASSERT_NEAR(rig.outputs.sliding_velocity[lane] * dt, plastic, 1e-9 * wanted + resolution + kTiny);
 }
 
-// What the last digit of a jump does to T0 when it heats. Bodies of almost no mass reach jumps where it melts the
-// interface: no stress is resolved there.
-constexpr double kResolved = 1e-9;  // [K]
-double temperature_grain(const Material& soft, double jump, double s, double dt) {
-  return std::numeric_limits<double>::epsilon() * jump * std::abs(s) * std::sqrt(soft.diffusivity * dt) /
-         soft.conductivity;
+// What the interface can carry, whatever holds it.
+Limits interface_limits(const Rig& rig, int lane, double size, double dt) {
+  const ModelOptions& options = rig.model.options();
+  const InterfaceOptions& law = options.interface;
+  const double P = rig.inputs.pressure[lane];
+  // Junctions have hardened with the slip, which is known as well as the jumps it is a difference of.
+  Limits strength{law.yield_strength, law.yield_strength};
+  if (options.junctions) {
+    const auto& [fraction, height, metal] = *options.junctions;
+    const double grown = kDigits * size * dt / (kSqrt3 * height);
+    const double strain = rig.junction_strain(lane);
+    strength = {fraction * hardened_strength(metal, std::max(0.0, strain - grown)),
+                fraction * hardened_strength(metal, strain + grown)};
+  }
+  double mu = law.friction_coefficient;
+  if (law.friction_law != FrictionLaw{}) {
+    mu = VelocityWeakening{mu, law.friction_coefficient_fast, law.velocity_decay}.coefficient(
+        std::abs(rig.outputs.sliding_velocity[lane]));
+  }
+  const double T0 = rig.outputs.interface_temperature[lane];
+  const auto limit = [&](double yield, double T) {
+    return std::min(mu * P, yield * softening(options.soft, P, T).g / kSqrt3);
+  };
+  return {limit(strength.lower, T0 * (1 + kDigits)) * (1 - 1e-10),
+          limit(strength.upper, T0 * (1 - kDigits)) * (1 + 1e-10)};
 }
 
-// A flowing layer: DLP (64) at the middle of the step where the interface slips, at its end where it sticks.
-void expect_flowing_slip(const Rig& rig, const Before& before, int lane, double dt) {
+// Bodies of almost no mass reach jumps of which the last digit, as heat, melts the interface, or stresses that are less
+// than what the last digit of T0 makes of its strength: nothing is resolved there.
+bool is_resolved(const Rig& rig, int lane, double size, double dt) {
+  constexpr double kGrain = 1e-9;  // [K]
+  constexpr double kShare = 1e-3;  // of the stress
+  const Material& soft = rig.model.options().soft;
+  const double s = std::abs(rig.stress(lane));
+  const double flux = std::numeric_limits<double>::epsilon() * size * s;
+  const Limits limit = interface_limits(rig, lane, size, dt);
+  return flux * std::sqrt(soft.diffusivity * dt) / soft.conductivity <= kGrain &&
+         limit.upper - limit.lower <= kShare * s;
+}
+
+// A flowing layer: DLP (64) at the middle of the step where the interface slips, at its end where it sticks. `held`
+// counts those that could be held to that, `all` those that carry a stress.
+void expect_flowing_slip(const Rig& rig, const Before& before, int lane, double dt, int& held, int& all) {
   const ModelOptions& options = rig.model.options();
   const TileOutputs& out = rig.outputs;
   if (rig.inputs.pressure[lane] <= 0.0 || (out.outcome[lane] & kSubstepped)) return;
@@ -179,21 +197,24 @@ void expect_flowing_slip(const Rig& rig, const Before& before, int lane, double 
   const double jump_old = d * rig.inputs.velocity_jump[lane];
   const double jump_new = d * out.velocity_jump_new[lane];
   const double flow = (rig.plastic_slip(lane) - before.slip) / dt;
-  // An ulp of T0 or of the stress is an ulp of all the strain there is; and see expect_slip_balance.
-  const Material& soft = options.soft;
-  const double strain =
-      rig.plastic_slip(lane) + (hardens(soft) ? kSqrt3 * options.grid.thickness * strain_scale(soft) : 0.0);
   const double size = std::abs(jump_old) + std::abs(jump_new) + drive + flow +
                       dt * (std::abs(rig.inputs.stress_minus[lane]) / rig.inputs.mass_minus[lane] +
                             std::abs(rig.inputs.stress_plus[lane]) / rig.inputs.mass_plus[lane]);
-  if (temperature_grain(soft, size, s, dt) > kResolved) return;
+  ++all;
+  if (!is_resolved(rig, lane, size, dt)) return;
+  ++held;
   expect_complementary_flow(rig, before, lane, dt);
-  const double tolerance = 1e-9 * size + strain * (1e-14 + layer_resolution(rig, lane)) / (flow_exponent(soft) * dt);
+  double tolerance =
+      1e-9 * size + 1e-14 * rig.plastic_slip(lane) / dt + kSqrt3 * flow_grain(rig, before.ep, lane, dt) / dt;
   const bool sticks = rig.committed[rig.model.layout().sticking + lane] != 0.0;
   if (sticks) {
     ASSERT_NEAR(jump_new + drive, flow, tolerance);
     ASSERT_NEAR(d * out.sliding_velocity[lane], std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size);
   } else {
+    // The heat of the slip makes T0, T0 the stress, the stress the slip: in (61), and by the heat again.
+    const Limits limit = interface_limits(rig, lane, size, dt);
+    const double per_stress = dt * (1 / rig.inputs.mass_minus[lane] + 1 / rig.inputs.mass_plus[lane]);
+    tolerance += (limit.upper - limit.lower) * (per_stress + std::abs(out.sliding_velocity[lane] / s));
     ASSERT_NEAR(d * out.sliding_velocity[lane], std::max(0.0, 0.5 * (jump_old + jump_new) + drive - flow), tolerance);
     ASSERT_GE(jump_new + drive - flow, -tolerance);  // friction never pulls past rest
   }
@@ -217,36 +238,24 @@ void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) 
     ASSERT_EQ(s, 0.0);
     return;
   }
-  if (options.plastic_layer && temperature_grain(options.soft, size, s, dt) > kResolved) return;
+  if (options.plastic_layer && !is_resolved(rig, lane, size, dt)) return;
+  const Limits limit = interface_limits(rig, lane, size, dt);
   const double T0 = out.interface_temperature[lane];
-  const InterfaceOptions& law = options.interface;
-  const double strength = options.junctions ? options.junctions->contact_fraction *
-                                                  hardened_strength(options.junctions->metal, rig.junction_strain(lane))
-                                            : law.yield_strength;
-  const double yield = strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
-  double mu = law.friction_coefficient;
-  if (law.friction_law != FrictionLaw{}) {
-    mu = VelocityWeakening{mu, law.friction_coefficient_fast, law.velocity_decay}.coefficient(
-        std::abs(out.sliding_velocity[lane]));
-  }
-  const double limit = std::min(mu * in.pressure[lane], yield);
-  const double tolerance =
-      1e-10 * limit + (limit == yield ? strength / kSqrt3 * softening_noise(options.soft, in.pressure[lane], T0) : 0.0);
   // Of a second-order step s is the mean, and the limit moved: then only sense and stick are held here, the stresses
   // of the stages by the scalar twin.
   const bool mean = options.time_integrator == TimeIntegrator::kSdirk2 && out.outcome[lane] == 0 &&
                     out.regime[lane] != Regime::kStick;
   if (!mean) {
-    ASSERT_LE(std::abs(s), limit + tolerance) << "T0 " << T0;
+    ASSERT_LE(std::abs(s), limit.upper) << "T0 " << T0;
   } else {
-    ASSERT_LE(std::abs(s), law.friction_coefficient * in.pressure[lane] * (1 + 1e-12));
+    ASSERT_LE(std::abs(s), options.interface.friction_coefficient * in.pressure[lane] * (1 + 1e-12));
   }
   if (options.plastic_layer && rig.committed[rig.model.layout().sticking + lane] != 0.0) return;
   if (out.regime[lane] == Regime::kStick) {
     ASSERT_EQ(out.velocity_jump_new[lane], 0.0);
   } else {
     if (!mean) {
-      ASSERT_GE(std::abs(s), limit - tolerance) << "T0 " << T0;
+      ASSERT_GE(std::abs(s), limit.lower) << "T0 " << T0;
     }
     if (options.plastic_layer) return;
     ASSERT_GE(s * out.velocity_jump_new[lane], -1e-12 * std::abs(s) * size);  // friction never pulls past rest
@@ -266,11 +275,10 @@ class PhysicsInvariants : public ::testing::TestWithParam<Case> {};
 TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
   const auto [strategy, extreme] = GetParam();
   Draw draw(2024 + (extreme ? 1 : 0));
-  int flowing = 0, melting = 0, sticking = 0, coulomb = 0, divided = 0;
+  int flowing = 0, melting = 0, sticking = 0, coulomb = 0, divided = 0, held = 0, carrying = 0;
   for (int scene = 0; scene < kScenes; ++scene) {
     Rig rig(random_options(draw, strategy, extreme));
-    if (rig.model.options().plastic_layer && draw.chance(0.3))
-      rig.start_hard(draw.uniform(0.1, 1.0) * rig.model.options().initial_temperature);
+    start_hard_elsewhere(draw, rig);
     const bool closed_loop = draw.chance(0.5);
     for (int step = 0; step < kSteps; ++step) {
       random_inputs(draw, rig, extreme);
@@ -290,7 +298,7 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
           expect_slip_balance(rig, before[l], l, dt);
         } else {
           expect_interface_law(rig, l, dt, rig.inputs.velocity_jump[l]);
-          if (rig.model.options().plastic_layer) expect_flowing_slip(rig, before[l], l, dt);
+          if (rig.model.options().plastic_layer) expect_flowing_slip(rig, before[l], l, dt, held, carrying);
         }
         if (::testing::Test::HasFatalFailure()) return;
         flowing += rig.outputs.regime[l] == Regime::kTresca;
@@ -301,8 +309,9 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
       }
     }
   }
-  std::printf("%d node-steps: stick %d, coulomb %d, tresca %d, melting %d, divided %d\n", kScenes * kSteps * kLanes,
-              sticking, coulomb, flowing, melting, divided);
+  std::printf("%d node-steps: stick %d, coulomb %d, tresca %d, melting %d, divided %d; %d of %d layers held to (64)\n",
+              kScenes * kSteps * kLanes, sticking, coulomb, flowing, melting, divided, held, carrying);
+  EXPECT_GE(held, 0.6 * carrying);
   // The draws reach every regime: an invariant of a regime never visited would be no test.
   EXPECT_GT(std::min({flowing, melting, sticking, coulomb}), 100);
 }

@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
 constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kBalanced = 1e-8;       // of what the flow must take: what an answer may leave open
 constexpr double kFarAbove = 100.0;      // flow against the trial stress: Newton changes its function here
 constexpr double kLeastGuess = 1e-12;    // of the upper end: a start below it says nothing
 constexpr int kNewtonIterations = 16;    // far more than it takes; from then on every second step bisects
@@ -35,6 +36,7 @@ struct Lane {
   int hottest = 0;                // vertex that reaches Y_max first
   bool hi_seen = false;
   bool done = false;
+  bool closely = false;   // the balance itself must close, whatever Newton's step promises
   double a = 0.0;         // iterate, then answer                                       [Pa]
   bool at_bound = false;  // the answer is `hi`, held by `bound`
 };
@@ -145,7 +147,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
     // Very near melting a short step may still be a long way in the flow.
-    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= kFlowConverged * lane.a_trial) {
+    const double open = lane.closely ? kBalanced * left : kFlowConverged * lane.a_trial;
+    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
       return;
@@ -159,6 +162,48 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   } else {
     lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
   }
+}
+
+// The roots of all lanes together. `sum` and the new strain, which holds the yield thresholds until then, are those
+// under the answers.
+void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
+                Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
+  flow_thresholds(flow, load, strain_new);
+  int num_rows = flow.grid->num_vertices();
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    bool all_done = true;
+    for (const Lane& lane : lanes) all_done = all_done && lane.done;
+    if (all_done) break;
+    flow_under(flow, load, num_rows, strain_new, sum);
+    bool all_from_above = true;
+    for (int l = 0; l < kLanes; ++l) {
+      if (lanes[l].done) continue;
+      const double tried = lanes[l].a;
+      iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
+      set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+      all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
+    }
+    // What does not yield under more than every lane's answer does not yield: leave it out from here on.
+    if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
+  }
+  flow_to(flow, load, num_rows, strain_new, sum);
+}
+
+// Newton's last step is not looked behind. Where a vertex begins to flow within it, little though that is of the
+// stress, it may be most of the flow: such lanes go on. Whether there are any.
+bool reopen(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
+  bool any = false;
+  for (int l = 0; l < kLanes; ++l) {
+    Lane& lane = lanes[l];
+    if (!lane.loaded || lane.at_bound || !lane.done) continue;
+    const double flow = compliance * sum.slip[l];
+    const double left = lane.a_trial - lane.a;
+    if (std::abs(flow - left) <= kBalanced * std::max(flow, left)) continue;
+    lane.done = false;
+    lane.closely = true;
+    any = true;
+  }
+  return any;
 }
 
 // Share of the work that becomes heat in a step shaped so.
@@ -274,25 +319,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens) {
-    flow_thresholds(flow, load, strain_new);
-    int num_rows = grid.num_vertices();
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      bool all_done = true;
-      for (const Lane& lane : lanes) all_done = all_done && lane.done;
-      if (all_done) break;
-      flow_under(flow, load, num_rows, strain_new, sum);
-      bool all_from_above = true;
-      for (int l = 0; l < kLanes; ++l) {
-        if (lanes[l].done) continue;
-        const double tried = lanes[l].a;
-        iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
-        all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
-      }
-      // What does not yield under more than every lane's answer does not yield: leave it out from here on.
-      if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
-    }
-    flow_to(flow, load, num_rows, strain_new, sum);
+    find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
+    if (reopen(compliance, sum, lanes)) find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
