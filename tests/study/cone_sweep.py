@@ -21,7 +21,8 @@ import numpy
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCENE = ROOT / "hydro_stub/problems/cone_al_steel_coarse.toml"
 BEST = "modes 1e-6, sdirk2"
-LAYERS = {  # what replaces cells and grading of the scene's layer
+COMMON = 'thickness_m = 100e-6\nfar_boundary = "half_space"'
+LAYERS = {  # what the scene's layer is replaced by
     BEST: 'heat = "modes"\nmodes.accuracy = 1e-6\ntime_integrator = "sdirk2"',
     "profile, 640 cells x1.0075, sdirk2": 'cells = 640\ngrading = 1.0075\ntime_integrator = "sdirk2"',
     "profile, 160 cells x1.03": "cells = 160\ngrading = 1.03",
@@ -37,7 +38,8 @@ LAYERS = {  # what replaces cells and grading of the scene's layer
 
 
 def scene_of(layer, zone, end):
-    text = re.sub(r"(?m)^cells = .*\ngrading = .*$", layer, SCENE.read_text())
+    text, found = re.subn(r"(?ms)^\[layer\]$.*?^\[interface\]$", f"[layer]\n{COMMON}\n{layer}\n\n[interface]", SCENE.read_text())
+    assert found == 1
     for key, value in (("zone_width_m", zone), ("end_time_s", end)):
         text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value:g}", text)
         assert found == 1, key

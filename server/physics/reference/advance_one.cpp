@@ -499,7 +499,7 @@ NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const N
 // 2, 4, 8, ... substeps until halving them changes T0 by little enough.
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool forced = options.strategy == Strategy::kForceDriven;
-  const double range = options.soft.melting_temperature - options.initial_temperature;
+  const double T_melt = options.soft.melting_temperature;
   NodeState coarse = state;
   const Profile old = profile_of(state);
   const double response = heat_of_step(options, dt, state, old).B[0];
@@ -529,7 +529,7 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     const bool turns = inputs.velocity_jump != 0.0 && !(along > 0.0);
     const double change = (turns || sum.first_order ? 10.0 : 1.0) *
                           std::max({std::abs(sum.interface_temperature - coarser.interface_temperature), heat, jump}) /
-                          (range > 0.0 ? range : options.soft.melting_temperature);
+                          std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
     coarser = sum;
     if (change > 0.25 * *options.tolerance && times < 6) continue;
     if (sum.shear_stress * sum.sliding_velocity < 0.0) sum.sliding_velocity = 0.0;

@@ -21,6 +21,7 @@ constexpr double kKernelShare = 0.1;    // of the tolerance: the error of the mo
 constexpr double kSubstepShare = 0.25;  // of the tolerance: what halving the substeps may change in one step
 constexpr double kJumpSteps = 30.0;  // a jump that is off stays so: it heats as in a thousand steps, whose root this is
 constexpr double kKink = 10.0;       // how much further off than halving tells, where the slip turns or stops
+constexpr double kLeastRange = 0.01;   // of T_melt: what a tolerance is a part of where a layer starts near melting
 constexpr double kLongestTime = 1e-3;  // heat older than this is forgotten by a half-space without profile  [s]
 
 // Cells grow by a ratio g outward, from (g - 1) delta, where delta is how far heat goes in kShortTime: then every cell
@@ -156,8 +157,8 @@ std::string discretisation_of(const ModelOptions& options, std::size_t modes) {
 void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                         const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  const double to_melting = problem.options.soft.melting_temperature - problem.options.initial_temperature;
-  const double scale = 1.0 / (to_melting > 0.0 ? to_melting : problem.options.soft.melting_temperature);
+  const double T_melt = problem.options.soft.melting_temperature;
+  const double scale = 1.0 / std::max(T_melt - problem.options.initial_temperature, kLeastRange * T_melt);
   const double allowed = kSubstepShare * *problem.options.tolerance;
   Scratch& scratch = scratch_of(layout.doubles);
   advance_once(problem, operators, inputs, committed, trial, outputs);
