@@ -94,7 +94,7 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   const wire::Batch row = row_of(capsule, made.effective);
   const auto reply = wire::columns_of(made.effective.strategy).reply;
   std::vector<wire::Field> wanted(reply.begin(), reply.end());
-  for (const wire::Field field : wire::kLedgerColumns)
+  for (const wire::Field field : wire::kColumnsOnRequest)
     if (std::ranges::find(capsule.answer, wire::name(field), &store::CapsuleValue::name) != capsule.answer.end())
       wanted.push_back(field);
   wire::Batch answer = wire::Batch::of(wanted, 1, made.effective.tangential_components);

@@ -47,6 +47,7 @@ constexpr std::array kFields = {
     FieldInfo{Field::kElasticEnergy, Element::kFloat64, "elastic_energy_j_per_m2"},
     FieldInfo{Field::kHeatResidual, Element::kFloat64, "heat_residual_j_per_m2"},
     FieldInfo{Field::kEnergyResidual, Element::kFloat64, "energy_residual_j_per_m2"},
+    FieldInfo{Field::kErrorEstimate, Element::kFloat64, "error_estimate"},
 };
 
 const FieldInfo* info(Field field) {

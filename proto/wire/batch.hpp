@@ -40,6 +40,7 @@ enum class Field : std::uint32_t {
   kElasticEnergy = 46,
   kHeatResidual = 47,
   kEnergyResidual = 48,
+  kErrorEstimate = 60,
 };
 
 enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };

@@ -40,7 +40,8 @@ static_assert(
     same(Field::kStoredHeatHard, v1::FIELD_STORED_HEAT_HARD_J_PER_M2) &&
     same(Field::kElasticEnergy, v1::FIELD_ELASTIC_ENERGY_J_PER_M2) &&
     same(Field::kHeatResidual, v1::FIELD_HEAT_RESIDUAL_J_PER_M2) &&
-    same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2));
+    same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2) &&
+    same(Field::kErrorEstimate, v1::FIELD_ERROR_ESTIMATE));
 static_assert(same(Element::kFloat64, v1::ELEMENT_FLOAT64) && same(Element::kUint64, v1::ELEMENT_UINT64) &&
               same(Element::kUint8, v1::ELEMENT_UINT8));
 static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL) &&

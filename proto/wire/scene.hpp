@@ -206,7 +206,8 @@ struct Scene {
   Body hard;
   Layer layer;
   std::uint32_t tangential_components = 1;  // 1 or 2
-  std::optional<HardLayer> hard_layer;      // present: the hard body conducts
+  std::optional<double> tolerance;  // in place of the layer's cells, grading, time integrator and heat, then as default
+  std::optional<HardLayer> hard_layer;  // present: the hard body conducts
   VelocityDriven velocity_driven;
   std::optional<Interface> interface;  // force-driven only
   std::optional<Junctions> junctions;  // force-driven only

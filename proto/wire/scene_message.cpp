@@ -140,8 +140,9 @@ void to_message(const Scene& scene, v1::Scene& message) {
   if (scene.hard.given_at_all()) body_to_message(scene.hard, "hard", *message.mutable_hard());
   v1::Layer& layer = *message.mutable_layer();
   layer.set_thickness_m(scene.layer.thickness_m);
-  layer.set_cells(scene.layer.cells);
-  layer.set_grading(scene.layer.grading);
+  // Beside a tolerance they are the server's choice: the default is not sent.
+  if (!scene.tolerance || scene.layer.cells != Layer{}.cells) layer.set_cells(scene.layer.cells);
+  if (!scene.tolerance || scene.layer.grading != Layer{}.grading) layer.set_grading(scene.layer.grading);
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
   if (scene.layer.inertia) layer.set_inertia(true);
@@ -165,6 +166,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
   if (scene.interface) interface_to_message(*scene.interface, *message.mutable_interface());
   if (scene.junctions) junctions_to_message(*scene.junctions, *message.mutable_junctions());
   if (scene.tangential_components != 1) message.set_tangential_components(scene.tangential_components);
+  if (scene.tolerance) message.set_tolerance(*scene.tolerance);
   if (scene.hydro) hydro_to_message(*scene.hydro, *message.mutable_hydro());
 }
 
@@ -208,6 +210,7 @@ Scene from_filled(const v1::Scene& message) {
   if (message.has_interface()) scene.interface = interface_from_message(message.interface());
   if (message.has_junctions()) scene.junctions = junctions_from_message(message.junctions());
   scene.tangential_components = message.tangential_components();
+  if (message.has_tolerance()) scene.tolerance = message.tolerance();
   if (message.has_hydro()) scene.hydro = hydro_from_message(message.hydro());
   return scene;
 }

@@ -327,6 +327,34 @@ class Together {
     });
   }
 
+  // The server chooses grid and method for a tolerance, for models whose error of T0 falls as both get finer.
+  void tolerance() {
+    if (!scene_.has_tolerance()) return;
+    const v1::Layer& layer = scene_.layer();
+    const v1::HardLayer& hard = scene_.hard_layer();
+    const std::pair<const char*, bool> chosen[] = {{"layer.cells", layer.has_cells()},
+                                                   {"layer.grading", layer.has_grading()},
+                                                   {"layer.time_integrator", layer.time_integrator() != 0},
+                                                   {"layer.heat", layer.heat() != 0},
+                                                   {"layer.modes", layer.has_modes()},
+                                                   {"layer.sleep", layer.sleep()},
+                                                   {"hard_layer.cells", hard.has_cells()},
+                                                   {"hard_layer.grading", hard.has_grading()}};
+    for (const auto& [path, given] : chosen) {
+      if (given || given_(path))
+        add(path,
+            fmt::format("{} is the server's choice where the scene gives a tolerance: leave out one of them", path));
+    }
+    if (scene_.velocity_driven().has_taylor_quinney_factor())
+      add("tolerance",
+          "tolerance does not go with velocity_driven.taylor_quinney_factor: where the flow gathers in a band depends "
+          "on cells and steps, and no estimate can tell");
+    if (layer.inertia())
+      add("tolerance",
+          "tolerance does not go with layer.inertia: the error is told by the interface temperature, and waves cross "
+          "the layer unseen there");
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -465,6 +493,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.sleep();
   together.components();
   together.time_integrator();
+  together.tolerance();
   together.modes();
   together.hard_strength();
   if (scene.has_hydro()) together.hydro();

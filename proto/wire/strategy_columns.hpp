@@ -2,6 +2,7 @@
 // replies.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 
@@ -13,7 +14,7 @@ namespace shearbus::wire {
 struct StrategyColumns {
   std::span<const Field> required;  // of a downscale, besides the optional node_id
   std::span<const Field> optional;
-  std::span<const Field> reply;  // a request's `wanted` picks from them and from kLedgerColumns; empty: these
+  std::span<const Field> reply;  // a request's `wanted` picks from them and from kColumnsOnRequest; empty: these
 };
 
 // The energy ledger of a step: columns of any reply, but only where a request names them. In the order of physics'
@@ -21,6 +22,14 @@ struct StrategyColumns {
 inline constexpr std::array kLedgerColumns = {Field::kInterfaceWork, Field::kHeatToSoft,     Field::kHeatToHard,
                                               Field::kPlasticWork,   Field::kStoredHeatSoft, Field::kStoredHeatHard,
                                               Field::kElasticEnergy, Field::kHeatResidual,   Field::kEnergyResidual};
+
+// All columns that are answered only where a request names them.
+inline constexpr auto kColumnsOnRequest = [] {
+  std::array<Field, kLedgerColumns.size() + 1> columns{};
+  std::copy(kLedgerColumns.begin(), kLedgerColumns.end(), columns.begin());
+  columns.back() = Field::kErrorEstimate;
+  return columns;
+}();
 
 namespace detail {
 inline constexpr std::array kVelocityRequired = {Field::kVelocityJump, Field::kPressure};

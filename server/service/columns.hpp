@@ -40,7 +40,8 @@ inline shard::StepOutputs outputs_of(wire::Batch& batch) {
                              .second_velocity_jump_new = batch.f64(Field::kVelocityJumpNew, 1),
                              .friction_heat = batch.f64(Field::kFrictionHeat),
                              .regime = batch.u8(Field::kRegime),
-                             .outcome = batch.u8(Field::kOutcome)};
+                             .outcome = batch.u8(Field::kOutcome),
+                             .error_estimate = batch.f64(Field::kErrorEstimate)};
   static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
   for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) outputs.ledger[i] = batch.f64(wire::kLedgerColumns[i]);
   return outputs;

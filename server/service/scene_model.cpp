@@ -55,12 +55,13 @@ physics::FarBoundary far_boundary_of(wire::FarBoundary boundary) {
                                                    : physics::FarBoundary::kInsulated;
 }
 
-// What [hard_layer] leaves open is as in [layer], its thickness scaled to the depth heat reaches in the hard body.
+// What [hard_layer] leaves open is as in [layer] (beside a tolerance, its cells too), its thickness scaled to the depth
+// heat reaches in the hard body.
 wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const physics::ModelOptions& options) {
   if (!hard.thickness_m)
     hard.thickness_m = scene.layer.thickness_m * std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
-  if (!hard.cells) hard.cells = scene.layer.cells;
-  if (!hard.grading) hard.grading = scene.layer.grading;
+  if (!hard.cells && !scene.tolerance) hard.cells = scene.layer.cells;
+  if (!hard.grading && !scene.tolerance) hard.grading = scene.layer.grading;
   if (hard.far_boundary == wire::FarBoundary::kUnspecified) hard.far_boundary = scene.layer.far_boundary;
   return hard;
 }
@@ -92,8 +93,8 @@ physics::JunctionOptions junctions_of(const wire::Junctions& junctions, const ph
 
 physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
   return {.thickness = *hard.thickness_m,
-          .cells = static_cast<int>(*hard.cells),
-          .grading = *hard.grading,
+          .cells = static_cast<int>(hard.cells.value_or(1)),
+          .grading = hard.grading.value_or(1.0),
           .far_boundary = far_boundary_of(hard.far_boundary)};
 }
 
@@ -172,6 +173,7 @@ SceneModel scene_model(const wire::Scene& scene) {
     made.effective.junctions = filled(*scene.junctions, made.options.soft);
     made.options.junctions = junctions_of(*made.effective.junctions, made.options);
   }
+  if (scene.tolerance) made.options = physics::discretised(made.options, *scene.tolerance);
   made.effective.hydro.reset();
   made.effective.soft.given = physics::constants_of(made.options.soft);
   made.effective.hard.given = physics::constants_of(made.options.hard);

@@ -12,6 +12,7 @@
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/strategy_columns.hpp"
+#include "server/shard/shard.hpp"
 
 namespace shearbus::service {
 
@@ -263,6 +264,11 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
                     "of exponentials was made",
                     step.dt_s, effective.layer.modes->shortest_step_s),
         "Nothing was changed; open the session with a shorter layer.modes.shortest_step_s.");
+  if (effective.tolerance && step.dt_s < physics::kShortestControlledStep)
+    refuse(Code::kInvalidValue, "dt_s",
+           fmt::format("dt_s is {}; expected at least {} s in a scene with a tolerance", step.dt_s,
+                       physics::kShortestControlledStep),
+           "Nothing was changed; open the session with cells and grading in place of the tolerance.");
   if (!std::isfinite(step.time_s))
     refuse(Code::kInvalidValue, "time_s", fmt::format("time_s is {}; expected a finite time", step.time_s),
            "Nothing was changed; correct it and send the step again.");
@@ -284,15 +290,20 @@ std::vector<Field> check_wanted(const wire::Downscale& step, const wire::Scene& 
   if (step.wanted.empty()) return {all.begin(), all.end()};
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
-    if (!contains(all, field) && !contains(std::span(wire::kLedgerColumns), field))
+    if (!contains(all, field) && !contains(std::span(wire::kColumnsOnRequest), field))
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kLedgerColumns)}) + ".");
+             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kColumnsOnRequest)}) + ".");
     if (scene.layer.inertia && contains(std::span(wire::kLedgerColumns), field))
       refuse(Code::kUnsupported, "wanted",
              fmt::format("{} is of layers with one stress, and with layer.inertia it varies", wire::name(field)),
              "Leave out the columns of the energy ledger.");
+    if (field == Field::kErrorEstimate && !scene.tolerance)
+      refuse(Code::kUnsupported, "wanted",
+             fmt::format("{} is of scenes with a tolerance, and this one has none: its steps are not controlled",
+                         wire::name(field)),
+             "Leave it out, or open the session with a tolerance in place of cells and grading.");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

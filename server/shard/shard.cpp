@@ -232,6 +232,7 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   scatter(out.friction_heat, lanes, step.outputs.friction_heat);
   scatter(out.regime, lanes, step.outputs.regime);
   scatter(out.outcome, lanes, step.outputs.outcome);
+  scatter(out.error_estimate, lanes, step.outputs.error_estimate);
 
   return count_of(out, lanes.active, to);
 }

@@ -46,6 +46,7 @@ struct StepOutputs {
   std::span<double> friction_heat;               // [J/m2]
   std::span<std::uint8_t> regime;
   std::span<std::uint8_t> outcome;
+  std::span<double> error_estimate{};                             // [1], of models with a tolerance
   std::array<std::span<double>, physics::kLedgerTerms> ledger{};  // [J/m2], in the order of physics::LedgerTerm
 
   bool wants_ledger() const {

@@ -1,11 +1,13 @@
 #!/usr/bin/python3
-"""shearbus-study precision as a user runs it, on few settings: the errors it reports are those the methods have, what it calls
-efficient nothing beats, and a scene of the user's own is studied too."""
+"""The studies of accuracy as a user runs them, on few settings: the errors that `precision` reports are those the methods have, what it calls
+efficient nothing beats, and a scene of the user's own is studied too; `tolerance` delivers what is requested; the cone's layer is closer than its
+zones."""
 import argparse
 import json
 import math
 import pathlib
 import subprocess
+import sys
 import tempfile
 
 SCENE = """
@@ -18,11 +20,11 @@ material = "steel_dlp"
 """
 
 
-def study(program, out, *arguments):
-    ran = subprocess.run([program, "precision", *arguments, "--quick", "--repeats", "1", "--no-plot", "--out", out],
+def study(program, out, *arguments, name="precision"):
+    ran = subprocess.run([program, name, *arguments, "--quick", "--repeats", "1", "--no-plot", "--out", out],
                          capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
-    return json.loads((pathlib.Path(out) / "precision.json").read_text()), ran.stdout
+    return json.loads((pathlib.Path(out) / f"{name}.json").read_text()), ran.stdout
 
 
 def errors(problem, integrator, cells):
@@ -33,7 +35,10 @@ def errors(problem, integrator, cells):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--study", required=True)
-    program = parser.parse_args().study
+    parser.add_argument("--hydro", required=True)
+    parser.add_argument("--cone-sweep", required=True)
+    options = parser.parse_args()
+    program = options.study
     with tempfile.TemporaryDirectory() as out:
         found, text = study(program, out)
         problems = {p["name"]: p for p in found["problems"]}
@@ -60,7 +65,24 @@ def main():
         scene.write_text(SCENE.replace("aluminium_dlp", "cheese"))
         ran = subprocess.run([program, "precision", str(scene), "--no-plot"], capture_output=True, text=True)
         assert ran.returncode == 1 and "cheese" in ran.stderr, ran
-    print("shearbus-study precision answers as it should")
+        # Requests are kept, and the stricter one delivers less.
+        kept, text = study(program, out, name="tolerance")
+        for problem in kept["problems"]:
+            loose, strict = problem["runs"]
+            assert (loose["requested"], strict["requested"]) == (1e-2, 1e-4) and loose["failure"] == strict["failure"] == "", problem
+            own = 1e-3 if "extrapolated" in problem["reference"] else 0  # a quick reference has an error of its own
+            assert loose["temperature_error"] < 1e-2 and strict["temperature_error"] < max(1e-4, own), problem
+            assert strict["temperature_error"] < loose["temperature_error"], problem
+            assert f"\n{problem['name']}\n" in text
+        # Zones of two millimetres and of one: what 80 cells are off is less than what the zones are.
+        ran = subprocess.run([sys.executable, options.cone_sweep, "--hydro", options.hydro, "--zones", "2e-3,1e-3", "--layers", "80 cells",
+                              "--end", "6e-6", "--out", out], capture_output=True, text=True)
+        assert ran.returncode == 0, ran.stderr
+        cone = json.loads((pathlib.Path(out) / "cone_sweep.json").read_text())
+        assert all(r["failure"] == "" for r in cone["runs"]) and len(cone["runs"]) == 6, cone
+        layer = [r["error"] for r in cone["runs"] if r["layer"] == "profile, 80 cells x1.06"]
+        assert 0 < layer[0]["mean_slip_m"] < 0.1 * cone["hydro"][0]["mean_slip_m"] and 0 < layer[0]["temperature_rms"] < 2e-2, cone
+    print("the studies answer as they should")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "tests/study/precision.hpp"
+#include "tests/study/tolerance.hpp"
 
 namespace {
 
@@ -30,13 +31,32 @@ struct Options {
   bool plot = true;
 };
 
+std::vector<Problem> problems_of(const Options& options) {
+  if (options.scene.empty()) return fixed_problems();
+  std::vector<Problem> problems;
+  problems.push_back(problem_of(shearbus::wire::load_scene_file(options.scene).scene, options.velocity_jump,
+                                options.pressure, 1.0, options.end));
+  return problems;
+}
+
+// Writes the study as NAME.json and draws it with plot_NAME.py.
+int write(const Options& options, const std::string& name, const std::string& json) {
+  std::filesystem::create_directories(options.out);
+  const auto path = options.out / (name + ".json");
+  std::ofstream file(path);
+  file << json;
+  file.close();
+  if (!file) throw std::runtime_error("cannot write " + path.string());
+  fmt::print("\nwritten: {}\n", path.string());
+  if (!options.plot) return 0;
+  std::fflush(stdout);
+  const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
+                                          SHEARBUS_SOURCE_DIR, name, path.string());
+  return std::system(command.c_str()) == 0 ? 0 : kExitFault;
+}
+
 int precision(const Options& options) {
-  std::vector<Problem> problems = fixed_problems();
-  if (!options.scene.empty()) {
-    problems.clear();
-    problems.push_back(problem_of(shearbus::wire::load_scene_file(options.scene).scene, options.velocity_jump,
-                                  options.pressure, 1.0, options.end));
-  }
+  const std::vector<Problem> problems = problems_of(options);
   std::vector<Result> results;
   for (const Problem& problem : problems) {
     Result& result = results.emplace_back(sweep(problem, options.sweep));
@@ -45,18 +65,13 @@ int precision(const Options& options) {
     fmt::print("{}{}", table(result), recommendation(result));
     std::fflush(stdout);
   }
-  std::filesystem::create_directories(options.out);
-  const auto path = options.out / "precision.json";
-  std::ofstream file(path);
-  file << json(results, options.sweep.repeats);
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path.string());
-  fmt::print("\nwritten: {}\n", path.string());
-  if (!options.plot) return 0;
-  std::fflush(stdout);
-  const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_precision.py\" \"{}\"", SHEARBUS_PYTHON,
-                                          SHEARBUS_SOURCE_DIR, path.string());
-  return std::system(command.c_str()) == 0 ? 0 : kExitFault;
+  return write(options, "precision", json(results, options.sweep.repeats));
+}
+
+int tolerance(const Options& options) {
+  const auto tracked = track_tolerances(problems_of(options), options.sweep);
+  fmt::print("{}", table(tracked));
+  return write(options, "tolerance", json(tracked, options.sweep.repeats));
 }
 
 }  // namespace
@@ -65,26 +80,34 @@ int main(int argc, char** argv) {
   Options options;
   CLI::App app("What accuracy costs.");
   app.require_subcommand(1);
-  CLI::App* command = app.add_subcommand(
-      "precision", "Error against run time: the fixed problems, or SCENE under a fixed jump and pressure");
-  command->add_option("scene", options.scene, "a scene whose layer's grid and methods are to be chosen")
-      ->check(CLI::ExistingFile);
-  command->add_option("--velocity-jump", options.velocity_jump, "of SCENE, m/s")->capture_default_str();
-  command->add_option("--pressure", options.pressure, "of SCENE, Pa")->capture_default_str();
-  command->add_option("--end", options.end, "end of SCENE's run, s")->check(CLI::PositiveNumber)->capture_default_str();
-  command->add_option("--out", options.out, "directory of precision.json and precision.png")->capture_default_str();
-  command->add_option("--repeats", options.sweep.repeats, "timings of each setting; the median counts")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  command->add_flag("--quick", options.sweep.quick, "few settings: to see that it runs");
-  command->add_flag("!--no-plot", options.plot, "write no picture");
+  const auto add = [&](const char* name, const char* what) {
+    CLI::App* command = app.add_subcommand(name, what);
+    command->add_option("scene", options.scene, "a scene whose layer's grid and methods are to be chosen")
+        ->check(CLI::ExistingFile);
+    command->add_option("--velocity-jump", options.velocity_jump, "of SCENE, m/s")->capture_default_str();
+    command->add_option("--pressure", options.pressure, "of SCENE, Pa")->capture_default_str();
+    command->add_option("--end", options.end, "end of SCENE's run, s")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    command->add_option("--out", options.out, fmt::format("directory of {0}.json and {0}.png", name))
+        ->capture_default_str();
+    command->add_option("--repeats", options.sweep.repeats, "timings of each setting; the median counts")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
+    command->add_flag("--quick", options.sweep.quick, "few settings: to see that it runs");
+    command->add_flag("!--no-plot", options.plot, "write no picture");
+    return command;
+  };
+  const CLI::App* of_precision =
+      add("precision", "Error against run time: the fixed problems, or SCENE under a fixed jump and pressure");
+  add("tolerance", "Error delivered against error requested, of scenes with a tolerance");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
   try {
-    return precision(options);
+    return of_precision->parsed() ? precision(options) : tolerance(options);
   } catch (const std::exception& error) {
     fmt::print(stderr, "shearbus-study: {}\n", error.what());
     return kExitFault;

@@ -17,6 +17,7 @@ struct Setting {
   bool sdirk2 = false;
   double accuracy = 0.0;  // of the modes, where there is no profile
   int steps = 0;
+  double tolerance = 0.0;  // above 0: in place of all but the steps
 
   std::string text() const;
 };
@@ -34,6 +35,7 @@ struct Outcome {
   std::uint64_t state_bytes = 0;   // of a node, committed and trial
   double first_order_share = 0.0;  // of the steps of sdirk2: fell back to backward Euler
   double divided_share = 0.0;      // of the steps: cut into substeps
+  double estimate = 0.0;           // largest that was told, of a setting with a tolerance
   std::string failure;             // empty: none
   bool efficient = false;          // nothing cheaper is as accurate
 };
@@ -50,6 +52,9 @@ struct SweepOptions {
 };
 
 Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int repeats);
+// Errors of an answer against a reference; those of the impulse and the work are relative.
+void set_errors(const Problem& problem, const Answer& answer, const Reference& reference, Outcome& outcome);
+Reference reference_of(const Problem& problem, bool quick);
 Result sweep(const Problem& problem, const SweepOptions& options);
 
 // Cheapest outcome with at most this error of T0; null: none.

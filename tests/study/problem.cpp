@@ -209,7 +209,8 @@ std::vector<Problem> fixed_problems() {
                       .scene = scene,
                       .end = 300e-9,
                       .host = make<HalfSpaces>,
-                      .reference = half_spaces_reference});
+                      .reference = half_spaces_reference,
+                      .coupled = true});
   problems.push_back({.name = "paper_velocity_driven",
                       .title = "paper's case, velocity-driven",
                       .scene = paper_scene(wire::Strategy::kVelocityDriven),
@@ -223,6 +224,7 @@ std::vector<Problem> fixed_problems() {
                  .host = make<Shaken>,
                  .reference = extrapolated};
   shaken.mass = 1.0;
+  shaken.coupled = true;
   problems.push_back(shaken);
   return problems;
 }

@@ -45,6 +45,7 @@ struct Problem {
   double velocity_jump = 100.0;  // [m/s]
   double pressure = 11.2e9;      // [Pa]
   double mass = 1.0;             // of each side  [kg/m2]
+  bool coupled = false;          // the host takes part in the answer
 };
 
 inline constexpr int kSamples = 10;  // of T0 in a run: every tenth of it

@@ -1,4 +1,6 @@
-// What the study prints and writes.
+// What the study of precision prints and writes.
+#include "tests/study/report.hpp"
+
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
@@ -13,10 +15,6 @@
 
 namespace shearbus::study {
 namespace {
-
-std::string number(double value) {
-  return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("null");
-}
 
 std::string processor() {
   std::ifstream file("/proc/cpuinfo");
@@ -38,20 +36,31 @@ std::string commit() {
 
 }  // namespace
 
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("null");
+}
+
+std::string provenance(std::string_view study) {
+  return fmt::format(
+      "\"study\": \"{}\", \"version\": \"{}\", \"commit\": \"{}\", \"date\": \"{:%Y-%m-%d}\", \"processor\": \"{}\"",
+      study, SHEARBUS_VERSION, commit(), fmt::gmtime(std::time(nullptr)), processor());
+}
+
 std::string table(const Result& result) {
   std::string text = fmt::format("\n{}\n  reference: {} (T0 to {:.1e} of what it has to melting)\n",
                                  result.problem->title, result.reference.method, result.reference.uncertainty);
-  text += fmt::format("  {:<44} {:>9} {:>9} {:>9} {:>10} {:>10} {:>7} {:>6}\n", "efficient settings, cheapest first",
-                      "T0 error", "impulse", "work", "ns/step", "ns/run", "rows", "bytes");
+  text +=
+      fmt::format("  {:<44} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10} {:>7} {:>6}\n", "efficient settings, cheapest first",
+                  "T0 error", "impulse", "work", "ns/step", "+ message", "ns/run", "rows", "bytes");
   std::vector<const Outcome*> front;
   for (const Outcome& one : result.outcomes)
     if (one.efficient) front.push_back(&one);
   std::sort(front.begin(), front.end(), [](auto* a, auto* b) { return a->ns_per_node < b->ns_per_node; });
   for (const Outcome* one : front) {
     text += fmt::format(
-        "  {:<44} {:9.1e} {:9.1e} {:9.1e} {:10.0f} {:10.0f} {:7.0f} {:6}{}\n", one->setting.text(),
-        one->temperature_error, one->impulse_error, one->work_error, one->ns_per_node_step, one->ns_per_node,
-        one->solves_per_step, one->state_bytes,
+        "  {:<44} {:9.1e} {:9.1e} {:9.1e} {:9.0f} {:9.0f} {:10.0f} {:7.0f} {:6}{}\n", one->setting.text(),
+        one->temperature_error, one->impulse_error, one->work_error, one->ns_per_node_step, one->message_ns,
+        one->ns_per_node, one->solves_per_step, one->state_bytes,
         one->temperature_error < 100.0 * result.reference.uncertainty ? "  (near the reference's own)" : "");
   }
   const auto failed = std::count_if(result.outcomes.begin(), result.outcomes.end(),
@@ -87,11 +96,7 @@ std::string recommendation(const Result& result) {
 }
 
 std::string json(const std::vector<Result>& results, int repeats) {
-  std::string text = fmt::format(
-      "{{\n  \"study\": \"precision\", \"version\": \"{}\", \"commit\": \"{}\", \"date\": \"{:%Y-%m-%d}\", "
-      "\"processor\": "
-      "\"{}\", \"repeats\": {},\n  \"problems\": [",
-      SHEARBUS_VERSION, commit(), fmt::gmtime(std::time(nullptr)), processor(), repeats);
+  std::string text = fmt::format("{{\n  {}, \"repeats\": {},\n  \"problems\": [", provenance("precision"), repeats);
   for (const Result& result : results) {
     text += fmt::format(
         "{}\n    {{\"name\": \"{}\", \"title\": \"{}\", \"reference\": \"{}\", \"uncertainty\": {}, \"runs\": [",

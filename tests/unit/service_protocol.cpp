@@ -241,6 +241,32 @@ TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
   EXPECT_GT(work, 0.0);
 }
 
+TEST_P(ServiceOf, TheErrorEstimateIsToldOfScenesWithATolerance) {
+  wire::Scene controlled = scene();
+  controlled.layer = {};
+  controlled.tolerance = 1e-3;
+  ServiceHarness harness, plain;
+  ASSERT_TRUE(harness.ask(ServiceHarness::opening(controlled, kNodes)).reply.status.ok());
+  plain.ask(ServiceHarness::opening(scene(), kNodes));
+  wire::Request wanting = ServiceHarness::step(1, columns(1));
+  std::get<wire::Downscale>(wanting.body).wanted = {Field::kInterfaceTemperature, Field::kErrorEstimate};
+  const Answer answer = harness.ask(wanting);
+  ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+  double largest = 0.0;
+  for (const double estimate : answer.reply.batch.f64(Field::kErrorEstimate)) {
+    EXPECT_TRUE(estimate >= 0.0 && estimate <= 1e-3) << estimate;
+    largest = std::max(largest, estimate);
+  }
+  EXPECT_GT(largest, 0.0);
+  const Answer refused = plain.ask(wanting);
+  EXPECT_EQ(refused.code(), Code::kUnsupported);
+  EXPECT_NE(refused.reply.status.text.find("error_estimate"), std::string::npos);
+
+  wire::Request shorter = ServiceHarness::step(2, columns(2));
+  std::get<wire::Downscale>(shorter.body).dt_s = 1e-13;
+  EXPECT_EQ(harness.ask(shorter).reply.status.field, "dt_s");
+}
+
 TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene(), kNodes));

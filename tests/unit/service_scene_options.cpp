@@ -169,6 +169,54 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
   EXPECT_EQ(refusal_of(scene).field, "layer.time_integrator");
 }
 
+TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
+  wire::Scene scene = support::velocity_scene();
+  scene.layer = {.thickness_m = 20e-6};
+  scene.tolerance = 1e-3;
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.tolerance, 1e-3);
+  EXPECT_EQ(made.options.time_integrator, physics::TimeIntegrator::kSdirk2);
+  EXPECT_GT(made.options.grid.cells, 20);
+  EXPECT_LT(made.options.grid.cells, 200);
+  scene.tolerance = 1e-2;
+  EXPECT_LT(scene_model(scene).options.grid.cells, made.options.grid.cells);
+  EXPECT_THAT(physics::Model(made.options).warnings(), ::testing::Contains(HasSubstr("tolerance 0.001: ")));
+  // What a server answers opens the same session again, as a message and as a file.
+  const std::string text = wire::scene_to_toml(made.effective);
+  EXPECT_EQ(wire::scene_to_toml(scene_model(made.effective).effective), text);
+  EXPECT_EQ(scene_model(wire::parse_scene(text, "effective").scene).options.grid.cells, made.options.grid.cells);
+
+  scene.hard_layer.emplace();
+  const SceneModel two_sided = scene_model(scene);
+  EXPECT_EQ(two_sided.options.hard_grid->cells, two_sided.options.grid.cells);
+  EXPECT_EQ(wire::scene_to_toml(scene_model(two_sided.effective).effective), wire::scene_to_toml(two_sided.effective));
+  scene.hard_layer->cells = 60;
+  EXPECT_EQ(refusal_of(scene).field, "hard_layer.cells");
+  scene.hard_layer->cells.reset();
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("where the flow gathers in a band"));
+  scene.velocity_driven.taylor_quinney_factor.reset();
+  scene.layer.inertia = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("waves cross the layer unseen"));
+  scene.layer.inertia = false;
+  scene.layer.cells = 60;
+  EXPECT_EQ(refusal_of(scene).field, "layer.cells");
+  scene.layer.cells = 500;  // as if not given
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("is the server's choice"));
+  scene.layer.time_integrator = wire::TimeIntegrator::kBackwardEuler;
+  scene.tolerance = 0.5;
+  EXPECT_EQ(refusal_of(scene).field, "tolerance");
+
+  scene = support::force_scene();
+  scene.layer = {};
+  scene.tolerance = 1e-4;
+  EXPECT_TRUE(scene_model(scene).options.modes);
+  scene.interface->plastic_layer = true;
+  EXPECT_FALSE(scene_model(scene).options.modes);
+  EXPECT_EQ(scene_model(scene).options.time_integrator, physics::TimeIntegrator::kBackwardEuler);
+}
+
 TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.inertia);

@@ -272,6 +272,13 @@ class RandomScene {
     scene.layer.sleep = flip() && !scene.layer.inertia && scene.layer.heat == Heat::kProfile &&
                         scene.layer.time_integrator == TimeIntegrator::kBackwardEuler;
     if (scene.layer.sleep) scene.layer.shadow_share = number(1e-3, 1);
+    if (!scene.velocity_driven.taylor_quinney_factor && !scene.layer.inertia && random_() % 4 == 0) {
+      scene.tolerance = number(1e-6, 0.1);
+      scene.layer = {.thickness_m = scene.layer.thickness_m,
+                     .far_boundary = scene.layer.far_boundary,
+                     .initial_temperature_k = scene.layer.initial_temperature_k};
+      if (scene.hard_layer) scene.hard_layer->cells.reset(), scene.hard_layer->grading.reset();
+    }
     if (flip()) scene.hydro = hydro();
     return scene;
   }
@@ -361,6 +368,7 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
     ASSERT_EQ(again.layer.sleep, scene.layer.sleep);
     ASSERT_EQ(again.layer.shadow_share, scene.layer.shadow_share);
+    ASSERT_EQ(again.tolerance, scene.tolerance);
     ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.layer.time_integrator, scene.layer.time_integrator);
     ASSERT_EQ(again.layer.heat, scene.layer.heat);

@@ -479,7 +479,9 @@ NodeState initial_state(const ModelOptions& options) {
   return state;
 }
 
-NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+namespace {
+
+NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2 && !inputs.backward_euler;
   if (options.inertia) return with_inertia(options, dt, inputs, state);
   if (options.strategy == Strategy::kVelocityDriven) {
@@ -492,6 +494,57 @@ NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs
   out = force_driven(options, dt, inputs, state);
   out.first_order = options.time_integrator == TimeIntegrator::kSdirk2 && out.regime != Regime::kStick;
   return out;
+}
+
+// 2, 4, 8, ... substeps until halving them changes T0 by little enough.
+NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  const bool forced = options.strategy == Strategy::kForceDriven;
+  const double T_melt = options.soft.melting_temperature;
+  NodeState coarse = state;
+  const Profile old = profile_of(state);
+  const double response = heat_of_step(options, dt, state, old).B[0];
+  NodeOutputs coarser = advance_uncontrolled(options, dt, inputs, coarse);
+  for (int times = 1;; ++times) {
+    const int substeps = 1 << times;
+    NodeState fine = state;
+    NodeInputs in = inputs;
+    NodeOutputs sum;
+    for (int j = 0; j < substeps; ++j) {
+      const NodeOutputs out = advance_uncontrolled(options, dt / substeps, in, fine);
+      const double share = 1.0 / substeps;
+      const NodeOutputs before = sum;
+      sum = out;
+      sum.shear_stress = forced ? before.shear_stress + share * out.shear_stress : out.shear_stress;
+      sum.sliding_velocity = before.sliding_velocity + share * out.sliding_velocity;
+      sum.friction_heat = before.friction_heat + out.friction_heat;
+      sum.first_order = before.first_order || out.first_order;
+      sum.answers = std::max(before.answers, out.answers);
+      if (forced) in.velocity_jump = out.velocity_jump_new;
+    }
+    const double heat = response / dt * std::abs(sum.friction_heat - coarser.friction_heat);
+    const double jump = 30.0 * conducted_share(options) * response *
+                        std::max(std::abs(sum.shear_stress), std::abs(coarser.shear_stress)) *
+                        std::abs(sum.velocity_jump_new - coarser.velocity_jump_new);
+    const double along = inputs.velocity_jump > 0.0 ? sum.velocity_jump_new : -sum.velocity_jump_new;
+    const bool turns = inputs.velocity_jump != 0.0 && !(along > 0.0);
+    const double change = (turns || sum.first_order ? 10.0 : 1.0) *
+                          std::max({std::abs(sum.interface_temperature - coarser.interface_temperature), heat, jump}) /
+                          std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
+    coarser = sum;
+    if (change > 0.25 * *options.tolerance && times < 6) continue;
+    if (sum.shear_stress * sum.sliding_velocity < 0.0) sum.sliding_velocity = 0.0;
+    sum.error_estimate = change;
+    state = fine;
+    state.shear_stress = sum.shear_stress;
+    return sum;
+  }
+}
+
+}  // namespace
+
+NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  return options.tolerance ? advance_controlled(options, dt, inputs, state)
+                           : advance_uncontrolled(options, dt, inputs, state);
 }
 
 }  // namespace shearbus::physics::reference

@@ -81,7 +81,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
         static_cast<int>(modes.size()) - 1, inputs, committed, trial, outputs);
   } else {
     advance(
-        problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.halved(k); },
+        problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },
         operators.max_halvings(), inputs, committed, trial, outputs);
   }
 }

@@ -143,7 +143,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     } else {
       outcome = kSubstepped;
       for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const HeatOperator& shorter = operators.halved(k);
+        const HeatOperator& shorter = operators.heat_halved(k);
         copy_lane(T_old, T_all, n, l);
         copy_lane(strain, strain_new, problem.grid.num_vertices(), l);
         if (run_substeps(shorter, n, 1 << k, k == operators.max_halvings(), l, before[l], T_all, result,

@@ -158,6 +158,7 @@ std::vector<std::string> Model::warnings() const {
         "and "
         "when that forms depends on cells and dt; compare several before trusting the stress after it");
   }
+  if (o.tolerance) warnings.push_back(discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
   if (o.initial_temperature >= o.soft.melting_temperature) {
     warnings.push_back(
         text_of("the initial temperature (%g K) is not below the soft body's melting temperature (%g K): the "
@@ -203,47 +204,65 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  const int halvings = impl_->options.strategy == Strategy::kForceDriven ? kMaxHalvings : 0;
-  const bool stages = impl_->options.time_integrator == TimeIntegrator::kSdirk2;
-  if (impl_->modes) return std::make_shared<const StepOperators>(*impl_->modes, dt, halvings, stages);
-  return std::make_shared<const StepOperators>(impl_->grid, impl_->heat_grid, impl_->options.soft, impl_->options.hard,
-                                               dt, halvings, impl_->options.taylor_quinney_factor.has_value(), stages,
-                                               impl_->basis ? &*impl_->basis : nullptr);
+  const ModelOptions& options = impl_->options;
+  const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
+  // `times`: the step is itself one so often halved, and no substep becomes shorter than the shortest of the whole one.
+  const auto operators_of = [&](double step, int times) {
+    const int halvings = options.strategy == Strategy::kForceDriven ? kMaxHalvings - times : 0;
+    if (impl_->modes) return std::make_unique<StepOperators>(*impl_->modes, step, halvings, stages);
+    return std::make_unique<StepOperators>(impl_->grid, impl_->heat_grid, options.soft, options.hard, step, halvings,
+                                           options.taylor_quinney_factor.has_value(), stages,
+                                           impl_->basis ? &*impl_->basis : nullptr);
+  };
+  std::unique_ptr<StepOperators> operators = operators_of(dt, 0);
+  for (int times = 1; options.tolerance && times <= kMaxHalvings; ++times) {
+    operators->add_halved(operators_of(std::ldexp(dt, -times), times));
+  }
+  return operators;
+}
+
+void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
+               TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  copy_lane(committed, trial, layout.doubles, lane);
+  outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
+  outputs.sliding_velocity[lane] = 0.0;
+  outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
+  outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
+  outputs.friction_heat[lane] = 0.0;
+  outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+  outputs.outcome[lane] = kFailed;
+}
+
+void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                  const double* committed, double* trial, TileOutputs& outputs) {
+  const bool sdirk2 = problem.options.time_integrator == TimeIntegrator::kSdirk2;
+  const AdvanceTile awake = problem.options.inertia ? advance_with_inertia
+                            : problem.options.strategy == Strategy::kVelocityDriven
+                                ? (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)
+                            : problem.options.plastic_layer ? advance_force_driven_flowing
+                            : sdirk2                        ? advance_force_driven_sdirk2
+                                                            : advance_force_driven;
+  if (problem.basis) {
+    advance_with_sleep(problem, operators, awake, inputs, committed, trial, outputs);
+  } else {
+    awake(problem, operators, inputs, committed, trial, outputs);
+  }
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!(inputs.active >> lane & 1u)) {
+      copy_lane(committed, trial, problem.layout.doubles, lane);
+    } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
+               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
+               !std::isfinite(outputs.friction_heat[lane])) {
+      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer.
+      keep_lane(problem, inputs, committed, trial, lane, outputs);
+    }
+  }
 }
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
-  const TileLayout& layout = impl_->layout;
-  const bool sdirk2 = impl_->options.time_integrator == TimeIntegrator::kSdirk2;
-  const AdvanceTile awake = impl_->options.inertia ? advance_with_inertia
-                            : impl_->options.strategy == Strategy::kVelocityDriven
-                                ? (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)
-                            : impl_->options.plastic_layer ? advance_force_driven_flowing
-                            : sdirk2                       ? advance_force_driven_sdirk2
-                                                           : advance_force_driven;
-  if (impl_->basis) {
-    advance_with_sleep(*impl_, operators, awake, inputs, committed, trial, outputs);
-  } else {
-    awake(*impl_, operators, inputs, committed, trial, outputs);
-  }
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) {
-      copy_lane(committed, trial, layout.doubles, lane);
-    } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
-               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
-               !std::isfinite(outputs.friction_heat[lane])) {
-      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer, the
-      // old state stays.
-      copy_lane(committed, trial, layout.doubles, lane);
-      outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
-      outputs.sliding_velocity[lane] = 0.0;
-      outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
-      outputs.interface_temperature[lane] = interface_temperature(committed, lane);
-      outputs.friction_heat[lane] = 0.0;
-      outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-      outputs.outcome[lane] = kFailed;
-    }
-  }
+  (impl_->options.tolerance ? advance_controlled : advance_once)(*impl_, operators, inputs, committed, trial, outputs);
 }
 
 void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,

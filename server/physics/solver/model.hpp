@@ -19,7 +19,8 @@ enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
-inline constexpr int kMaxInertiaCells = 1000;  // of a layer with inertia: its step works on the stack
+inline constexpr double kShortestControlledStep = 1e-12;  // of a host, where there is a tolerance  [s]
+inline constexpr int kMaxInertiaCells = 1000;             // of a layer with inertia: its step works on the stack
 
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
@@ -36,6 +37,10 @@ struct ModelOptions {
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
 
+  // Largest error of T0, in parts of what it has to melting at the start. Steps are cut until halving them changes T0
+  // by less; not with inertia or taylor_quinney_factor. discretised() gives the grid and the methods that go with it.
+  std::optional<double> tolerance;
+
   int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
 
   // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
@@ -51,6 +56,9 @@ struct ModelOptions {
   // the layer flows. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
 };
+
+// The options with a tolerance, and with the grid, heat and time integrator that it asks for (MODEL.md section 3c).
+ModelOptions discretised(ModelOptions options, double tolerance);
 
 // Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit
 // flux (DLP 26-35). Make one per step length and share it.

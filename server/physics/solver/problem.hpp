@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <optional>
+#include <string>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
@@ -73,6 +74,20 @@ struct BalanceStage {
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
+
+// One step of the active lanes of a tile, the whole of `trial`: by the options' solver, or where they give a tolerance
+// in as many substeps as it takes. Lanes without an answer keep their state.
+void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                  const double* committed, double* trial, TileOutputs& outputs);
+void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                        const double* committed, double* trial, TileOutputs& outputs);
+
+// What a model with a tolerance is made of, in a sentence. `modes`: how many there are.
+std::string discretisation_of(const ModelOptions& options, std::size_t modes);
+
+// A lane without an answer: the old state stays.
+void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
+               TileOutputs& outputs);
 
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

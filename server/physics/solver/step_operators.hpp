@@ -3,9 +3,11 @@
 #pragma once
 
 #include <deque>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "server/physics/layer/conduction.hpp"
@@ -42,13 +44,21 @@ class StepOperators {
 
   const HeatOperator& heat() const { return *heat_; }
   // Of dt / 2^k. Allocates nothing; several threads may ask at once.
-  const HeatOperator& halved(int k) const {
+  const HeatOperator& heat_halved(int k) const {
     Shorter& shorter = shorter_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.factorise(*bodies_.grid, *bodies_.soft, *bodies_.hard); });
     return shorter.heat;
   }
   std::span<const ModeOperator> modes() const { return modes_; }  // of dt, dt/2, ..., where there is no profile
   int max_halvings() const { return static_cast<int>(shorter_.size()); }
+
+  // Where the error of a step is controlled: those of its halves, quarters, ...
+  void add_halved(std::unique_ptr<const StepOperators> operators) { halved_.push_back(std::move(operators)); }
+  const StepOperators& halved(int times) const {
+    return times == 0 ? *this : *halved_[static_cast<std::size_t>(times) - 1];
+  }
+  int times_halved() const { return static_cast<int>(halved_.size()); }
+
   double dt() const { return dt_; }
   const double* decay() const { return decay_.data(); }  // of the modes in which sleepers' heat is held
   const SpreadHeat& spread() const { return *spread_; }
@@ -79,6 +89,7 @@ class StepOperators {
   mutable std::deque<Shorter> shorter_;
   std::vector<double> decay_;
   std::vector<ModeOperator> modes_;
+  std::vector<std::unique_ptr<const StepOperators>> halved_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;

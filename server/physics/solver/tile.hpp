@@ -83,6 +83,7 @@ struct TileOutputs {
   alignas(64) double interface_temperature[kLanes];  // T0                               [K]
   alignas(64) double velocity_jump_new[kLanes];      // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
+  alignas(64) double error_estimate[kLanes];         // of models with a tolerance only: see there   [1]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
   double shadow_temperature_error[kLanes];  // |T0| apart from the node solved; of lanes asleep and shadowed  [K]

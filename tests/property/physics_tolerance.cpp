@@ -1,0 +1,137 @@
+// Steps whose error is controlled: the slow twin's decisions and answers, no lane's decision another's, and what holds
+// for every step.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <string>
+
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+ModelOptions controlled(Draw& draw, Strategy strategy) {
+  ModelOptions options = random_options(draw, strategy, false);
+  options.taylor_quinney_factor.reset();
+  options.tolerance = draw.log_uniform(1e-5, 1e-2);
+  options.grid.cells = draw.integer(1, 16);
+  if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
+  return options;
+}
+
+class PhysicsTolerance : public ::testing::TestWithParam<Strategy> {};
+
+TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
+  Draw draw(91);
+  int compared = 0, finer = 0, apart = 0;
+  double worst = 0.0;
+  for (int scene = 0; scene < 40; ++scene) {
+    const ModelOptions options = controlled(draw, GetParam());
+    const double T_melt = options.soft.melting_temperature;
+    const double range = std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
+    Rig rig(options);
+    for (int step = 0; step < 6; ++step) {
+      random_inputs(draw, rig, false);
+      const double dt = random_dt(draw, false);
+      const int l = step;
+      reference::NodeState twin_state = rig.node_state(l);
+      const reference::NodeOutputs twin = reference::advance_one(options, dt, rig.node_inputs(l), twin_state);
+      rig.step(dt);
+      if ((rig.outputs.outcome[l] & (kSubstepped | kMultipleRoots)) != 0 || twin.answers > 1) continue;
+      SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step));
+      ++compared;
+      finer += twin.error_estimate > 0.25 * *options.tolerance;
+      // A change that is the limit itself to rounding, or a first-order step where the criterion of a single answer
+      // sent only the fast solver back, leave the two with different substeps: what either promises.
+      const double difference = std::abs(rig.outputs.interface_temperature[l] - twin.interface_temperature);
+      worst = std::max(worst, difference);
+      if (difference > 1e-8) {
+        ++apart;
+        ASSERT_LE(difference, range * (rig.outputs.error_estimate[l] + twin.error_estimate));
+        continue;
+      }
+      EXPECT_NEAR(rig.outputs.friction_heat[l], twin.friction_heat, 1e-6 * twin.friction_heat + 1e-9);
+      const double driven = dt * (std::abs(rig.inputs.stress_minus[l]) / rig.inputs.mass_minus[l] +
+                                  std::abs(rig.inputs.stress_plus[l]) / rig.inputs.mass_plus[l]);
+      EXPECT_NEAR(rig.outputs.velocity_jump_new[l], twin.velocity_jump_new,
+                  1e-8 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-10 * driven);
+      // The criterion of a single answer is sufficient, not necessary: it may send the fast solver alone to first
+      // order.
+      if (twin.first_order != ((rig.outputs.outcome[l] & kFirstOrder) != 0)) continue;
+      // Nor does the sign of a jump that is rounding.
+      if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
+      // Jumps are differences: their rounding is a change, too, tenfold where there is a kink.
+      const double response =
+          options.modes ? rig.operators->modes().front().response : rig.operators->heat().layer_response()[0];
+      const double grain =
+          300.0 * response * std::abs(twin.shear_stress) * 1e-13 * (driven + std::abs(rig.inputs.velocity_jump[l]));
+      EXPECT_NEAR(rig.outputs.error_estimate[l], twin.error_estimate,
+                  1e-6 * twin.error_estimate + 2e-8 + grain / range);
+    }
+  }
+  std::printf("%d node-steps compared, %d at the last halving, %d apart: worst T0 %.1e K\n", compared, finer, apart,
+              worst);
+  EXPECT_GT(compared, 150);
+  EXPECT_LT(apart, compared / 20);
+}
+
+TEST_P(PhysicsTolerance, ALaneAloneHasTheSameBits) {
+  Draw draw(92);
+  for (int scene = 0; scene < 30; ++scene) {
+    const ModelOptions options = controlled(draw, GetParam());
+    Rig rig(options);
+    for (int step = 0; step < 6; ++step) {
+      random_inputs(draw, rig, false);
+      const int l = draw.integer(0, kLanes - 1);
+      Rig alone(options, 1u << l);
+      alone.inputs = rig.inputs;
+      alone.inputs.active = 1u << l;
+      alone.committed = rig.committed;
+      const double dt = random_dt(draw, false);
+      rig.step(dt);
+      alone.step(dt);
+      for (std::size_t i = static_cast<std::size_t>(l); i < rig.committed.size(); i += kLanes) {
+        ASSERT_EQ(rig.committed[i], alone.committed[i]) << scene << " " << step;
+      }
+      ASSERT_EQ(rig.outputs.error_estimate[l], alone.outputs.error_estimate[l]);
+      ASSERT_EQ(rig.outputs.shear_stress[l], alone.outputs.shear_stress[l]);
+      ASSERT_EQ(rig.outputs.outcome[l], alone.outputs.outcome[l]);
+    }
+  }
+}
+
+TEST_P(PhysicsTolerance, WhatHoldsForAStepHoldsForItsSubsteps) {
+  Draw draw(93);
+  for (int scene = 0; scene < 40; ++scene) {
+    const ModelOptions options = controlled(draw, GetParam());
+    Rig rig(options);
+    for (int step = 0; step < 10; ++step) {
+      random_inputs(draw, rig, false);
+      double heat_before[kLanes];
+      for (int l = 0; l < kLanes; ++l) heat_before[l] = rig.stored_heat(0.0, l);
+      rig.step(random_dt(draw, false));
+      TileLedger ledger;
+      rig.model.book(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
+      for (int l = 0; l < kLanes; ++l) {
+        ASSERT_NEAR(ledger(LedgerTerm::kHeatResidual, l), 0.0,
+                    1e-11 * (heat_before[l] + ledger(LedgerTerm::kHeatToSoft, l) + ledger(LedgerTerm::kHeatToHard, l)));
+        ASSERT_GE(rig.outputs.shear_stress[l] * rig.outputs.sliding_velocity[l], 0.0);
+        ASSERT_GE(rig.outputs.friction_heat[l], 0.0);
+        ASSERT_EQ(rig.outputs.interface_temperature[l], rig.T(0, l));
+        ASSERT_EQ(rig.outputs.shear_stress[l], rig.stress(l));
+        ASSERT_LE(rig.outputs.interface_temperature[l],
+                  std::max(at_pressure(options.soft, rig.inputs.pressure[l]).melting_temperature,
+                           rig.trial[rig.model.layout().temperature + static_cast<std::size_t>(l)]));
+        ASSERT_TRUE(rig.outputs.error_estimate[l] >= 0.0);
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsTolerance, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& test) {
+                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+}  // namespace
+}  // namespace shearbus::testing

@@ -1,0 +1,121 @@
+#!/usr/bin/python3
+"""The coupled cone: zones of the hydrodynamics against accuracy of the layer. Where is the layer's error below the hydro's?
+
+    cone_sweep.py --hydro build/bin/shearbus-hydro [--zones 2e-3,1e-3,0.5e-3] [--end 12e-6] [--out DIR]
+
+Each layer runs with each zone width, in steps the hydrodynamics chooses. Of a run: friction heat and mean slip of the whole interface, and
+T0 of every node at every output. The layer's error is its distance to the best layer in the same zones; the hydro's is the distance of
+those zones to ones half as wide, both with the best layer (T0 is compared in the same zones only: others have other nodes).
+Writes cone_sweep.json, with date, processor and commit, and prints the table."""
+import argparse
+import datetime
+import json
+import pathlib
+import re
+import subprocess
+import sys
+
+import h5py
+import numpy
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SCENE = ROOT / "hydro_stub/problems/cone_al_steel_coarse.toml"
+BEST = "modes 1e-6, sdirk2"
+COMMON = 'thickness_m = 100e-6\nfar_boundary = "half_space"'
+LAYERS = {  # what the scene's layer is replaced by
+    BEST: 'heat = "modes"\nmodes.accuracy = 1e-6\ntime_integrator = "sdirk2"',
+    "profile, 640 cells x1.0075, sdirk2": 'cells = 640\ngrading = 1.0075\ntime_integrator = "sdirk2"',
+    "profile, 160 cells x1.03": "cells = 160\ngrading = 1.03",
+    "profile, 80 cells x1.06": "cells = 80\ngrading = 1.06",
+    "profile, 40 cells x1.12": "cells = 40\ngrading = 1.12",
+    "profile, 20 cells x1.25": "cells = 20\ngrading = 1.25",
+    "profile, 10 cells x1.6": "cells = 10\ngrading = 1.6",
+    "profile, 5 cells x2": "cells = 5\ngrading = 2",
+    "profile, 80 cells x1.06, sdirk2": 'cells = 80\ngrading = 1.06\ntime_integrator = "sdirk2"',
+    "modes 1e-3": 'heat = "modes"\nmodes.accuracy = 1e-3',
+    "modes 1e-3, sdirk2": 'heat = "modes"\nmodes.accuracy = 1e-3\ntime_integrator = "sdirk2"',
+}
+
+
+def scene_of(layer, zone, end):
+    text, found = re.subn(r"(?ms)^\[layer\]$.*?^\[interface\]$", f"[layer]\n{COMMON}\n{layer}\n\n[interface]", SCENE.read_text())
+    assert found == 1
+    for key, value in (("zone_width_m", zone), ("end_time_s", end)):
+        text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value:g}", text)
+        assert found == 1, key
+    return text
+
+
+def run(hydro, layer, zone, end, out):
+    """Answers of a run, or why there are none."""
+    out.mkdir(parents=True, exist_ok=True)
+    scene = out / "scene.toml"
+    scene.write_text(scene_of(LAYERS[layer], zone, end))
+    done = subprocess.run([hydro, scene, "--out", out / "run", "--no-plot", "--no-progress"], capture_output=True, text=True)
+    if done.returncode != 0:
+        return {"layer": layer, "zone_width_m": zone, "failure": (done.stderr.strip() or "failed").splitlines()[0]}
+    with h5py.File(out / "run/interface.h5") as file:
+        temperature = file["interface_temperature"][:]
+    summary = json.loads((out / "run/summary.json").read_text())
+    return {"layer": layer, "zone_width_m": zone, "failure": "", "steps": summary["steps"], "friction_heat_j": summary["friction_heat_j"],
+            "mean_slip_m": summary["mean_slip_m"], "run_time_s": summary["run_time_s"], "temperature": temperature}
+
+
+def distance(one, other, melting_range):
+    found = {key: abs(one[key] / other[key] - 1.0) for key in ("friction_heat_j", "mean_slip_m")}
+    a, b = one["temperature"], other["temperature"]
+    if a.shape == b.shape:  # the same zones, and as many outputs
+        found["temperature_rms"] = float(numpy.sqrt(numpy.mean(((a - b) / melting_range) ** 2)))
+        found["temperature_max"] = float(numpy.max(numpy.abs(a - b)) / melting_range)
+    return found
+
+
+def told(value):
+    return "        -" if value is None else f"{value:9.1e}"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hydro", type=pathlib.Path, required=True)
+    parser.add_argument("--zones", default="2e-3,1e-3,0.5e-3", help="zone widths, m, each half the one before")
+    parser.add_argument("--layers", default="", help="only layers whose name contains this (and the best)")
+    parser.add_argument("--end", type=float, default=12e-6, help="s")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/study"))
+    options = parser.parse_args()
+    zones = [float(z) for z in options.zones.split(",")]
+    if any(abs(a / b - 2) > 1e-9 for a, b in zip(zones, zones[1:])):
+        sys.exit("cone_sweep.py: --zones: each zone width is to be half the one before")
+    layers = [name for name in LAYERS if name == BEST or options.layers in name]
+    melting_range = 1220.0 - 300.0  # of the scene's aluminium
+    runs = {}
+    for number, zone in enumerate(zones):
+        for place, layer in enumerate(layers):
+            runs[zone, layer] = run(options.hydro, layer, zone, options.end, options.out / "cone" / f"{number}-{place}")
+    rows, hydro = [], []
+    for zone, finer in zip(zones, zones[1:]):
+        if not runs[zone, BEST]["failure"] and not runs[finer, BEST]["failure"]:
+            hydro.append({"zone_width_m": zone, **distance(runs[zone, BEST], runs[finer, BEST], melting_range)})
+    for (zone, layer), one in runs.items():
+        error = {} if layer == BEST or one["failure"] or runs[zone, BEST]["failure"] else distance(one, runs[zone, BEST], melting_range)
+        rows.append({**{key: value for key, value in one.items() if key != "temperature"}, "error": error})
+    print(f"{'zones':>8} {'layer':<34} {'heat':>9} {'slip':>9} {'T0 rms':>9} {'T0 max':>9}   (errors of the layer)")
+    for row in rows:
+        if row["layer"] == BEST and not row["failure"]:
+            continue
+        error = row["error"]
+        line = f"{row['zone_width_m'] * 1e3:5.2f} mm {row['layer']:<34} "
+        print(line + (f"FAILED: {row['failure']}" if row["failure"] else
+                      " ".join(told(error.get(k)) for k in ("friction_heat_j", "mean_slip_m", "temperature_rms", "temperature_max"))))
+    for one in hydro:
+        print(f"{one['zone_width_m'] * 1e3:5.2f} mm {'zones half as wide (hydro error)':<34} {told(one['friction_heat_j'])} {told(one['mean_slip_m'])}")
+    commit = subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty"], capture_output=True, text=True).stdout.strip()
+    processor = re.findall(r"model name\s*: (.*)", pathlib.Path("/proc/cpuinfo").read_text())
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / "cone_sweep.json"
+    path.write_text(json.dumps({"study": "cone", "commit": commit or "unknown", "date": datetime.date.today().isoformat(),
+                                "processor": processor[0] if processor else "unknown", "best": BEST, "hydro": hydro, "runs": rows}, indent=1))
+    print(f"written: {path}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,24 @@
+// Whether a scene with a tolerance gets what it asks for: the error delivered against the error requested, at several
+// step lengths of the host.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/study/precision.hpp"
+
+namespace shearbus::study {
+
+struct Tracked {
+  std::string problem;
+  std::string reference;
+  std::vector<Outcome> outcomes;  // by setting.tolerance and setting.steps
+};
+
+std::vector<Tracked> track_tolerances(const std::vector<Problem>& problems, const SweepOptions& options);
+
+std::string table(const std::vector<Tracked>& tracked);
+std::string json(const std::vector<Tracked>& tracked, int repeats);
+
+}  // namespace shearbus::study
