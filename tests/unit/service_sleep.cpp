@@ -128,5 +128,52 @@ TEST(ServiceSleep, BatchesAndThreadsCannotBeTold) {
   }
 }
 
+// Asleep or awake, a node that goes to another session goes on as if it had stayed.
+TEST(ServiceSleep, SleepersMoveWithTheirBits) {
+  Host stayed(sleepy_scene());
+  ServiceHarness moved;
+  const auto open = [&](std::uint8_t session, const std::vector<std::uint64_t>& ids) {
+    wire::Request request = ServiceHarness::opening(sleepy_scene(), ids, session);
+    std::get<wire::OpenSession>(request.body).domain = "d";
+    ASSERT_EQ(moved.ask(request).code(), wire::Code::kOk);
+  };
+  std::vector<std::uint64_t> here = stayed.ids, there = {7};
+  open(1, here);
+  open(2, there);
+  std::uint64_t sequence[] = {0, 0};
+  for (int n = 0; n < 70; ++n) {
+    if (n == 35) {
+      std::vector<std::uint64_t> going, staying;
+      for (const std::uint64_t id : here) (id % 3 == 0 ? going : staying).push_back(id);
+      wire::TransferId transfer{};
+      transfer.fill(9);
+      wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{transfer}, ++sequence[0], 1);
+      offer.batch = wire::Batch::of(std::vector{Field::kNodeId}, going.size());
+      std::ranges::copy(going, offer.batch.u64(Field::kNodeId).begin());
+      ASSERT_EQ(moved.ask(offer).code(), wire::Code::kOk);
+      ASSERT_EQ(moved.ask(ServiceHarness::in_session(wire::AcceptNodes{transfer}, ++sequence[1], 2)).code(),
+                wire::Code::kOk);
+      here = staying;
+      there.insert(there.end(), going.begin(), going.end());
+    }
+    const int phase = n < 60 ? n : 0;  // at last everybody rubs again
+    ++stayed.sequence;
+    const Answer expected = stayed.harness.ask(ServiceHarness::step(stayed.sequence, columns(stayed.ids, phase)));
+    for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
+      const auto& ids = session == 1 ? here : there;
+      const Answer found =
+          moved.ask(ServiceHarness::step(++sequence[session - 1], columns(ids, phase), Mode::kAdvance, session));
+      for (std::size_t row = 0; row < ids.size(); ++row) {
+        if (ids[row] < stayed.ids.front()) continue;
+        const std::size_t at = ids[row] - stayed.ids.front();
+        ASSERT_EQ(found.reply.batch.f64(Field::kInterfaceTemperature)[row],
+                  expected.reply.batch.f64(Field::kInterfaceTemperature)[at])
+            << "step " << n << ", node " << ids[row];
+        ASSERT_EQ(found.reply.batch.u8(Field::kOutcome)[row], expected.reply.batch.u8(Field::kOutcome)[at]);
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace shearbus::service
