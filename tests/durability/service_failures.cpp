@@ -51,23 +51,45 @@ wire::Request step(Strategy strategy, std::uint64_t sequence, int number, Policy
   return request;
 }
 
-class Failures : public testing::TestWithParam<Strategy> {
+// A scene, and the column of its state in which a number makes the next step's answer none.
+struct Kind {
+  const char* name;
+  Strategy strategy;
+  bool modes;
+  const char* column;
+
+  operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
+  wire::Scene scene() const {
+    wire::Scene scene = support::scene_of(strategy);
+    if (modes) scene.layer.heat = wire::Heat::kModes;
+    return scene;
+  }
+};
+
+class Failures : public testing::TestWithParam<Kind> {
  protected:
   // A server with one session after three steps, on this disk.
   void prepare(MemoryStorage& disk) {
     DurableServer server(disk);
-    server.ask(ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes)));
+    server.ask(ServiceHarness::opening(GetParam().scene(), support::node_ids(kNodes)));
     for (int i = 0; i < 3; ++i)
       server.ask(step(GetParam(), static_cast<std::uint64_t>(i) + 1, i, Policy::kUnspecified));
     ASSERT_TRUE(server.service.checkpoint());
   }
-  // The same, with one temperature of the node at kBadRow that is no number.
+  // The same, with one temperature of the node at kBadRow, or one mode's share of it, that is no number.
   void prepare_damaged(MemoryStorage& disk) {
     prepare(disk);
     store::Snapshot snapshot = snapshot_of(disk, 1);
     for (shard::StateColumn& column : snapshot.sessions.front().committed.columns)
-      if (column.name == "temperature_k") column.values[kBadRow * column.width + 2] = kNan;
+      if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
+  }
+  // The capsule of a node that has an answer, and one that is not what was recorded.
+  static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
+    store::Capsule capsule = store::read_capsule(recorded, "capsule");
+    for (shard::StateColumn& column : capsule.state.columns)
+      if (column.name == GetParam().column) column.values[2] = GetParam().modes ? 0.0 : 300.0;
+    return store::capsule_bytes(capsule);
   }
   static std::vector<std::string> capsules(const MemoryStorage& disk) {
     std::vector<std::string> found;
@@ -76,10 +98,11 @@ class Failures : public testing::TestWithParam<Strategy> {
     return found;
   }
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, Failures, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, Failures,
+                         testing::Values(Kind{"VelocityDriven", Strategy::kVelocityDriven, false, "temperature_k"},
+                                         Kind{"ForceDriven", Strategy::kForceDriven, false, "temperature_k"},
+                                         Kind{"WithoutProfile", Strategy::kForceDriven, true, "heat_modes_k"}),
+                         [](const auto& kind) { return kind.param.name; });
 
 TEST_P(Failures, AcceptedTheNodeKeepsItsStateAndTheOthersStep) {
   MemoryStorage sound_disk, disk;
@@ -170,17 +193,13 @@ TEST_P(Failures, TheCapsuleRunsAgainWithTheSameBits) {
   EXPECT_TRUE(all.same());
   EXPECT_EQ(all.node_id, support::node_ids(kNodes)[kBadRow]);
   EXPECT_EQ(all.step, 3u);
-  EXPECT_EQ(all.answer.size(), GetParam() == Strategy::kVelocityDriven ? 6u : 7u);
-  for (const auto& part : all.state) EXPECT_EQ(part.not_finite, part.name == "temperature_k" ? 1u : 0u) << part.name;
+  EXPECT_EQ(all.answer.size(), GetParam().strategy == Strategy::kVelocityDriven ? 6u : 7u);
+  for (const auto& part : all.state) EXPECT_EQ(part.not_finite, part.name == GetParam().column ? 1u : 0u) << part.name;
   const auto some = replayed(disk.bytes("capsule-000000000002.h5"));
   EXPECT_TRUE(some.same());
   EXPECT_EQ(some.answer.size(), 1u);
 
-  // A node that has an answer, and one that is not what was recorded.
-  store::Capsule capsule = store::read_capsule(disk.bytes("capsule-000000000001.h5"), "capsule");
-  for (shard::StateColumn& column : capsule.state.columns)
-    if (column.name == "temperature_k") column.values[2] = 300.0;
-  EXPECT_FALSE(replayed(store::capsule_bytes(capsule)).same());
+  EXPECT_FALSE(replayed(mended(disk.bytes("capsule-000000000001.h5"))).same());
 }
 
 TEST_P(Failures, TheProgramRunsACapsuleAgainAndTellsWhatDiffers) {
@@ -202,10 +221,7 @@ TEST_P(Failures, TheProgramRunsACapsuleAgainAndTellsWhatDiffers) {
   for (const std::string& word : {node, std::string("the same answer, to the last bit")})
     EXPECT_NE(support::text_of(log).find(word), std::string::npos) << word << " in " << support::text_of(log);
 
-  store::Capsule capsule = store::read_capsule(recorded, "capsule");
-  for (shard::StateColumn& column : capsule.state.columns)
-    if (column.name == "temperature_k") column.values[2] = 300.0;
-  EXPECT_EQ(run(store::capsule_bytes(capsule)), 1);
+  EXPECT_EQ(run(mended(recorded)), 1);
   EXPECT_NE(support::text_of(log).find("ANOTHER ANSWER"), std::string::npos) << support::text_of(log);
 }
 

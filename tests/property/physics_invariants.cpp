@@ -29,7 +29,13 @@ int num_vertices(const Rig& rig) {
 }
 
 struct Before {
-  Before(const Rig& rig, int lane) : heat(rig.stored_heat(0.0, lane)), s(rig.stress(lane)) {
+  Before(const Rig& rig, int lane) : s(rig.stress(lane)) {
+    if (const TileLayout& layout = rig.model.layout(); layout.heat_modes != TileLayout::kAbsent) {
+      coldest = rig.committed[layout.heat_modes + static_cast<std::size_t>(lane)];
+      kept = rig.committed[layout.heat_modes + kLanes + static_cast<std::size_t>(lane)];
+    } else {
+      heat = rig.stored_heat(0.0, lane);
+    }
     for (int i = first_vertex(rig); i < num_vertices(rig); ++i) {
       coldest = std::min(coldest, rig.T(i, lane));
       hottest = std::max(hottest, rig.T(i, lane));
@@ -38,7 +44,7 @@ struct Before {
     slip = rig.plastic_slip(lane);
     for (int i = 0; i < rig.model.grid().num_vertices(); ++i) ep.push_back(rig.ep(i, lane));
   }
-  double heat, s, slip = 0.0, coldest = 1e300, hottest = 0.0;
+  double heat = 0.0, kept = 0.0, s, slip = 0.0, coldest = 1e300, hottest = 0.0;
   std::vector<double> ep;
 };
 
@@ -51,7 +57,7 @@ void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
   ASSERT_TRUE(std::isfinite(out.shear_stress[lane]) && std::isfinite(out.sliding_velocity[lane]) &&
               std::isfinite(out.velocity_jump_new[lane]) && std::isfinite(out.friction_heat[lane]));
   ASSERT_EQ(out.interface_temperature[lane], rig.T(0, lane));
-  const bool one_sided = !options.hard_grid;
+  const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
   const double T_melt = at_pressure(options.soft, rig.inputs.pressure[lane]).melting_temperature;
   for (int i = first_vertex(rig); i < num_vertices(rig); ++i) {
     const double T = rig.T(i, lane);
@@ -65,17 +71,28 @@ void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
     } else {  // pressure may have been higher before
       ASSERT_LE(T, std::max(T_melt, before.hottest * (1 + 1e-15)));
     }
-    if (i > 0 && one_sided) {
+    if (i > 0 && falls_inwards) {
       ASSERT_LE(T, rig.T(i - 1, lane) * (1 + 1e-15));
     }
   }
   ASSERT_GE(out.shear_stress[lane] * out.sliding_velocity[lane], 0.0);
   ASSERT_GE(out.friction_heat[lane], 0.0);
-  ASSERT_NEAR(rig.stored_heat(0.0, lane) - before.heat, out.friction_heat[lane], 1e-12 * before.heat);
+  if (!options.modes) {
+    ASSERT_NEAR(rig.stored_heat(0.0, lane) - before.heat, out.friction_heat[lane], 1e-12 * before.heat);
+  } else if (const HeatKernel kernel(options.soft, options.grid);
+             !kernel.far_face_unfelt(options.modes->longest_time)) {
+    // The first mode of a slab is the mean temperature.
+    const double kept = rig.committed[rig.model.layout().heat_modes + kLanes + static_cast<std::size_t>(lane)];
+    const double capacity = options.soft.conductivity / options.soft.diffusivity * options.grid.thickness;
+    ASSERT_NEAR(capacity * (kept - before.kept), out.friction_heat[lane], 1e-12 * capacity * (kept + 1.0));
+  }
 
   const double beta_T = rig.conducted_share();
   const double s = out.shear_stress[lane];
-  if (options.strategy == Strategy::kVelocityDriven) {
+  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2 && !(out.outcome[lane] & kFirstOrder);
+  if (options.strategy == Strategy::kVelocityDriven && second_order) {
+    return;  // heat is that of the stress at both stages; the work at the end of the step is not the whole
+  } else if (options.strategy == Strategy::kVelocityDriven) {
     const double work = std::max(0.0, s * rig.inputs.velocity_jump[lane]) * dt;
     const double factor = options.taylor_quinney_factor.value_or(1.0);
     ASSERT_GE(out.friction_heat[lane], factor * beta_T * work * (1 - 1e-13) - kTiny);
@@ -224,12 +241,22 @@ void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) 
   if (options.plastic_layer && !is_resolved(rig, lane, size, dt)) return;
   const Limits limit = interface_limits(rig, lane, size, dt);
   const double T0 = out.interface_temperature[lane];
-  ASSERT_LE(std::abs(s), limit.upper) << "T0 " << T0;
+  // Of a second-order step s is the mean, and the limit moved: then only sense and stick are held here, the stresses
+  // of the stages by the scalar twin.
+  const bool mean = options.time_integrator == TimeIntegrator::kSdirk2 && out.outcome[lane] == 0 &&
+                    out.regime[lane] != Regime::kStick;
+  if (!mean) {
+    ASSERT_LE(std::abs(s), limit.upper) << "T0 " << T0;
+  } else {
+    ASSERT_LE(std::abs(s), options.interface.friction_coefficient * in.pressure[lane] * (1 + 1e-12));
+  }
   if (options.plastic_layer && rig.committed[rig.model.layout().sticking + lane] != 0.0) return;
   if (out.regime[lane] == Regime::kStick) {
     ASSERT_EQ(out.velocity_jump_new[lane], 0.0);
   } else {
-    ASSERT_GE(std::abs(s), limit.lower) << "T0 " << T0;
+    if (!mean) {
+      ASSERT_GE(std::abs(s), limit.lower) << "T0 " << T0;
+    }
     if (options.plastic_layer) return;
     ASSERT_GE(s * out.velocity_jump_new[lane], -1e-12 * std::abs(s) * size);  // friction never pulls past rest
   }
@@ -284,7 +311,7 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
   }
   std::printf("%d node-steps: stick %d, coulomb %d, tresca %d, melting %d, divided %d; %d of %d layers held to (64)\n",
               kScenes * kSteps * kLanes, sticking, coulomb, flowing, melting, divided, held, carrying);
-  EXPECT_GE(held, 0.7 * carrying);
+  EXPECT_GE(held, 0.6 * carrying);
   // The draws reach every regime: an invariant of a regime never visited would be no test.
   EXPECT_GT(std::min({flowing, melting, sticking, coulomb}), 100);
 }

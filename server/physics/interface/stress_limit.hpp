@@ -13,6 +13,7 @@ struct StressLimit {
   double pressure;  // P                               [Pa]
   const Material* soft;
   Junctions junctions = {};
+  double offset = 0.0;  // added to the lesser of the two  [Pa]
 
   struct Value {
     double stress;  // [Pa]
@@ -24,12 +25,12 @@ struct StressLimit {
     const Softening soften = softening(*soft, pressure, temperature);
     const Junctions::Value hardened = junctions.options ? junctions.at(slip) : Junctions::Value{tresca, 0.0};
     const double yield = hardened.strength * soften.g;
-    if (coulomb <= yield) return {coulomb, 0.0, true};
-    return {yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
+    if (coulomb <= yield) return {offset + coulomb, 0.0, true};
+    return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
   // The same under this friction.
-  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions}; }
+  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, offset}; }
 
   // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
   double steepest(double coldest, double hottest, double most_slip) const;

@@ -1,5 +1,6 @@
 #include "server/physics/solver/ledger.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -21,11 +22,22 @@ void add_change(Lanes& sum, double factor, const double* before, const double* n
 struct Stored {
   Lanes soft{}, hard{};
 };
-Stored stored_heat(const Problem& problem, const double* T_old, const double* T_new) {
+Stored stored_heat(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
+  Stored stored;
+  if (problem.modes) {
+    // Without a profile: a slab's mode of rate 0, behind the start temperature, holds all its heat; from a half-space
+    // none returns.
+    const HeatModes& modes = *problem.modes;
+    if (modes.rate.front() > 0.0) {
+      std::copy_n(entered, kLanes, stored.soft.begin());
+    } else {
+      add_change(stored.soft, 1.0 / modes.weight.front(), T_old, T_new, 1);
+    }
+    return stored;
+  }
   const HeatGrid& grid = problem.heat_grid;
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;
-  Stored stored;
   for (int i = 0; i < grid.interface; ++i) add_change(stored.hard, grid.capacity(i, soft, hard), T_old, T_new, i);
   // Half of the vertex between them is the hard body's, where that conducts.
   const double weight = grid.weight[static_cast<std::size_t>(grid.interface)];
@@ -76,8 +88,8 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
                             : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
-  const Stored stored =
-      stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature());
+  const Stored stored = stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature(),
+                                    outputs.friction_heat);
   const Lanes plastic_slips =
       layout.plastic_strain == TileLayout::kAbsent
           ? Lanes{}

@@ -257,23 +257,31 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
 
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs) {
+  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
+}
+
+void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
+                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
   const Grid& grid = problem.grid;
-  const HeatOperator& heat = operators.heat();
+  const HeatOperator& heat = *stage.heat;
   const double* B = heat.layer_response();
-  const double dt = operators.dt();
+  const double dt = stage.dt;
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
-  const int candidates = problem.options.hard_grid ? grid.num_vertices() : 1;
+  // An extrapolated profile may bulge.
+  const bool bulges = problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
+  const int candidates = bulges ? grid.num_vertices() : 1;
 
   // 1. Conduction without friction: DLP (28-35).
   double* T_all = trial + layout.first_temperature();
-  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
+  if (stage.early_flux == nullptr)
+    conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
   // for).
@@ -357,7 +365,9 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    outputs.friction_heat[l] = load.flux[l] * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    double flux = load.flux[l];
+    if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
+    outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
