@@ -114,7 +114,9 @@ class JohnsonCook {
       roots.target[l] = at_rest + at_rest * over;
       const double unhardened = log_slow_ + over * inverse_C_;
       const double unrated = logarithm(some((roots.target[l] - 1.0) * inverse_B_)) * inverse_n_;
-      roots.x[l] = unhardened < unrated ? unhardened : unrated;
+      const double above = unhardened < unrated ? unhardened : unrated;
+      const double within = above < kMostLogStrain ? above : kMostLogStrain;
+      roots.x[l] = within > log_slow_ ? within : log_slow_;
       roots.moves[l] = yields ? rated : 0.0;
       roots.creeps[l] = yields ? 1.0 - rated : 0.0;
       roots.dep[l] = roots.log_slope[l] = 1.0;
@@ -132,6 +134,7 @@ class JohnsonCook {
  private:
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
+  static constexpr double kMostLogStrain = 230.0;
   static constexpr double kNever = 1e3;  // ln of a strain beyond the largest
   static constexpr double kLeastStrain = 1e-300;
   static constexpr int kMostIterations = 60;  // it takes 2 to 5
@@ -187,13 +190,15 @@ class JohnsonCook {
         const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const bool at_rest = x <= log_slow_ && f >= 0.0;  // there w = 1, and u is enough
-        const double next = x - step > log_slow_ ? x - step : log_slow_;
-        const bool far = (step > kConverged || step < -kConverged) && next != x;
+        const double inside = x - step > log_slow_ ? x - step : log_slow_;
+        const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
+        const double size = next == x - step ? (step < 0.0 ? -step : step) : 1.0;  // led out of the bounds: look there
+        const bool far = size > kConverged && next != x;
         // Where it has arrived all is taken along the last step.
-        const double grown = 1.0 - step * (1.0 - 0.5 * step * (1.0 - step / 3.0));
-        const double dep_new = dep * grown;
-        const double u_new = u - u_1 * step, w_new = w - C_ * step;
-        const double log_slope = (u_1 - u_2 * step) / (u_new * dep_new) + C_ / (w_new * dep_new);
+        const double along = next == x ? 0.0 : step;
+        const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
+        const double u_new = u - u_1 * along, w_new = w - C_ * along;
+        const double log_slope = (u_1 - u_2 * along) / (u_new * dep_new) + C_ / (w_new * dep_new);
         roots.dep[l] = moves ? dep_new : roots.dep[l];
         roots.log_slope[l] = moves ? log_slope : roots.log_slope[l];
         roots.x[l] = moves ? next : x;
