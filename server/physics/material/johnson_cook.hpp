@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <string_view>
 
@@ -118,12 +119,14 @@ class JohnsonCook {
       const double within = above < kMostLogStrain ? above : kMostLogStrain;
       roots.x[l] = within > log_slow_ ? within : log_slow_;
       roots.moves[l] = yields ? rated : 0.0;
-      roots.creeps[l] = yields ? 1.0 - rated : 0.0;
       roots.dep[l] = roots.log_slope[l] = 1.0;
     }
     if (rated > 0.0) fall_to_root(ep, roots);
     double any_creeps = 0.0;
-    for (int l = 0; l < N; ++l) any_creeps += roots.creeps[l];
+    for (int l = 0; l < N; ++l) {
+      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end
+      any_creeps += roots.creeps[l];
+    }
     if (any_creeps > 0.0) flow_at_rest(ep, rise, roots);
     for (int l = 0; l < N; ++l) {
       const bool yields = excess[l] > 0.0;
@@ -189,21 +192,18 @@ class JohnsonCook {
         const double f_1 = u_1 * w + u * C_;
         const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
-        const bool at_rest = x <= log_slow_ && f >= 0.0;  // there w = 1, and u is enough
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        const double size = next == x - step ? (step < 0.0 ? -step : step) : 1.0;  // led out of the bounds: look there
-        const bool far = size > kConverged && next != x;
         // Where it has arrived all is taken along the last step.
-        const double along = next == x ? 0.0 : step;
+        const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;
         const double log_slope = (u_1 - u_2 * along) / (u_new * dep_new) + C_ / (w_new * dep_new);
         roots.dep[l] = moves ? dep_new : roots.dep[l];
         roots.log_slope[l] = moves ? log_slope : roots.log_slope[l];
         roots.x[l] = moves ? next : x;
-        roots.creeps[l] = moves && at_rest ? 1.0 : roots.creeps[l];
-        roots.moves[l] = moves && far && !at_rest ? 1.0 : 0.0;
+        const double goes_on = std::abs(along) > kConverged ? 1.0 : 0.0;
+        roots.moves[l] = roots.moves[l] * goes_on;
         moving += roots.moves[l];
       }
       if (moving == 0.0) break;

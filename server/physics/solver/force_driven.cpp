@@ -71,17 +71,10 @@ void advance(const Problem& problem, std::span<const Heat> ladder, const TileInp
     } else {
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
       outcome = kSubstepped;
-      for (std::size_t k = 1; k < ladder.size(); ++k) {
-        const Heat& heat = ladder[k];
-        for (std::ptrdiff_t i = 0; i < n; ++i) T[i * kLanes + lane] = T_old[i * kLanes + lane];
-        junction_strain = junction_strain_old;
-        if (run_substeps(heat, n, 1 << k, k + 1 == ladder.size(), lane, before, T, result,
-                         [&](const LaneStep& last) { return step_from(heat, last); })) {
-          break;
-        }
-      }
-      if (result.step.several) outcome |= kMultipleRoots;
+      divide_step(
+          ladder, n, lane, before, T_old, T, result, [&] { junction_strain = junction_strain_old; }, step_from);
     }
+    if (result.step.several) outcome |= kMultipleRoots;
     set_outputs(result, lane, outputs);
     outputs.outcome[lane] = outcome;
     trial[layout.shear_stress + lane] = result.step.stress;

@@ -38,7 +38,6 @@ class StepOperators {
   const HeatOperator& heat(int halving = 0) const { return heat_[static_cast<std::size_t>(halving)]; }
   std::span<const HeatOperator> heats() const { return heat_; }   // of dt, dt/2, ...
   std::span<const ModeOperator> modes() const { return modes_; }  // likewise, where there is no profile
-  int max_halvings() const { return static_cast<int>(heat_.size()) - 1; }
   double dt() const { return dt_; }
   const SpreadHeat& spread() const { return *spread_; }
   int num_heated() const { return num_heated_; }  // vertices the heat of one step of dt reaches

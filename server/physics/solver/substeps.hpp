@@ -49,4 +49,24 @@ bool run_substeps(const Heat& heat, int num_vertices, int substeps, bool accept,
   return true;
 }
 
+inline void copy_lane(const double* from, double* to, int num_vertices, int lane) {
+  for (std::ptrdiff_t i = 0; i < num_vertices; ++i) to[i * kLanes + lane] = from[i * kLanes + lane];
+}
+
+// Such a step in 2, 4, ... substeps until each has one answer, or the ladder of operators, whole step first, ends.
+// `restart()` takes back what substeps have changed beside the temperature, `substep(heat, from)` is one.
+template <class Ladder, class Restart, class Substep>
+void divide_step(const Ladder& ladder, int num_vertices, int lane, const LaneStep& before, const double* T_old,
+                 double* temperature, LaneResult& result, const Restart& restart, const Substep& substep) {
+  for (std::size_t k = 1; k < ladder.size(); ++k) {
+    const auto& heat = ladder[k];
+    copy_lane(T_old, temperature, num_vertices, lane);
+    restart();
+    if (run_substeps(heat, num_vertices, 1 << k, k + 1 == ladder.size(), lane, before, temperature, result,
+                     [&](const LaneStep& last) { return substep(heat, last); })) {
+      return;
+    }
+  }
+}
+
 }  // namespace shearbus::physics
