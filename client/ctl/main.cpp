@@ -116,7 +116,10 @@ void materials(const Options& options) {
     fmt::print("  flow_law = \"{}\"\n", shearbus::physics::FlowLaws::name_of(entry.material.flow_law));
     for (const auto& [name, value] : constants_of(entry.material)) fmt::print("  {} = {:.15g}\n", name, value);
   }
-  if (options.material.empty()) return;
+  if (options.material.empty()) {
+    fmt::print("Numbers for which one source is named have been compared with no other.\n");
+    return;
+  }
   // An unknown name is told as a scene would be told.
   const auto known = shearbus::physics::make_material(options.material, {});
   if (!known.fault.empty()) throw std::runtime_error(known.fault);

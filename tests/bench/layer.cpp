@@ -3,6 +3,8 @@
 // 60 cells graded 1.08, grid:2 those with a half-space behind. BM_Operators is what a new step length costs, once.
 #include <benchmark/benchmark.h>
 
+#include <cmath>
+
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -17,7 +19,8 @@ ModelOptions grid_options(Strategy strategy, int grid) {
   return options;
 }
 
-void run(benchmark::State& state, const ModelOptions& options) {
+template <class Step>
+void run(benchmark::State& state, const ModelOptions& options, const Step& step) {
   Rig rig(options);
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.mass_minus[l] = 2703 * 2.5e-6;
@@ -30,12 +33,16 @@ void run(benchmark::State& state, const ModelOptions& options) {
     for (int n = 0; n < kStepsPerRun; ++n) {
       // Lanes differ a little, as nodes of one interface do.
       for (int l = 0; l < kLanes; ++l) rig.inputs.velocity_jump[l] = 100.0 + l;
-      rig.step(1e-9);
+      step(rig, n);
     }
     benchmark::DoNotOptimize(rig.outputs);
   }
   state.counters["per_node_step"] = benchmark::Counter(
       kStepsPerRun * kLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+void run(benchmark::State& state, const ModelOptions& options) {
+  run(state, options, [](Rig& rig, int) { rig.step(1e-9); });
 }
 
 void BM_LayerShear(benchmark::State& state) {
@@ -113,6 +120,27 @@ void BM_Inertia(benchmark::State& state) {
   run(state, options);
 }
 
+// Slip with two components, of which the second is a third of the first and turns; forced:1 is force-driven.
+void BM_TwoComponents(benchmark::State& state) {
+  const bool forced = state.range(1) != 0;
+  ModelOptions options =
+      grid_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.tangential_components = 2;
+  SecondInputs second;
+  SecondOutputs second_outputs;
+  run(state, options, [&](Rig& rig, int n) {
+    for (int l = 0; l < kLanes; ++l) second.velocity_jump[l] = 33.0 * std::cos(1e-3 * n);
+    if (!rig.operators) rig.operators = rig.model.operators(1e-9);
+    rig.model.advance(*rig.operators, rig.inputs, second, rig.committed.data(), rig.trial.data(), rig.outputs,
+                      second_outputs);
+    std::swap(rig.committed, rig.trial);
+  });
+}
+
+BENCHMARK(BM_TwoComponents)
+    ->ArgNames({"grid", "forced"})
+    ->ArgsProduct({{0, 1, 2}, {0, 1}})
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_JohnsonCook)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_VelocityWeakening)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Junctions)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);

@@ -71,6 +71,37 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
   }
 }
 
+// Two half-spaces that share the flux as they can take it up, on grids that have nothing in common.
+TEST(PhysicsHeatConvergence, FirstOrderInTimeWhereBothBodiesConduct) {
+  const Material soft = paper_options().soft, hard = paper_options().hard;
+  const double t = 100e-9;
+  const double uptake =
+      soft.conductivity / std::sqrt(soft.diffusivity) + hard.conductivity / std::sqrt(hard.diffusivity);
+  const double exact = 2.0 * kFlux / uptake * std::sqrt(t / M_PI);
+  const HeatGrid grid(Grid(GridOptions{20e-6, 4000, 1.0, FarBoundary::kInsulated}), FarBoundary::kInsulated,
+                      Grid(GridOptions{12e-6, 1500, 1.001, FarBoundary::kInsulated}), FarBoundary::kInsulated);
+  std::printf("constant flux between two half-spaces, t = 100 ns: dt, T0 error, 8 n error, order\n");
+  double before = 0.0;
+  for (int steps : {25, 50, 100, 200}) {
+    const HeatOperator heat(grid, soft, hard, t / steps);
+    std::vector<double> T(static_cast<std::size_t>(grid.num_vertices()) * kLanes, kStart);
+    double flux[kLanes];
+    for (double& q : flux) q = kFlux;
+    for (int n = 0; n < steps; ++n) {
+      conduct(heat, grid.num_vertices(), T.data(), T.data());
+      add_flux(heat, grid.num_vertices(), flux, T.data());
+    }
+    const double error = (T[static_cast<std::size_t>(grid.interface) * kLanes] - kStart) / exact - 1.0;
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %8.2g s  %11.4e  %8.4f  %6.3f\n", t / steps, error, 8 * steps * error, order);
+    EXPECT_NEAR(8 * steps * error, -1.0, 0.03);
+    if (before != 0.0) {
+      EXPECT_NEAR(order, 1.0, 0.02);
+    }
+    before = error;
+  }
+}
+
 TEST(PhysicsHeatConvergence, SecondOrderInSpace) {
   const Material m = paper_options().soft;
   const double exact = half_space_rise_backward_euler(m, 1e-9, 100);

@@ -173,7 +173,8 @@ constexpr std::array kCatalog = {
     CatalogEntry{
         "steel_4340_jc",
         "strength, density, c, T_melt: Johnson, Cook 1983; G0: E/(2 (1 + nu)) of 200 GPa and 0.29; k: ASM typical "
-        "value at 100 C (44.5)",
+        "value at 100 C (44.5); 4340 is here by this law only: Steinberg's set has its Y_max printed below its Y0 in "
+        "the copy at hand",
         metal(7830, 77.5, {792, 510, 0.26, 0.014, 1.03, 1793}, 44.5, 477)},
 };
 

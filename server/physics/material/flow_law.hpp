@@ -18,7 +18,7 @@
 //   bracket_at(m, P)                         what g needs of the pressure
 //   log_strength(ep)                         of what has flowed before
 //   softening_excess(bracket, T_melt, T)     of a temperature
-//   flow(excess, growth, ep, dep, slope)     a packet of vertices under positive excesses
+//   flow(excess, growth, ep, take)           a packet of vertices under their excesses: take(lane, dep, slope) of each
 //
 // A vertex flows where excess = log_load + softening_excess - log_strength is positive, by dep with H(ep + dep, dep/dt)
 // g = sqrt(3) a. `slope` is a d(dep)/da, heating by a included through growth = a d(softening_excess)/da.

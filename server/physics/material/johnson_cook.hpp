@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <string_view>
 
@@ -69,6 +70,7 @@ class JohnsonCook {
   JohnsonCook(const Material& m, double dt)
       : yield_strength_(m.yield_strength),
         B_(m.hardening_modulus / m.yield_strength),
+        inverse_B_(m.yield_strength / m.hardening_modulus),
         n_(m.hardening_exponent),
         inverse_n_(1.0 / m.hardening_exponent),
         C_(m.rate_coefficient),
@@ -85,58 +87,62 @@ class JohnsonCook {
     const double inverse_range = 1.0 / (T_melt - T_ref_);
     const double share = (T - T_ref_) * inverse_range;
     const bool softens = share > kLeastShare;
-    const bool solid = share < 1.0;
-    const double safe = softens && solid ? share : 0.5;
+    const double within = share < 1.0 ? share : 0.5;
+    const double safe = softens ? within : 0.5;
     const double lost = power(safe, m_);
-    const double left = 1.0 - lost;
-    const bool holds = solid && left > 0.0;
-    const double safe_left = left > 0.0 ? left : 1.0;
-    const double value = softens ? -logarithm(safe_left) : 0.0;
-    const double rate = softens ? m_ * lost * inverse_range / (safe * safe_left) : 0.0;
+    const double left = share < 1.0 ? 1.0 - lost : 0.0;
+    const bool holds = left > 0.0;
+    const double safe_left = holds ? left : 1.0;
+    const double some_value = -logarithm(safe_left);
+    const double some_rate = m_ * lost * inverse_range / (safe * safe_left);
+    const double value = softens ? some_value : 0.0;
+    const double rate = softens ? some_rate : 0.0;
     return {holds ? value : kMolten, rate};
   }
 
-  template <int N>
+  template <int N, class Take>
   [[gnu::always_inline]] void flow(const double (&excess)[N], const double (&growth)[N], const double* ep,
-                                   double (&dep)[N], double (&slope)[N]) const {
-    alignas(64) double target[N];  // sqrt(3) a / (A g)
-    alignas(64) double slow[N];    // dep at the strength of rest
-    alignas(64) double x[N];       // ln(dep)
-    alignas(64) double moves[N];   // 1 where the rate takes part, else 0
-    double any_moves = 0.0;
+                                   const Take& take) const {
+    Roots<N> roots;
+    const double rated = C_ > 0.0 ? 1.0 : 0.0;
+    alignas(64) double rise[N];  // of B (ep + dep)^n at the strength of rest, over B
     for (int l = 0; l < N; ++l) {
       const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
       const bool yields = cut > 0.0;
       const double over = exponential_minus_1(yields ? cut : 1.0);
-      const double before = power_of_strain(ep[l]);
-      const double at_rest = 1.0 + B_ * before;
-      target[l] = at_rest + at_rest * over;
-      slow[l] = flow_at_rest(ep[l], before, at_rest * over / B_);
-      const double unrated = logarithm(slow[l]);
+      const double at_rest = 1.0 + B_ * power_of_strain(ep[l]);
+      rise[l] = at_rest * over * inverse_B_;
+      roots.target[l] = at_rest + at_rest * over;
       const double unhardened = log_slow_ + over * inverse_C_;
-      moves[l] = yields && unrated > log_slow_ ? 1.0 : 0.0;
-      x[l] = moves[l] > 0.0 && unhardened < unrated ? unhardened : unrated;
-      any_moves += moves[l];
+      const double unrated = logarithm(some((roots.target[l] - 1.0) * inverse_B_)) * inverse_n_;
+      const double above = unhardened < unrated ? unhardened : unrated;
+      const double within = above < kMostLogStrain ? above : kMostLogStrain;
+      roots.x[l] = within > log_slow_ ? within : log_slow_;
+      roots.moves[l] = yields ? rated : 0.0;
+      roots.dep[l] = roots.log_slope[l] = 1.0;
     }
-    if (any_moves > 0.0) fall_to_root(target, ep, moves, x);
+    if (rated > 0.0) fall_to_root(ep, roots);
+    double any_creeps = 0.0;
+    for (int l = 0; l < N; ++l) {
+      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end
+      any_creeps += roots.creeps[l];
+    }
+    if (any_creeps > 0.0) flow_at_rest(ep, rise, roots);
     for (int l = 0; l < N; ++l) {
       const bool yields = excess[l] > 0.0;
-      const bool rated = yields && logarithm(slow[l]) > log_slow_;
-      const double flows = rated ? exponential(x[l]) : slow[l];
-      const Balance at = balance(ep[l], flows, x[l]);
-      const double log_slope = at.hardening / at.u + (rated ? C_ / (at.w * flows) : 0.0);  // of u w with dep
-      dep[l] = yields ? flows : 0.0;
-      slope[l] = yields ? (1.0 + growth[l]) / log_slope : 0.0;
+      take(l, yields ? roots.dep[l] : 0.0, yields ? (1.0 + growth[l]) / roots.log_slope[l] : 0.0);
     }
   }
 
  private:
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
+  static constexpr double kMostLogStrain = 230.0;
   static constexpr double kNever = 1e3;  // ln of a strain beyond the largest
   static constexpr double kLeastStrain = 1e-300;
-  static constexpr int kMostIterations = 60;  // it takes 3 to 8
-  static constexpr double kConverged = 1e-9;  // of ln(dep): the next Newton step is below rounding
+  static constexpr int kMostIterations = 60;  // it takes 2 to 5
+  static constexpr double kConverged = 1e-5;  // of ln(dep): the next step is below rounding
+  static constexpr double kMostBend = 0.5;    // Halley's correction at most doubles Newton's step
 
   static double static_strength(const Material& m, double ep) {
     return m.yield_strength + (ep > 0.0 ? m.hardening_modulus * power(ep, m.hardening_exponent) : 0.0);
@@ -146,54 +152,83 @@ class JohnsonCook {
   }
 
   double power_of_strain(double ep) const {
-    const double value = power(ep > kLeastStrain ? ep : 1.0, n_);
-    return ep > kLeastStrain ? value : 0.0;
+    const double there = ep > kLeastStrain ? 1.0 : 0.0;
+    return there * power(ep > kLeastStrain ? ep : 1.0, n_);
   }
 
-  // (ep^n + rise)^(1/n) - ep, as a ratio where there is strain already, so that nothing cancels.
-  double flow_at_rest(double ep, double power_of_ep, double rise) const {
-    const bool strained = ep > kLeastStrain;
-    const double ratio = strained ? 1.0 + rise / (strained ? power_of_ep : 1.0) : rise;
-    const double above = ratio > kLeastStrain ? ratio : kLeastStrain;
-    const double log_growth = logarithm(above < kMaxStrain ? above : kMaxStrain) * inverse_n_;
-    const double flows = strained ? ep * exponential_minus_1(log_growth) : exponential(log_growth);
-    const double some = flows > kLeastStrain ? flows : kLeastStrain;
-    return some < kMaxStrain ? some : kMaxStrain;
+  static double some(double strain) {
+    const double least = strain > kLeastStrain ? strain : kLeastStrain;
+    return least < kMaxStrain ? least : kMaxStrain;
   }
 
-  struct Balance {
-    double u;          // (A + B (ep + dep)^n) / A
-    double hardening;  // du/d(dep)
-    double w;          // 1 + C (x - ln(r0 dt))
-  };
-  [[gnu::always_inline]] Balance balance(double ep, double dep, double x) const {
-    const double strain = ep + dep;
-    const double p = B_ * power(strain, n_);
-    return {1.0 + p, n_ * p / strain, 1.0 + C_ * (x - log_slow_)};
-  }
-
-  // Newton on u w - target, lane by lane: a lane that has arrived stays, whatever its neighbours still do.
+  // The roots of a packet of vertices.
   template <int N>
-  [[gnu::always_inline]] void fall_to_root(const double (&target)[N], const double* ep, double (&moves)[N],
-                                           double (&x)[N]) const {
+  struct Roots {
+    alignas(64) double target[N];     // sqrt(3) a / (A g)
+    alignas(64) double x[N];          // ln(dep)
+    alignas(64) double dep[N];        // the root
+    alignas(64) double log_slope[N];  // d ln(u w) / d(dep) there
+    alignas(64) double moves[N];      // 1 where the search goes on, else 0
+    alignas(64) double creeps[N];     // 1 where the root is slower than r0: its rate takes no part
+  };
+
+  // Halley's method on u w - target, w = 1 + C (x - ln(r0 dt)), lane by lane: a lane that has arrived stays, whatever
+  // its neighbours still do. What the last step leaves is its cube; that step is added to the exponential as a series.
+  template <int N>
+  [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
       double moving = 0.0;
       for (int l = 0; l < N; ++l) {
-        const double dep = exponential(x[l]);
-        const Balance at = balance(ep[l], dep, x[l]);
-        const double step = (at.u * at.w - target[l]) / (at.hardening * dep * at.w + at.u * C_);
-        const double next = x[l] - step;
-        const double kept = next > log_slow_ ? next : 0.5 * (x[l] + log_slow_);  // rounding must not lead below r0 dt
-        const bool far = (step > kConverged || step < -kConverged) && kept != x[l];
-        x[l] = moves[l] > 0.0 ? kept : x[l];
-        moves[l] = far ? moves[l] : 0.0;
-        moving += moves[l];
+        const bool moves = roots.moves[l] > 0.0;
+        const double x = roots.x[l];
+        const double dep = exponential(x);
+        const double strain = ep[l] + dep;
+        const double share = dep / strain;
+        const double p = B_ * power(strain, n_);
+        const double u = 1.0 + p, w = 1.0 + C_ * (x - log_slow_);
+        const double u_1 = n_ * p * share;                    // du/dx
+        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // d2u/dx2
+        const double f = u * w - roots.target[l];
+        const double f_1 = u_1 * w + u * C_;
+        const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
+        const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
+        const double inside = x - step > log_slow_ ? x - step : log_slow_;
+        const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
+        // Where it has arrived all is taken along the last step.
+        const double along = x - next;
+        const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
+        const double u_new = u - u_1 * along, w_new = w - C_ * along;
+        const double log_slope = (u_1 - u_2 * along) / (u_new * dep_new) + C_ / (w_new * dep_new);
+        roots.dep[l] = moves ? dep_new : roots.dep[l];
+        roots.log_slope[l] = moves ? log_slope : roots.log_slope[l];
+        roots.x[l] = moves ? next : x;
+        const double goes_on = std::abs(along) > kConverged ? 1.0 : 0.0;
+        roots.moves[l] = roots.moves[l] * goes_on;
+        moving += roots.moves[l];
       }
       if (moving == 0.0) break;
     }
   }
 
-  double yield_strength_, B_, n_, inverse_n_, C_, inverse_C_, log_slow_, m_, T_ref_;
+  // Where the rate takes no part: (ep^n + rise)^(1/n) - ep, as a ratio where there is strain already, so that nothing
+  // cancels.
+  template <int N>
+  [[gnu::always_inline]] void flow_at_rest(const double* ep, const double (&rise)[N], Roots<N>& roots) const {
+    for (int l = 0; l < N; ++l) {
+      const bool creeps = roots.creeps[l] > 0.0;
+      const bool strained = ep[l] > kLeastStrain;
+      const double before = power_of_strain(ep[l]);
+      const double ratio = strained ? 1.0 + rise[l] / (strained ? before : 1.0) : rise[l];
+      const double log_growth = logarithm(some(ratio)) * inverse_n_;
+      const double flows = some(strained ? ep[l] * exponential_minus_1(log_growth) : exponential(log_growth));
+      const double strain = ep[l] + flows;
+      const double p = B_ * power(strain, n_);
+      roots.dep[l] = creeps ? flows : roots.dep[l];
+      roots.log_slope[l] = creeps ? n_ * p / (strain * (1.0 + p)) : roots.log_slope[l];
+    }
+  }
+
+  double yield_strength_, B_, inverse_B_, n_, inverse_n_, C_, inverse_C_, log_slow_, m_, T_ref_;
 };
 
 }  // namespace shearbus::physics

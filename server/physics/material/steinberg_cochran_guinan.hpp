@@ -95,16 +95,15 @@ class SteinbergCochranGuinan {
     return {solid ? value : kMolten, rate};
   }
 
-  template <int N>
+  template <int N, class Take>
   [[gnu::always_inline]] void flow(const double (&excess)[N], const double (&growth)[N], const double* ep,
-                                   double (&dep)[N], double (&slope)[N]) const {
+                                   const Take& take) const {
     for (int l = 0; l < N; ++l) {
       const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
       const double hardened = inverse_beta_ + ep[l];
       const double flows = hardened * exponential_minus_1(cut);
       const bool yields = excess[l] > 0.0;
-      dep[l] = yields ? flows : 0.0;
-      slope[l] = yields ? (hardened + flows) * (inverse_n_ + growth[l]) : 0.0;
+      take(l, yields ? flows : 0.0, yields ? (hardened + flows) * (inverse_n_ + growth[l]) : 0.0);
     }
   }
 

@@ -45,17 +45,11 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     } else {
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
       outcome = kSubstepped;
-      for (int k = 1; k <= max_halvings; ++k) {
-        const auto& heat = heat_of(k);
-        for (std::ptrdiff_t i = 0; i < n; ++i) T[i * kLanes + lane] = T_old[i * kLanes + lane];
-        interface_step.junction_strain = junction_strain_old;
-        if (run_substeps(heat, n, 1 << k, k == max_halvings, lane, before, T, result,
-                         [&](const LaneStep& last) { return step_from(heat, last); })) {
-          break;
-        }
-      }
-      if (result.step.several) outcome |= kMultipleRoots;
+      divide_step(
+          heat_of, max_halvings, n, lane, before, T_old, T, result,
+          [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
     }
+    if (result.step.several) outcome |= kMultipleRoots;
     set_outputs(result, lane, outputs);
     outputs.outcome[lane] = outcome;
     trial[layout.shear_stress + lane] = result.step.stress;

@@ -58,10 +58,6 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
   return answer.step;
 }
 
-void copy_lane(const double* from, double* to, int num_vertices, int lane) {
-  for (std::ptrdiff_t i = 0; i < num_vertices; ++i) to[i * kLanes + lane] = from[i * kLanes + lane];
-}
-
 }  // namespace
 
 void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
@@ -142,17 +138,13 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
       flux[l] = result.step.flux;
     } else {
       outcome = kSubstepped;
-      for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const HeatOperator& shorter = operators.heat_halved(k);
-        copy_lane(T_old, T_all, n, l);
-        copy_lane(strain, strain_new, problem.grid.num_vertices(), l);
-        if (run_substeps(shorter, n, 1 << k, k == operators.max_halvings(), l, before[l], T_all, result,
-                         [&](const LaneStep& last) {
-                           return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
-                         })) {
-          break;
-        }
-      }
+      divide_step(
+          [&](int k) -> const HeatOperator& { return operators.heat_halved(k); }, operators.max_halvings(), n, l,
+          before[l], T_old, T_all, result,
+          [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
+          [&](const HeatOperator& shorter, const LaneStep& last) {
+            return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
+          });
     }
     if (result.step.several) outcome |= kMultipleRoots;
     set_outputs(result, l, outputs);

@@ -45,14 +45,12 @@ template <class Law, bool kWrite, bool kSpread>
     if (any_positive(excess)) {
       num_yielding = i + 1;
       const double w = problem.grid->weight[static_cast<std::size_t>(i)];
-      alignas(64) double flows[kLanes];
-      alignas(64) double rate[kLanes];
-      law.flow(excess, growth, strain, flows, rate);
-      for (int l = 0; l < kLanes; ++l) {
-        slip[l] += w * flows[l];
-        slope[l] += w * rate[l];
-        if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows[l];
-      }
+      law.flow(
+          excess, growth, strain, [&](int l, double flows, double rate) __attribute__((always_inline)) {
+            slip[l] += w * flows;
+            slope[l] += w * rate;
+            if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows;
+          });
     } else if (kWrite) {
       for (int l = 0; l < kLanes; ++l) strain_new[i * kLanes + l] = strain[l];
     }
@@ -132,11 +130,10 @@ double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, 
           (load.scaled_log[lane] + law.softening_excess(load.bracket[lane], load.T_melt[lane], T).value) -
           law.log_strength(old)};
       const double growth[] = {0.0};
-      double dep[] = {0.0};
-      double slope[] = {0.0};
-      if (excess[0] > 0.0) law.flow(excess, growth, &old, dep, slope);
-      slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep[0];
-      if (strain_new != nullptr) strain_new[at] = old + dep[0];
+      double dep = 0.0;
+      if (excess[0] > 0.0) law.flow(excess, growth, &old, [&](int, double flows, double /*slope*/) { dep = flows; });
+      slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;
+      if (strain_new != nullptr) strain_new[at] = old + dep;
     }
     return slip;
   });

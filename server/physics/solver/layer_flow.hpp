@@ -40,7 +40,7 @@ struct FlowProblem {
 // Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
 int num_heated_vertices(const Grid& grid, const double* response);
 
-// Loads lane l with the stress magnitude a and the heat flux q at the pressure P.
+// Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.
 void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
 
 // What yields have in common for all loads of the step.
@@ -49,9 +49,6 @@ void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* t
 // The integral and its slope under one load. Only the first `num_rows` vertices are looked at: the caller knows that
 // the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
-
-// Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.
-void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
 
 // The integral of one lane, without thresholds made beforehand; writes the new strain where `strain_new`, which may be
 // the problem's own, is not null.

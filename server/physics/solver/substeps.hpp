@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "server/physics/layer/conduction.hpp"
+#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/rigid_slip.hpp"
 
 namespace shearbus::physics {
@@ -47,6 +48,23 @@ bool run_substeps(const Heat& heat, int num_vertices, int substeps, bool accept,
   // Means over a step in which the slip reverses could oppose each other; friction does no negative work.
   if (result.step.stress * result.step.slip < 0.0) result.step.slip = 0.0;
   return true;
+}
+
+// Such a step in 2, 4, ... substeps until each has one answer, or `max_halvings` are made; `heat_of(k)` is the operator
+// of dt / 2^k. `restart()` takes back what substeps have changed beside the temperature, `substep(heat, from)` is one.
+template <class HeatOf, class Restart, class Substep>
+void divide_step(const HeatOf& heat_of, int max_halvings, int num_vertices, int lane, const LaneStep& before,
+                 const double* T_old, double* temperature, LaneResult& result, const Restart& restart,
+                 const Substep& substep) {
+  for (int k = 1; k <= max_halvings; ++k) {
+    const auto& heat = heat_of(k);
+    copy_lane(T_old, temperature, static_cast<std::size_t>(num_vertices) * kLanes, lane);
+    restart();
+    if (run_substeps(heat, num_vertices, 1 << k, k == max_halvings, lane, before, temperature, result,
+                     [&](const LaneStep& last) { return substep(heat, last); })) {
+      return;
+    }
+  }
 }
 
 }  // namespace shearbus::physics

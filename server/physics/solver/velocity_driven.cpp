@@ -2,6 +2,7 @@
 // imposes the velocity jump, the layer's plastic flow finds the stress.
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 
 #include "server/physics/interface/stress_limit.hpp"
@@ -27,17 +28,17 @@ enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 // The balance of one lane in magnitudes along the trial direction:
 //   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
 struct Lane {
-  bool loaded = false;            // there is something to solve
   double direction = 1.0;         // of the trial stress
   double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
   double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
   double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
+  double a = 0.0;                 // iterate, then answer                                       [Pa]
   Bound bound = Bound::kElastic;  // what `hi` is until F(hi) > 0 has been seen
   int hottest = 0;                // vertex that reaches Y_max first
+  bool loaded = false;            // there is something to solve
   bool hi_seen = false;
   bool done = false;
   bool closely = false;   // the balance itself must close, whatever Newton's step promises
-  double a = 0.0;         // iterate, then answer                                       [Pa]
   bool at_bound = false;  // the answer is `hi`, held by `bound`
 };
 
@@ -95,7 +96,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
   const double all_at_hottest =
-      hardened_strength(soft, strain[hottest_ad * kLanes] + most_strain, most_strain / dt) * g_ad / kSqrt3;
+      hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain, most_strain / dt) * g_ad /
+      kSqrt3;
   double beyond = all_at_hottest * (1.0 + kConverged);
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
     beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
