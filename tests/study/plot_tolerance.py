@@ -9,6 +9,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from PIL import Image  # noqa: E402
 
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
 DASHES = (":", "--", "-")
@@ -46,6 +47,7 @@ def main():
     figure.tight_layout()
     out = options.out or options.study.with_suffix(".png")
     figure.savefig(out, dpi=110)
+    Image.open(out).convert("P", palette=Image.Palette.ADAPTIVE, colors=48).save(out, optimize=True)  # a third of the size
     print(f"written: {out}")
 
 
