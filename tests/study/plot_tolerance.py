@@ -42,7 +42,7 @@ def main():
         axes.tick_params(labelsize=7)
         axes.xaxis.label.set_fontsize(8)
         axes.yaxis.label.set_fontsize(8)
-    errors.legend(fontsize=5, loc="lower left")
+    costs.legend(*errors.get_legend_handles_labels(), fontsize=5, loc="upper left")
     figure.suptitle(f"Tolerances, {study['date']}, {study['processor']}", fontsize=8)
     figure.tight_layout()
     out = options.out or options.study.with_suffix(".png")
