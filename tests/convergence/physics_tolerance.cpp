@@ -40,7 +40,7 @@ double distance(const History& a, const History& b) {
   return largest;
 }
 
-TEST(PhysicsTolerance, TheErrorDeliveredFollowsTheErrorRequested) {
+TEST(DeliveredTolerance, TheErrorDeliveredFollowsTheErrorRequested) {
   ModelOptions fine = graded(paper_options(), 600, std::pow(1.08, 0.1));
   fine.time_integrator = TimeIntegrator::kSdirk2;
   const History reference = run(fine, 4000);
@@ -58,14 +58,14 @@ TEST(PhysicsTolerance, TheErrorDeliveredFollowsTheErrorRequested) {
   }
 }
 
-TEST(PhysicsTolerance, TheEstimateSaysWhereItIsNotKept) {
+TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   const History found = run(discretised(paper_options(), 1e-5), 2);  // half a microsecond at once
   EXPECT_GT(found.estimate, 1e-5);
 }
 
 // Modes and a second-order step leave little to do for loose requests; they are kept all the same, from the first step
 // on, which has the largest error.
-TEST(PhysicsTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
+TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   const auto first_step = [](const ModelOptions& of, int steps) {

@@ -57,11 +57,16 @@ struct Kind {
   Strategy strategy;
   bool modes;
   const char* column;
+  bool controlled = false;  // by a tolerance
 
   operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
   wire::Scene scene() const {
     wire::Scene scene = support::scene_of(strategy);
     if (modes) scene.layer.heat = wire::Heat::kModes;
+    if (controlled) {
+      scene.layer = {};
+      scene.tolerance = 1e-2;
+    }
     return scene;
   }
 };
@@ -101,7 +106,8 @@ class Failures : public testing::TestWithParam<Kind> {
 INSTANTIATE_TEST_SUITE_P(Strategies, Failures,
                          testing::Values(Kind{"VelocityDriven", Strategy::kVelocityDriven, false, "temperature_k"},
                                          Kind{"ForceDriven", Strategy::kForceDriven, false, "temperature_k"},
-                                         Kind{"WithoutProfile", Strategy::kForceDriven, true, "heat_modes_k"}),
+                                         Kind{"WithoutProfile", Strategy::kForceDriven, true, "heat_modes_k"},
+                                         Kind{"Controlled", Strategy::kVelocityDriven, false, "temperature_k", true}),
                          [](const auto& kind) { return kind.param.name; });
 
 TEST_P(Failures, AcceptedTheNodeKeepsItsStateAndTheOthersStep) {

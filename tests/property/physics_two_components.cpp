@@ -132,7 +132,11 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
   Draw draw(62);
   for (int scene = 0; scene < 40; ++scene) {
     const bool extreme = scene % 2 == 1;
-    const ModelOptions plane = random_two_component_options(draw, GetParam(), extreme);
+    ModelOptions plane = random_two_component_options(draw, GetParam(), extreme);
+    if (scene % 4 == 2) {
+      plane.taylor_quinney_factor.reset();
+      plane.tolerance = 1e-3;
+    }
     ModelOptions line = plane;
     line.tangential_components = 1;
     Rig scalar(line);
@@ -153,11 +157,14 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         const TileOutputs& want = scalar.outputs;
         ASSERT_EQ(first.outputs.shear_stress[l], want.shear_stress[l]);
-        ASSERT_EQ(first.outputs.sliding_velocity[l], want.sliding_velocity[l]);
+        // What passes freely in substeps has a mean, rounded in its own way.
+        const bool rounded = plane.tolerance && want.regime[l] == Regime::kOpen;
+        const double ulps = rounded ? 1e-14 * std::abs(want.sliding_velocity[l]) : 0.0;
+        ASSERT_NEAR(first.outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
         ASSERT_EQ(first.outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
         ASSERT_EQ(first.second_outputs.shear_stress[l], 0.0);
         ASSERT_EQ(second.second_outputs.shear_stress[l], want.shear_stress[l]);
-        ASSERT_EQ(second.second_outputs.sliding_velocity[l], want.sliding_velocity[l]);
+        ASSERT_NEAR(second.second_outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
         ASSERT_EQ(second.second_outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
         ASSERT_EQ(second.outputs.shear_stress[l], 0.0);
         for (const PlaneRig* rig : {&first, &second}) {

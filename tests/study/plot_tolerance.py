@@ -9,6 +9,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from PIL import Image  # noqa: E402
 
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
 DASHES = (":", "--", "-")
@@ -41,11 +42,12 @@ def main():
         axes.tick_params(labelsize=7)
         axes.xaxis.label.set_fontsize(8)
         axes.yaxis.label.set_fontsize(8)
-    errors.legend(fontsize=5, loc="lower left")
+    costs.legend(*errors.get_legend_handles_labels(), fontsize=5, loc="upper left")
     figure.suptitle(f"Tolerances, {study['date']}, {study['processor']}", fontsize=8)
     figure.tight_layout()
     out = options.out or options.study.with_suffix(".png")
     figure.savefig(out, dpi=110)
+    Image.open(out).convert("P", palette=Image.Palette.ADAPTIVE, colors=48).save(out, optimize=True)  # a third of the size
     print(f"written: {out}")
 
 

@@ -38,7 +38,8 @@ std::vector<Tracked> track_tolerances(const std::vector<Problem>& problems, cons
   std::vector<Tracked> all;
   for (const Problem& problem : problems) {
     Reference reference = problem.coupled ? Reference{} : reference_of(problem, options.quick);
-    Tracked& tracked = all.emplace_back(problem.name, reference.method, std::vector<Outcome>{});
+    all.push_back({.problem = problem.name, .reference = reference.method, .outcomes = {}});
+    Tracked& tracked = all.back();
     for (const int count : steps) {
       if (problem.coupled) {
         reference = strictest_in(problem, count);
