@@ -1,231 +1,15 @@
 // server/physics/MODEL.md, "What always holds", over random scenes, states and inputs.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
+#include <cstdio>
 
-#include "tests/support/random_physics.hpp"
+#include "tests/support/random_history.hpp"
 
 namespace shearbus::testing {
 namespace {
 
 constexpr int kScenes = 120;
 constexpr int kSteps = 25;
-constexpr double kTiny = 1e-290;  // products of denormal inputs have no relative accuracy
-
-// What one unit in the last place of T0 makes of g: near melting a stress limit cannot be met closer.
-double softening_noise(const Material& soft, double pressure, double T0) {
-  if (T0 > at_pressure(soft, pressure).melting_temperature) return 0.0;  // released below its melting pressure
-  // Johnson and Cook's g is a difference of numbers near 1.
-  const double last_digits = T0 * std::abs(softening(soft, pressure, T0).slope) + (is_johnson_cook(soft) ? 1.0 : 0.0);
-  return 16.0 * std::numeric_limits<double>::epsilon() * last_digits;
-}
-
-// The same, relative to the limit.
-double limit_resolution(const Material& soft, double pressure, double T0) {
-  return softening_noise(soft, pressure, T0) / std::max(softening(soft, pressure, T0).g, 1e-300);
-}
-
-int first_vertex(const Rig& rig) {
-  return -static_cast<int>(rig.model.layout().num_hard_vertices);
-}
-int num_vertices(const Rig& rig) {
-  return static_cast<int>(rig.model.layout().num_vertices);
-}
-
-struct Before {
-  Before(const Rig& rig, int lane) : heat(rig.stored_heat(0.0, lane)), s(rig.stress(lane)) {
-    for (int i = first_vertex(rig); i < num_vertices(rig); ++i) {
-      coldest = std::min(coldest, rig.T(i, lane));
-      hottest = std::max(hottest, rig.T(i, lane));
-    }
-    if (rig.model.layout().plastic_strain == TileLayout::kAbsent) return;
-    slip = rig.plastic_slip(lane);
-    for (int i = 0; i < rig.model.grid().num_vertices(); ++i) ep.push_back(rig.ep(i, lane));
-  }
-  double heat, s, slip = 0.0, coldest = 1e300, hottest = 0.0;
-  std::vector<double> ep;
-};
-
-// 1, 3, 5: temperatures in their range and falling from the interface where nothing else takes heat from it, heat and
-// work balanced, no energy from friction.
-void expect_sound(const Rig& rig, const Before& before, int lane, double dt) {
-  const ModelOptions& options = rig.model.options();
-  const TileOutputs& out = rig.outputs;
-  ASSERT_FALSE(out.outcome[lane] & kFailed);
-  ASSERT_TRUE(std::isfinite(out.shear_stress[lane]) && std::isfinite(out.sliding_velocity[lane]) &&
-              std::isfinite(out.velocity_jump_new[lane]) && std::isfinite(out.friction_heat[lane]));
-  ASSERT_EQ(out.interface_temperature[lane], rig.T(0, lane));
-  const bool one_sided = !options.hard_grid;
-  for (int i = first_vertex(rig); i < num_vertices(rig); ++i) {
-    const double T = rig.T(i, lane);
-    ASSERT_GE(T, before.coldest) << i;
-    if (options.soft.melting_curve == MeltingCurve::kConstant) {
-      ASSERT_LT(T, options.soft.melting_temperature);
-    } else {  // pressure may have been higher before
-      ASSERT_LE(T, std::max(at_pressure(options.soft, rig.inputs.pressure[lane]).melting_temperature,
-                            before.hottest * (1 + 1e-15)));
-    }
-    if (i > 0 && one_sided) {
-      ASSERT_LE(T, rig.T(i - 1, lane) * (1 + 1e-15));
-    }
-  }
-  ASSERT_GE(out.shear_stress[lane] * out.sliding_velocity[lane], 0.0);
-  ASSERT_GE(out.friction_heat[lane], 0.0);
-  ASSERT_NEAR(rig.stored_heat(0.0, lane) - before.heat, out.friction_heat[lane], 1e-12 * before.heat);
-
-  const double beta_T = rig.conducted_share();
-  const double s = out.shear_stress[lane];
-  if (options.strategy == Strategy::kVelocityDriven) {
-    const double work = std::max(0.0, s * rig.inputs.velocity_jump[lane]) * dt;
-    const double factor = options.taylor_quinney_factor.value_or(1.0);
-    ASSERT_GE(out.friction_heat[lane], factor * beta_T * work * (1 - 1e-13) - kTiny);
-    ASSERT_LE(out.friction_heat[lane], beta_T * work * (1 + 1e-13) + kTiny);
-  } else if (!(out.outcome[lane] & kSubstepped)) {
-    const double work = s * out.sliding_velocity[lane] * dt;
-    ASSERT_NEAR(out.friction_heat[lane], beta_T * work, 1e-13 * work + kTiny);
-  }
-}
-
-// 2: the layer never carries more than its flow stress, and exactly that where it flowed.
-void expect_complementary_flow(const Rig& rig, const Before& before, int lane, double dt) {
-  const Material& soft = rig.model.options().soft;
-  const double a = std::abs(rig.stress(lane));
-  const double P = rig.inputs.pressure[lane];
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    const double ep = rig.ep(i, lane);
-    ASSERT_GE(ep, before.ep[i]);
-    if (P <= 0.0) continue;
-    // The rate of the step, as well as a difference of strains tells it.
-    const double dep = ep - before.ep[i], noise = 4e-16 * ep;
-    const double limit = flow_stress(soft, ep, P, rig.T(i, lane), (dep + noise) / dt) / kSqrt3;
-    const double least = flow_stress(soft, ep, P, rig.T(i, lane), (dep - noise) / dt) / kSqrt3;
-    const double tolerance = limit * (1e-10 + limit_resolution(soft, P, rig.T(i, lane)));
-    ASSERT_LE(a, limit + tolerance) << "vertex " << i;
-    if (ep > before.ep[i] * (1 + 1e-12) + 1e-15) {
-      // Strain resolves to an ulp of itself; a smaller step of it moved the limit by less than it can show.
-      ASSERT_GE(a, least - tolerance) << "vertex " << i << " T " << rig.T(i, lane) << " ep " << ep << " from "
-                                      << before.ep[i];
-    }
-  }
-}
-
-double layer_resolution(const Rig& rig, int lane) {
-  double worst = 0.0;
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    worst = std::max(worst, limit_resolution(rig.model.options().soft, rig.inputs.pressure[lane], rig.T(i, lane)));
-  }
-  return worst;
-}
-
-// sqrt(3) integral(dep) = w dt - h ds/G0 where the layer carries all the slip.
-void expect_slip_balance(const Rig& rig, const Before& before, int lane, double dt) {
-  const ModelOptions& options = rig.model.options();
-  if (options.drive != Drive::kLayerShear || rig.inputs.pressure[lane] <= 0.0) return;
-  if (rig.outputs.regime[lane] == Regime::kCoulomb) return;
-  const double h = options.grid.thickness;
-  const double wanted =
-      std::abs(rig.inputs.velocity_jump[lane]) * dt + h * std::abs(before.s) / options.soft.shear_modulus;
-  const double elastic = h * (rig.stress(lane) - before.s) / options.soft.shear_modulus;
-  const double direction = rig.stress(lane) != 0.0 ? std::copysign(1.0, rig.stress(lane))
-                                                   : std::copysign(1.0, rig.outputs.sliding_velocity[lane]);
-  const double plastic = direction * (rig.plastic_slip(lane) - before.slip);
-  // dep is (1/beta + ep) times what an excess of load over strength makes of it: an ulp of T0 or of a in the excess is
-  // an ulp of all the strain there is, however small the step's share.
-  const Material& soft = options.soft;
-  const double strain = rig.plastic_slip(lane) + (hardens(soft) ? kSqrt3 * h * strain_scale(soft) : 0.0);
-  const double resolution = strain * (1e-15 + layer_resolution(rig, lane)) / flow_exponent(soft);
-  ASSERT_NEAR(plastic + elastic, rig.inputs.velocity_jump[lane] * dt, 1e-9 * wanted + resolution)
-      << "T0 " << rig.T(0, lane) << " s " << rig.stress(lane);
-  ASSERT_NEAR(rig.outputs.sliding_velocity[lane] * dt, plastic, 1e-9 * wanted + resolution);
-}
-
-// What the last digit of a jump does to T0 when it heats. Bodies of almost no mass reach jumps where it melts the
-// interface: no stress is resolved there.
-constexpr double kResolved = 1e-9;  // [K]
-double temperature_grain(const Material& soft, double jump, double s, double dt) {
-  return std::numeric_limits<double>::epsilon() * jump * std::abs(s) * std::sqrt(soft.diffusivity * dt) /
-         soft.conductivity;
-}
-
-// A flowing layer: DLP (64) at the middle of the step where the interface slips, at its end where it sticks.
-void expect_flowing_slip(const Rig& rig, const Before& before, int lane, double dt) {
-  const ModelOptions& options = rig.model.options();
-  const TileOutputs& out = rig.outputs;
-  if (rig.inputs.pressure[lane] <= 0.0 || (out.outcome[lane] & kSubstepped)) return;
-  const double s = out.shear_stress[lane];
-  if (s == 0.0) return;  // no direction
-  const double d = std::copysign(1.0, s);
-  const double drive = kSqrt3 * options.grid.thickness * rig.inputs.soft_plastic_rate[lane];
-  const double jump_old = d * rig.inputs.velocity_jump[lane];
-  const double jump_new = d * out.velocity_jump_new[lane];
-  const double flow = (rig.plastic_slip(lane) - before.slip) / dt;
-  // An ulp of T0 or of the stress is an ulp of all the strain there is; and see expect_slip_balance.
-  const Material& soft = options.soft;
-  const double strain =
-      rig.plastic_slip(lane) + (hardens(soft) ? kSqrt3 * options.grid.thickness * strain_scale(soft) : 0.0);
-  const double size = std::abs(jump_old) + std::abs(jump_new) + drive + flow +
-                      dt * (std::abs(rig.inputs.stress_minus[lane]) / rig.inputs.mass_minus[lane] +
-                            std::abs(rig.inputs.stress_plus[lane]) / rig.inputs.mass_plus[lane]);
-  if (temperature_grain(soft, size, s, dt) > kResolved) return;
-  expect_complementary_flow(rig, before, lane, dt);
-  const double tolerance = 1e-9 * size + strain * (1e-14 + layer_resolution(rig, lane)) / (flow_exponent(soft) * dt);
-  const bool sticks = rig.committed[rig.model.layout().sticking + lane] != 0.0;
-  if (sticks) {
-    ASSERT_NEAR(jump_new + drive, flow, tolerance);
-    ASSERT_NEAR(d * out.sliding_velocity[lane], std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size);
-  } else {
-    ASSERT_NEAR(d * out.sliding_velocity[lane], std::max(0.0, 0.5 * (jump_old + jump_new) + drive - flow), tolerance);
-    ASSERT_GE(jump_new + drive - flow, -tolerance);  // friction never pulls past rest
-  }
-}
-
-void expect_interface_law(const Rig& rig, int lane, double dt, double jump_old) {
-  const ModelOptions& options = rig.model.options();
-  const TileInputs& in = rig.inputs;
-  const TileOutputs& out = rig.outputs;
-  const double s = out.shear_stress[lane];
-  // DLP (61).
-  const double driven = dt * (in.stress_minus[lane] / in.mass_minus[lane] + in.stress_plus[lane] / in.mass_plus[lane]);
-  const double taken = s * (dt * (1 / in.mass_minus[lane] + 1 / in.mass_plus[lane]));
-  const double size = std::abs(jump_old) +
-                      dt * (std::abs(in.stress_minus[lane]) / in.mass_minus[lane] +
-                            std::abs(in.stress_plus[lane]) / in.mass_plus[lane]) +
-                      std::abs(taken);
-  ASSERT_NEAR(out.velocity_jump_new[lane], jump_old + driven - taken, 1e-13 * size + kTiny);
-  if (out.outcome[lane] & kSubstepped) return;  // the mean of several answers
-  if (in.pressure[lane] <= 0.0) {
-    ASSERT_EQ(s, 0.0);
-    return;
-  }
-  if (options.plastic_layer && temperature_grain(options.soft, size, s, dt) > kResolved) return;
-  const double T0 = out.interface_temperature[lane];
-  const InterfaceOptions& law = options.interface;
-  const double strength = options.junctions ? options.junctions->contact_fraction *
-                                                  hardened_strength(options.junctions->metal, rig.junction_strain(lane))
-                                            : law.yield_strength;
-  const double yield = strength * softening(options.soft, in.pressure[lane], T0).g / kSqrt3;
-  double mu = law.friction_coefficient;
-  if (law.friction_law != FrictionLaw{}) {
-    mu = VelocityWeakening{mu, law.friction_coefficient_fast, law.velocity_decay}.coefficient(
-        std::abs(out.sliding_velocity[lane]));
-  }
-  const double limit = std::min(mu * in.pressure[lane], yield);
-  const double tolerance =
-      1e-10 * limit + (limit == yield ? strength / kSqrt3 * softening_noise(options.soft, in.pressure[lane], T0) : 0.0);
-  ASSERT_LE(std::abs(s), limit + tolerance) << "T0 " << T0;
-  if (options.plastic_layer && rig.committed[rig.model.layout().sticking + lane] != 0.0) return;
-  if (out.regime[lane] == Regime::kStick) {
-    ASSERT_EQ(out.velocity_jump_new[lane], 0.0);
-  } else {
-    ASSERT_GE(std::abs(s), limit - tolerance) << "T0 " << T0;
-    if (options.plastic_layer) return;
-    ASSERT_GE(s * out.velocity_jump_new[lane], -1e-12 * std::abs(s) * size);  // friction never pulls past rest
-  }
-}
-
 struct Case {
   Strategy strategy;
   bool extreme;
@@ -239,45 +23,24 @@ class PhysicsInvariants : public ::testing::TestWithParam<Case> {};
 TEST_P(PhysicsInvariants, HoldForRandomScenesAndInputs) {
   const auto [strategy, extreme] = GetParam();
   Draw draw(2024 + (extreme ? 1 : 0));
-  int flowing = 0, melting = 0, sticking = 0, coulomb = 0, divided = 0;
+  Figures figures;
   for (int scene = 0; scene < kScenes; ++scene) {
     Rig rig(random_options(draw, strategy, extreme));
     if (rig.model.options().plastic_layer && draw.chance(0.3))
       rig.start_hard(draw.uniform(0.1, 1.0) * rig.model.options().initial_temperature);
-    const bool closed_loop = draw.chance(0.5);
-    for (int step = 0; step < kSteps; ++step) {
-      random_inputs(draw, rig, extreme);
-      if (closed_loop && step > 0 && strategy == Strategy::kForceDriven) {
-        std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
-      }
-      const double dt = random_dt(draw, extreme);
-      std::vector<Before> before;
-      for (int l = 0; l < kLanes; ++l) before.emplace_back(rig, l);
-      rig.step(dt);
-      for (int l = 0; l < kLanes; ++l) {
-        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step) + ", lane " +
-                     std::to_string(l));
-        expect_sound(rig, before[l], l, dt);
-        if (strategy == Strategy::kVelocityDriven) {
-          expect_complementary_flow(rig, before[l], l, dt);
-          expect_slip_balance(rig, before[l], l, dt);
-        } else {
-          expect_interface_law(rig, l, dt, rig.inputs.velocity_jump[l]);
-          if (rig.model.options().plastic_layer) expect_flowing_slip(rig, before[l], l, dt);
-        }
-        if (::testing::Test::HasFatalFailure()) return;
-        flowing += rig.outputs.regime[l] == Regime::kTresca;
-        melting += rig.outputs.regime[l] == Regime::kMelting;
-        sticking += rig.outputs.regime[l] == Regime::kStick;
-        coulomb += rig.outputs.regime[l] == Regime::kCoulomb;
-        divided += (rig.outputs.outcome[l] & kSubstepped) != 0;
-      }
+    try {
+      random_history(draw, rig, extreme, kSteps, figures, [] {});
+    } catch (const Broken& broken) {
+      FAIL() << "scene " << scene << ", " << broken.what();
     }
   }
-  std::printf("%d node-steps: stick %d, coulomb %d, tresca %d, melting %d, divided %d\n", kScenes * kSteps * kLanes,
-              sticking, coulomb, flowing, melting, divided);
+  std::printf("%ld node-steps: stick %ld, coulomb %ld, tresca %ld, melting %ld, divided %ld; heat balance %.1e\n",
+              figures.node_steps, figures.regime(Regime::kStick), figures.regime(Regime::kCoulomb),
+              figures.regime(Regime::kTresca), figures.regime(Regime::kMelting), figures.divided,
+              figures.heat_residual);
   // The draws reach every regime: an invariant of a regime never visited would be no test.
-  EXPECT_GT(std::min({flowing, melting, sticking, coulomb}), 100);
+  for (const Regime regime : {Regime::kStick, Regime::kCoulomb, Regime::kTresca, Regime::kMelting})
+    EXPECT_GT(figures.regime(regime), 100);
 }
 
 INSTANTIATE_TEST_SUITE_P(, PhysicsInvariants,

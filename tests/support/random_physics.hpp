@@ -172,4 +172,20 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   }
 }
 
+// Inputs of scalar draws, each vector turned by an angle of its own.
+inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
+  random_inputs(draw, rig, extreme);
+  const auto turn = [&](double& first, double& second) {
+    const double angle = draw.chance(0.5) ? draw.uniform(-0.1, 0.1) : draw.uniform(-M_PI, M_PI);
+    const double length = first;
+    first = length * std::cos(angle);
+    second = length * std::sin(angle);
+  };
+  for (int l = 0; l < kLanes; ++l) {
+    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
+    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
+    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
+  }
+}
+
 }  // namespace shearbus::testing
