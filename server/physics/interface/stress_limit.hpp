@@ -3,6 +3,7 @@
 #pragma once
 
 #include "server/physics/interface/junctions.hpp"
+#include "server/physics/interface/search_effort.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::physics {
@@ -13,6 +14,7 @@ struct StressLimit {
   double pressure;  // P                               [Pa]
   const Material* soft;
   Junctions junctions = {};
+  SearchEffort* effort = nullptr;
 
   struct Value {
     double stress;  // [Pa]
@@ -29,7 +31,7 @@ struct StressLimit {
   }
 
   // The same under this friction.
-  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions}; }
+  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, effort}; }
 
   // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
   double steepest(double coldest, double hottest, double most_slip) const;

@@ -30,8 +30,12 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
-    StressLimit yield{std::numeric_limits<double>::infinity(), law.yield_strength / kSqrt3, inputs.pressure[lane],
-                      &soft};
+    StressLimit yield{std::numeric_limits<double>::infinity(),
+                      law.yield_strength / kSqrt3,
+                      inputs.pressure[lane],
+                      &soft,
+                      {},
+                      inputs.effort};
     const Forcing forcing = forcing_of(inputs, lane);
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     const LaneStep before{stress_before(layout, inputs, committed, lane),

@@ -70,7 +70,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   // Upper ends. Elastic: nothing yields.
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
-  const StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
+  const StressLimit limit{
+      std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft, {}, inputs.effort};
   const int hottest_ad = heated.hottest(0.0);
   state.hottest = hottest_ad;
   const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
@@ -273,6 +274,7 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
       for (const Lane& lane : lanes) all_done = all_done && lane.done;
       if (all_done) break;
       flow_under(flow, load, num_rows, strain_new, sum);
+      if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
       bool all_from_above = true;
       for (int l = 0; l < kLanes; ++l) {
         if (lanes[l].done) continue;
