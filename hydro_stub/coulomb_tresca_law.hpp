@@ -23,7 +23,7 @@ class CoulombTrescaLaw : public InterfaceLaw {
                    std::span<const double> initial_temperature);
 
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
-  LawTime time_spent() const override { return {.solver = spent_, .waited = spent_, .cpu = spent_}; }
+  LawTime time_spent() const override { return {.solver = spent_, .service = spent_, .waited = spent_, .cpu = spent_}; }
 
  private:
   void advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer);

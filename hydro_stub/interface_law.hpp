@@ -62,9 +62,10 @@ struct InterfaceAnswer {
 // Where the time of a law went; a law that computes in place spends it all in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
-  std::chrono::nanoseconds waited{0};  // in which the host could do nothing else
-  std::chrono::nanoseconds cpu{0};     // of the host's own thread, spent on asking
+  std::chrono::nanoseconds service{0};  // in the server: the solver, and what it takes to read, check and answer
+  std::chrono::nanoseconds bus{0};      // round trips less the solver's share
+  std::chrono::nanoseconds waited{0};   // in which the host could do nothing else
+  std::chrono::nanoseconds cpu{0};      // of the host's own thread, spent on asking
 };
 
 class InterfaceLaw {

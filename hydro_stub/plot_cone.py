@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Pictures of one or more runs of cone_target, side by side: shape and temperature at the end, space-time maps along the interface
-(friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22), and the cone's free-surface velocity.
+"""Pictures of one or more runs of cone_target: the cone's free-surface velocity, and side by side shape and temperature at the end and
+space-time maps along the interface (friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22). Free slip and
+stick are drawn in the first alone, unless there is nothing else.
 
     plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
 """
@@ -109,6 +110,8 @@ def main():
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     runs = [Run(directory) for directory in options.runs]
+    free_surface(runs, options.out)
+    runs = [run for run in runs if run.law not in ("free_slip", "stick")] or runs
     shapes(runs, options.out)
     space_time(runs, options.out, "regime", "friction regime")
     space_time(runs, options.out, "interface_temperature", "interface temperature (K)",
@@ -116,7 +119,6 @@ def main():
     space_time(runs, options.out, "sliding_velocity", "sliding velocity (m/s)", limits=span(runs, "sliding_velocity", 1.0))
     space_time(runs, options.out, "shear_stress", "shear stress (MPa)", 1e-6, limits=span(runs, "shear_stress", 1e-6))
     space_time(runs, options.out, "pressure", "pressure (GPa)", 1e-9, limits=span(runs, "pressure", 1e-9))
-    free_surface(runs, options.out)
     for picture in sorted(options.out.glob("cone_*.png")):
         print(f"  picture                 {picture}")
     return 0

@@ -176,6 +176,7 @@ void SubgridLaw::finish() {
   impl_->trial_stands = true;
   const std::chrono::nanoseconds solver(result.upscale().solver_ns);
   impl_->time.solver += solver;
+  impl_->time.service += std::chrono::nanoseconds(result.upscale().service_ns);
   impl_->time.bus += result.round_trip() - solver;
 
   const std::span<const std::uint8_t> outcome = result.outcome();

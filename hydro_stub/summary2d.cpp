@@ -71,9 +71,10 @@ std::string Summary2d::text() const {
   out += fmt::format("  run time                {:.2f} s, {:.2f} of the processor", time.total, time.cpu);
   if (interface.nodes() > 0) {
     const auto seconds = [](std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); };
-    out += fmt::format(": law's solver {:.2f}, bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
-                       seconds(time.law.solver), seconds(time.law.bus), seconds(time.law.waited),
-                       100.0 * time.waiting_share(), seconds(time.law.cpu), 100.0 * time.cpu_share());
+    out += fmt::format(
+        ": law {:.2f} ({:.1f} %), its solver {:.2f}; bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
+        seconds(time.law.service), 100.0 * time.service_share(), seconds(time.law.solver), seconds(time.law.bus),
+        seconds(time.law.waited), 100.0 * time.waiting_share(), seconds(time.law.cpu), 100.0 * time.cpu_share());
   }
   return out + fmt::format(", output {:.2f}\n", time.output);
 }
@@ -104,6 +105,7 @@ std::string Summary2d::json() const {
     field("peak_pressure_pa", number(interface.highest_pressure()));
     field(has_axis ? "friction_heat_j" : "friction_heat_j_per_m", number(turn * end.friction_heat));
     field("layer_energy", interface.energy().json());
+    field("service_share", number(time.service_share()));
     field("waiting_share", number(time.waiting_share()));
     field("cpu_share", number(time.cpu_share()));
   }

@@ -16,6 +16,7 @@ struct RunTime2d {
   double output = 0.0;  // [s]
   double cpu = 0.0;     // of all threads of the process  [s]
   LawTime law;
+  double service_share() const { return std::chrono::duration<double>(law.service).count() / total; }
   double waiting_share() const { return std::chrono::duration<double>(law.waited).count() / total; }
   double cpu_share() const { return std::chrono::duration<double>(law.cpu).count() / cpu; }
 };

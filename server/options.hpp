@@ -15,7 +15,7 @@ struct ServerOptions {
   std::uint64_t max_state_bytes = 0;        // of the states of all sessions; 0: three quarters of the machine's memory
   std::string state_dir;                    // where sessions outlive the server; empty: they do not
   std::string durability = "process";       // of a reply, with state_dir: none, process or power (store.hpp)
-  double checkpoint_every_s = 600.0;        // of a server that is at work; the journal since is replayed at a start
+  double checkpoint_every_s = 600.0;        // where anything has changed; the journal since is replayed at a start
   std::uint64_t checkpoint_after_mb = 256;  // of journal, whichever comes first
   std::size_t max_capsules = 16;            // failure capsules kept in state_dir, the first ones
   bool accept_empty = false;                // set state files that cannot be used aside, and start without them

@@ -89,7 +89,7 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
   service_.recover();
 }
 
-// Between two requests: the answer to the last one is on its way.
+// Between two requests, and while none come: the answer to the last one is on its way.
 void Server::checkpoint_if_due() {
   if (!store_ || !store_->changed_since_checkpoint()) return;
   const std::uint64_t now = monotonic_ns();
@@ -144,7 +144,6 @@ void Server::complete_status(wire::ServerStatus& status) const {
 void Server::run(int stop_fd, ServiceManager* manager) {
   manager_ = manager;
   const transport::Handler handler = [this](transport::Frames frames, std::string_view user) {
-    checkpoint_if_due();
     std::vector<transport::OutFrame> sent;
     if (auto reply = service_.handle(frames, Access::caller(user))) {
       auto header = std::make_shared<const std::string>(std::move(reply->header));
@@ -156,9 +155,12 @@ void Server::run(int stop_fd, ServiceManager* manager) {
     }
     return sent;
   };
-  // A program looks after itself now and then, a server inside another program sleeps.
-  const transport::Pulse pulse = {.every_ms = manager == nullptr ? -1 : kLookAfterMs, .beat = [&] {
+  // A program looks after itself and its state directory now and then; a server inside another program, without one,
+  // sleeps.
+  const bool sleeps = manager == nullptr && !store_;
+  const transport::Pulse pulse = {.every_ms = sleeps ? -1 : kLookAfterMs, .beat = [&] {
                                     if (manager != nullptr) look_after();
+                                    checkpoint_if_due();
                                     return !service_.drained();
                                   }};
   router_.run(handler, stop_fd, pulse);

@@ -41,6 +41,7 @@ struct Options {
   shearbus::wire::Top top = shearbus::wire::Top::kHottest;
   std::uint32_t count = 10;
   bool exit = false;
+  double idle_s = 60.0;
   std::vector<std::filesystem::path> checkpoints;
   std::string key_name;
   bool key_of_operator = false;
@@ -184,6 +185,14 @@ int main(int argc, char** argv) {
                                                      {"molten", shearbus::wire::Top::kMolten}}));
   top_command->add_option("--count", options.count, "How many")
       ->check(CLI::Range(1U, static_cast<unsigned>(shearbus::wire::kMaxTopNodes)))
+      ->capture_default_str();
+  auto* close_command = asks("close", "Ends a session whose client is gone for good: its states are lost (operator)",
+                             [&](Client& client) { ctl::close(client, options.session, options.idle_s); });
+  close_command
+      ->add_option("SESSION", options.session, "First digits of its id, or its scene's name where no other has it")
+      ->required();
+  close_command->add_option("--idle", options.idle_s, "Only where no request has come for so long, in seconds")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   asks("checkpoint", "Writes a checkpoint now (operator)", ctl::checkpoint);
   asks("drain", "No new sessions from here on (operator)", [&](Client& client) {

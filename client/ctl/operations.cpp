@@ -147,6 +147,19 @@ void show_top(Client& client, const std::string& session, wire::Top by, std::uin
   }
 }
 
+void close(Client& client, const std::string& session, double idle_s) {
+  const auto sessions = client.sessions();
+  const wire::SessionInfo& found = find(sessions, session);
+  if (seconds(found.idle_ns) < idle_s)
+    throw std::runtime_error(
+        fmt::format("session {} was at work {:.1f} s ago: it is closed only after {} s without a "
+                    "request (--idle), for its states are lost then",
+                    hexadecimal(found.session_id), seconds(found.idle_ns), idle_s));
+  const wire::SessionClosed closed = client.close(found);
+  fmt::print("{} closed: \"{}\" of {}, {} nodes, {} requests; its states are gone\n", hexadecimal(found.session_id),
+             found.name, found.identity, found.nodes, closed.requests);
+}
+
 void checkpoint(Client& client) {
   const wire::Checkpointed written = client.checkpoint();
   fmt::print("checkpoint of {:.1f} MB in {:.3f} s\n", static_cast<double>(written.bytes) / (1 << 20),

@@ -13,6 +13,8 @@ void show_status(const wire::ServerStatus& status, bool json);
 void show_sessions(Client& client, bool json);
 // `session`: the first digits of its id, or the name of its scene; empty where there is only one.
 void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
+// A session that has been idle for at least `idle_s`; `session` as above.
+void close(Client& client, const std::string& session, double idle_s);
 void checkpoint(Client& client);
 void drain(Client& client, bool exit);
 

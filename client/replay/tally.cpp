@@ -63,8 +63,11 @@ std::string Tally::regimes_text() const {
 
 std::string Tally::outcomes_text() const {
   if (flagged_ == 0) return "none";
-  constexpr std::array<std::pair<std::size_t, const char*>, 4> kBits = {
-      {{0, "substepped"}, {1, "with several roots"}, {2, "outside the strategy's domain"}, {kFailedBit, "FAILED"}}};
+  constexpr std::array<std::pair<std::size_t, const char*>, 5> kBits = {{{0, "substepped"},
+                                                                         {1, "with several roots"},
+                                                                         {2, "outside the strategy's domain"},
+                                                                         {6, "of first order in place of second"},
+                                                                         {kFailedBit, "FAILED"}}};
   std::vector<std::string> counts;
   for (const auto& [bit, text] : kBits)
     if (outcomes_[bit] > 0) counts.push_back(fmt::format("{} {}", outcomes_[bit], text));

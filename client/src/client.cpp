@@ -533,4 +533,14 @@ TopNodes Client::top_nodes(const wire::SessionId& session, wire::Top by, std::ui
   return top;
 }
 
+wire::SessionClosed Client::close(const wire::SessionInfo& session) {
+  wire::Request request;
+  request.request_id = connection_->next_request_id();
+  request.session_id = session.session_id;
+  request.sequence = session.last_sequence + 1;
+  request.body = wire::CloseSession{.reason = "closed by an operator"};
+  Received received = connection_->call(request, connection_->options().reply_deadline);
+  return body_of<wire::SessionClosed>(received);
+}
+
 }  // namespace shearbus

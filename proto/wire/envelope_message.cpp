@@ -50,12 +50,14 @@ static_assert(same(Regime::kOpen, v1::REGIME_OPEN) && same(Regime::kStick, v1::R
               same(Regime::kMelting, v1::REGIME_MELTING));
 static_assert(same(kOutcomeOk, v1::OUTCOME_OK) && same(kSubstepped, v1::OUTCOME_SUBSTEPPED) &&
               same(kMultipleRoots, v1::OUTCOME_MULTIPLE_ROOTS) && same(kOutsideDomain, v1::OUTCOME_OUTSIDE_DOMAIN) &&
-              same(kFailed, v1::OUTCOME_FAILED));
+              same(kFirstOrder, v1::OUTCOME_FIRST_ORDER) && same(kFailed, v1::OUTCOME_FAILED));
 static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
               same(Strategy::kForceDriven, v1::STRATEGY_FORCE_DRIVEN) &&
               same(FarBoundary::kInsulated, v1::FAR_BOUNDARY_INSULATED) &&
               same(FarBoundary::kHalfSpace, v1::FAR_BOUNDARY_HALF_SPACE) &&
-              same(Drive::kLayerShear, v1::DRIVE_LAYER_SHEAR) &&
+              same(TimeIntegrator::kBackwardEuler, v1::TIME_INTEGRATOR_BACKWARD_EULER) &&
+              same(TimeIntegrator::kSdirk2, v1::TIME_INTEGRATOR_SDIRK2) && same(Heat::kProfile, v1::HEAT_PROFILE) &&
+              same(Heat::kModes, v1::HEAT_MODES) && same(Drive::kLayerShear, v1::DRIVE_LAYER_SHEAR) &&
               same(Drive::kInterfaceSlip, v1::DRIVE_INTERFACE_SLIP) &&
               same(InterfaceLaw::kSubgrid, v1::INTERFACE_LAW_SUBGRID) &&
               same(InterfaceLaw::kCoulombTresca, v1::INTERFACE_LAW_COULOMB_TRESCA) &&

@@ -23,6 +23,7 @@ enum Outcome : std::uint8_t {
   kSubstepped = 1,
   kMultipleRoots = 2,
   kOutsideDomain = 4,
+  kFirstOrder = 64,
   kFailed = 128,
 };
 

@@ -24,7 +24,8 @@ constexpr std::array kRegimes = {std::pair{"OPEN", Regime::kOpen}, std::pair{"ST
                                  std::pair{"MELTING", Regime::kMelting}};
 constexpr const char* kRegimeLegend = "0 open, 1 stick, 2 coulomb, 3 tresca, 4 melting";
 constexpr const char* kOutcomeLegend =
-    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 128 failed (the node kept its old state)";
+    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 64 first order in place of second, "
+    "128 failed (the node kept its old state)";
 
 std::string now_iso_8601() {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",

@@ -12,6 +12,8 @@ namespace shearbus::wire {
 
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
+enum class TimeIntegrator { kUnspecified = 0, kBackwardEuler = 1, kSdirk2 = 2 };
+enum class Heat { kUnspecified = 0, kProfile = 1, kModes = 2 };
 enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
 enum class MeltingCurve { kUnspecified = 0, kConstant = 1, kLindemann = 2 };
 enum class PressureTerm { kUnspecified = 0, kLinear = 1, kCompressed = 2 };
@@ -43,6 +45,12 @@ struct Body {
   bool given_at_all() const { return !material.empty() || !given.empty(); }
 };
 
+struct HeatModes {
+  double accuracy = 1e-6;
+  double shortest_step_s = 1e-10;
+  double longest_time_s = 1e-4;
+};
+
 struct Layer {
   double thickness_m = 20e-6;
   std::uint32_t cells = 500;
@@ -50,6 +58,9 @@ struct Layer {
   FarBoundary far_boundary = FarBoundary::kInsulated;
   double initial_temperature_k = 300.0;
   bool inertia = false;
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;
+  Heat heat = Heat::kProfile;
+  std::optional<HeatModes> modes;  // of heat = modes; an effective scene of that kind has it
 };
 
 struct HardLayer {

@@ -145,6 +145,14 @@ void to_message(const Scene& scene, v1::Scene& message) {
   layer.set_far_boundary(static_cast<v1::FarBoundary>(scene.layer.far_boundary));
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
   if (scene.layer.inertia) layer.set_inertia(true);
+  if (scene.layer.time_integrator != TimeIntegrator::kBackwardEuler)
+    layer.set_time_integrator(static_cast<v1::TimeIntegrator>(scene.layer.time_integrator));
+  if (scene.layer.heat != Heat::kProfile) layer.set_heat(static_cast<v1::Heat>(scene.layer.heat));
+  if (scene.layer.modes) {
+    layer.mutable_modes()->set_accuracy(scene.layer.modes->accuracy);
+    layer.mutable_modes()->set_shortest_step_s(scene.layer.modes->shortest_step_s);
+    layer.mutable_modes()->set_longest_time_s(scene.layer.modes->longest_time_s);
+  }
   if (scene.hard_layer) hard_layer_to_message(*scene.hard_layer, *message.mutable_hard_layer());
   v1::VelocityDriven& driven = *message.mutable_velocity_driven();
   driven.set_drive(static_cast<v1::Drive>(scene.velocity_driven.drive));
@@ -160,6 +168,7 @@ void to_message(const Scene& scene, v1::Scene& message) {
 
 void fill_defaults(v1::Scene& message) {
   message.mutable_layer();
+  if (message.layer().heat() == v1::HEAT_MODES) message.mutable_layer()->mutable_modes();
   if (message.has_hydro()) message.mutable_hydro()->mutable_coulomb_tresca();
   fill_table(message);
 }
@@ -178,7 +187,14 @@ Scene from_filled(const v1::Scene& message) {
                  .grading = message.layer().grading(),
                  .far_boundary = enum_or(message.layer().far_boundary(), scene.layer.far_boundary),
                  .initial_temperature_k = message.layer().initial_temperature_k(),
-                 .inertia = message.layer().inertia()};
+                 .inertia = message.layer().inertia(),
+                 .time_integrator = enum_or(message.layer().time_integrator(), scene.layer.time_integrator),
+                 .heat = enum_or(message.layer().heat(), scene.layer.heat),
+                 .modes = {}};
+  if (message.layer().has_modes())
+    scene.layer.modes = HeatModes{.accuracy = message.layer().modes().accuracy(),
+                                  .shortest_step_s = message.layer().modes().shortest_step_s(),
+                                  .longest_time_s = message.layer().modes().longest_time_s()};
   if (message.has_hard_layer()) scene.hard_layer = hard_layer_from_message(message.hard_layer());
   scene.velocity_driven.drive = enum_or(message.velocity_driven().drive(), scene.velocity_driven.drive);
   if (message.velocity_driven().has_friction_coefficient())

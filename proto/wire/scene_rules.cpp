@@ -255,6 +255,56 @@ class Together {
                     "waves turns across the layer");
   }
 
+  // What stands in the way of second order is what a step takes from the one before or from its own length.
+  void time_integrator() {
+    const std::string path = "layer.time_integrator";
+    if (scene_.layer().time_integrator() != v1::TIME_INTEGRATOR_SDIRK2) return;
+    const auto refuse = [&](std::string_view why) { add(path, path + " = \"sdirk2\" " + std::string(why)); };
+    if (scene_.velocity_driven().has_taylor_quinney_factor())
+      refuse(
+          "has no use with velocity_driven.taylor_quinney_factor: where the work becomes heat is taken from the step "
+          "before, which is first order");
+    if (scene_.interface().plastic_layer())
+      refuse("is not made for interface.plastic_layer, whose slip and flow share one balance per step");
+    if (scene_.layer().inertia())
+      refuse(
+          "is of the heat only, and with layer.inertia the waves are followed to first order: leave out one of them");
+    if (scene_.has_junctions() || given_("junctions"))
+      refuse("is not made for [junctions], whose strain grows with the slip of the whole step");
+    if (scene_.interface().friction_law() == v1::FRICTION_LAW_VELOCITY_WEAKENING)
+      refuse(
+          "is not made for friction_law = \"velocity_weakening\", whose friction is found for the mean slip of a step");
+  }
+
+  // Modes know the interface temperature and nothing inside.
+  void modes() {
+    const bool plastic_layer = scene_.interface().plastic_layer();
+    if (scene_.layer().heat() == v1::HEAT_MODES) {
+      if (plastic_layer)
+        add("layer.heat",
+            "layer.heat = \"modes\" keeps no temperature inside the layer, and interface.plastic_layer flows by it");
+      if (scene_.strategy() == v1::STRATEGY_VELOCITY_DRIVEN)
+        add("layer.heat",
+            "layer.heat = \"modes\" keeps no temperature inside the layer, and strategy velocity_driven flows by it");
+      if (scene_.has_hard_layer() || given_("hard_layer"))
+        add("layer.heat", "layer.heat = \"modes\" follows one body: leave out [hard_layer], or keep the profile");
+    } else if (scene_.layer().has_modes() && sound("layer.heat", false)) {
+      add("layer.modes", "[layer.modes] is of layer.heat = \"modes\" only");
+    }
+    if (scene_.layer().heat() != v1::HEAT_MODES || !sound("layer.modes.shortest_step_s", true) ||
+        !sound("layer.modes.longest_time_s", true))
+      return;
+    with_message<v1::Scene>([&](v1::Scene& filled) {
+      filled = scene_;
+      fill_defaults(filled);
+      const v1::HeatModes& modes = filled.layer().modes();
+      if (modes.longest_time_s() < modes.shortest_step_s())
+        add("layer.modes.longest_time_s",
+            fmt::format("layer.modes.longest_time_s = {} s is below layer.modes.shortest_step_s = {} s",
+                        number_text(modes.longest_time_s()), number_text(modes.shortest_step_s())));
+    });
+  }
+
   void strategy() {
     if (scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.has_interface() && !given_("interface"))
       add("strategy", "strategy force_driven needs the table [interface], which is missing");
@@ -391,6 +441,8 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.plastic_heating();
   together.inertia();
   together.components();
+  together.time_integrator();
+  together.modes();
   together.hard_strength();
   if (scene.has_hydro()) together.hydro();
   together.junctions();

@@ -135,6 +135,22 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .remedy = "leave out layer.inertia, or choose another soft body",
                        .field = "layer.inertia"});
   made.options.tangential_components = static_cast<int>(scene.tangential_components);
+  if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2) {
+    made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
+    if (!is_steinberg_cochran_guinan(made.options.soft))
+      throw wire::Error({.code = wire::Code::kInvalidScene,
+                         .text = fmt::format("layer.time_integrator = \"sdirk2\" works with flow law {}, the soft body "
+                                             "has {}: its stress follows the rate of a step, to first order",
+                                             physics::SteinbergCochranGuinan::kName,
+                                             physics::FlowLaws::name_of(made.options.soft.flow_law)),
+                         .remedy = "leave out layer.time_integrator, or choose another soft body",
+                         .field = "layer.time_integrator"});
+  }
+  if (scene.layer.heat == wire::Heat::kModes) {
+    const wire::HeatModes modes = scene.layer.modes.value_or(wire::HeatModes{});
+    made.options.modes = physics::ModesOptions{
+        .accuracy = modes.accuracy, .shortest_step = modes.shortest_step_s, .longest_time = modes.longest_time_s};
+  }
   made.options.initial_temperature = scene.layer.initial_temperature_k;
   made.options.drive = drive_of(scene.velocity_driven.drive);
   made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
@@ -143,6 +159,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
 
   made.effective = scene;
+  if (scene.layer.heat == wire::Heat::kModes && !scene.layer.modes) made.effective.layer.modes.emplace();
   if (scene.hard_layer) {
     made.effective.hard_layer = filled(*scene.hard_layer, scene, made.options);
     made.options.hard_grid = hard_grid_of(*made.effective.hard_layer);

@@ -256,6 +256,13 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
     refuse(Code::kInvalidValue, "dt_s",
            fmt::format("dt_s is {}; expected from {} to {} s", step.dt_s, kShortestStep, kLongestStep),
            "Nothing was changed; correct it and send the step again.");
+  if (effective.layer.modes && step.dt_s < effective.layer.modes->shortest_step_s)
+    refuse(
+        Code::kInvalidValue, "dt_s",
+        fmt::format("dt_s is {}; expected at least layer.modes.shortest_step_s = {} s, down to which this scene's sum "
+                    "of exponentials was made",
+                    step.dt_s, effective.layer.modes->shortest_step_s),
+        "Nothing was changed; open the session with a shorter layer.modes.shortest_step_s.");
   if (!std::isfinite(step.time_s))
     refuse(Code::kInvalidValue, "time_s", fmt::format("time_s is {}; expected a finite time", step.time_s),
            "Nothing was changed; correct it and send the step again.");

@@ -13,6 +13,7 @@ using physics::kLanes;
 
 std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
   const StatePart known[] = {{"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
+                             {"heat_modes_k", "K", layout.heat_modes, layout.num_heat_modes},
                              {"temperature_k", "K", layout.temperature, layout.num_vertices},
                              {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
                              {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},

@@ -91,6 +91,22 @@ void BM_UnderPressure(benchmark::State& state) {
   run(state, options);
 }
 
+void BM_Sdirk2(benchmark::State& state) {
+  const bool forced = state.range(1) != 0;
+  ModelOptions options =
+      grid_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.time_integrator = TimeIntegrator::kSdirk2;
+  run(state, options);
+}
+
+// No profile: 1 ns to 1 us, to 1e-3 and 1e-6 of the kernel.
+void BM_Modes(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, 2);
+  options.modes = {.accuracy = state.range(0) == 3 ? 1e-3 : 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};
+  if (state.range(1) != 0) options.time_integrator = TimeIntegrator::kSdirk2;
+  run(state, options);
+}
+
 void BM_Inertia(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
   options.inertia = true;
@@ -104,6 +120,8 @@ BENCHMARK(BM_Inertia)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::
 BENCHMARK(BM_TwoSided)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_PlasticHeating)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Sdirk2)->ArgNames({"grid", "forced"})->ArgsProduct({{0, 1, 2}, {0, 1}})->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Modes)->ArgNames({"digits", "sdirk2"})->ArgsProduct({{3, 6}, {0, 1}})->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_LayerShear)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_InterfaceSlip)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_ForceDriven)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);

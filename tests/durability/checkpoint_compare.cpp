@@ -23,12 +23,13 @@ class Compare : public testing::Test {
  protected:
   // A checkpoint of a session after three steps and what `change` makes of the last.
   template <typename Change>
-  std::filesystem::path checkpoint(std::uint8_t session, Change change, bool trial = false) {
+  std::filesystem::path checkpoint(std::uint8_t session, Change change, bool trial = false,
+                                   const wire::Scene& scene = support::velocity_scene()) {
     support::MemoryStorage disk;
     DurableServer server(disk);
-    EXPECT_TRUE(server.ask(ServiceHarness::opening(support::velocity_scene(), kNodes, session)).reply.status.ok());
+    EXPECT_TRUE(server.ask(ServiceHarness::opening(scene, kNodes, session)).reply.status.ok());
     for (std::uint64_t i = 1; i <= 3; ++i) {
-      wire::Batch columns = support::step_columns(Strategy::kVelocityDriven, kNodes, static_cast<int>(i));
+      wire::Batch columns = support::step_columns(scene.strategy, kNodes, static_cast<int>(i));
       if (i == 3) change(columns);
       const auto mode = trial && i == 3 ? wire::Mode::kTrial : wire::Mode::kAdvance;
       EXPECT_TRUE(server.ask(ServiceHarness::step(i, std::move(columns), mode, session)).reply.status.ok());
@@ -60,6 +61,16 @@ TEST_F(Compare, TheFirstNodeAndQuantityThatDifferAreNamed) {
   EXPECT_THAT(text, HasSubstr("session 01010101, node " + std::to_string(kNodes[7]) + ", temperature_k"));
   EXPECT_THAT(text, HasSubstr(" K"));
   EXPECT_NE(store::first_difference(b, a), "");
+}
+
+TEST_F(Compare, WithoutAProfileTheModesAreCompared) {
+  wire::Scene scene = support::force_scene();
+  scene.layer.heat = wire::Heat::kModes;
+  const auto a = checkpoint(1, nothing, false, scene);
+  EXPECT_EQ(store::first_difference(a, checkpoint(2, nothing, false, scene)), "");
+  const auto b = checkpoint(
+      1, [](wire::Batch& columns) { columns.f64(wire::Field::kVelocityJump)[7] *= 1 + 1e-12; }, false, scene);
+  EXPECT_THAT(store::first_difference(a, b), HasSubstr("node " + std::to_string(kNodes[7]) + ", heat_modes_k"));
 }
 
 TEST_F(Compare, WhatIsNotOfOneNodeIsNamedToo) {

@@ -422,5 +422,29 @@ TEST(Surroundings, ARestartWithOtherOptionsGivesTheSameAnswers) {
   host.reset();
 }
 
+std::set<std::string> checkpoints_in(const std::filesystem::path& state_dir) {
+  std::set<std::string> names;
+  for (const auto& file : std::filesystem::directory_iterator(state_dir))
+    if (const std::string name = file.path().filename(); name.starts_with("checkpoint-")) names.insert(name);
+  return names;
+}
+
+// A host that has gone quiet must not leave its work in the journal alone.
+TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
+  const ScratchDirectory scratch;
+  const std::filesystem::path state = scratch.path() / "state";
+  ServerProcess server({"--bind", scratch.ipc(), "--state-dir", state.string(), "--checkpoint-every", "1"});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Host host({.endpoint = scratch.ipc()});
+  host.steps(3);
+  const auto until = std::chrono::steady_clock::now() + 20s;
+  while (checkpoints_in(state).empty() && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(50ms);
+  EXPECT_FALSE(checkpoints_in(state).empty()) << server.log();
+  std::this_thread::sleep_for(2500ms);  // on a slow machine the first may have come before the last step
+  const std::set<std::string> idle = checkpoints_in(state);
+  std::this_thread::sleep_for(2500ms);
+  EXPECT_EQ(checkpoints_in(state), idle) << "nothing has changed since";
+}
+
 }  // namespace
 }  // namespace shearbus

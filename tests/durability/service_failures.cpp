@@ -12,10 +12,12 @@
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/scratch.hpp"
+#include "tests/support/server_process.hpp"
 
 namespace shearbus::service {
 namespace {
 
+using namespace std::chrono_literals;
 using support::DurableServer;
 using support::MemoryStorage;
 using support::ServiceHarness;
@@ -28,6 +30,10 @@ using wire::Strategy;
 constexpr std::size_t kNodes = 11;
 constexpr std::size_t kBadRow = 4;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+void write_file(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+  std::ofstream(file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+}
 
 store::Snapshot snapshot_of(MemoryStorage& disk, std::uint64_t generation) {
   const std::string name = store::checkpoint_name(generation);
@@ -45,23 +51,45 @@ wire::Request step(Strategy strategy, std::uint64_t sequence, int number, Policy
   return request;
 }
 
-class Failures : public testing::TestWithParam<Strategy> {
+// A scene, and the column of its state in which a number makes the next step's answer none.
+struct Kind {
+  const char* name;
+  Strategy strategy;
+  bool modes;
+  const char* column;
+
+  operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
+  wire::Scene scene() const {
+    wire::Scene scene = support::scene_of(strategy);
+    if (modes) scene.layer.heat = wire::Heat::kModes;
+    return scene;
+  }
+};
+
+class Failures : public testing::TestWithParam<Kind> {
  protected:
   // A server with one session after three steps, on this disk.
   void prepare(MemoryStorage& disk) {
     DurableServer server(disk);
-    server.ask(ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes)));
+    server.ask(ServiceHarness::opening(GetParam().scene(), support::node_ids(kNodes)));
     for (int i = 0; i < 3; ++i)
       server.ask(step(GetParam(), static_cast<std::uint64_t>(i) + 1, i, Policy::kUnspecified));
     ASSERT_TRUE(server.service.checkpoint());
   }
-  // The same, with one temperature of the node at kBadRow that is no number.
+  // The same, with one temperature of the node at kBadRow, or one mode's share of it, that is no number.
   void prepare_damaged(MemoryStorage& disk) {
     prepare(disk);
     store::Snapshot snapshot = snapshot_of(disk, 1);
     for (shard::StateColumn& column : snapshot.sessions.front().committed.columns)
-      if (column.name == "temperature_k") column.values[kBadRow * column.width + 2] = kNan;
+      if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
+  }
+  // The capsule of a node that has an answer, and one that is not what was recorded.
+  static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
+    store::Capsule capsule = store::read_capsule(recorded, "capsule");
+    for (shard::StateColumn& column : capsule.state.columns)
+      if (column.name == GetParam().column) column.values[2] = GetParam().modes ? 0.0 : 300.0;
+    return store::capsule_bytes(capsule);
   }
   static std::vector<std::string> capsules(const MemoryStorage& disk) {
     std::vector<std::string> found;
@@ -70,10 +98,11 @@ class Failures : public testing::TestWithParam<Strategy> {
     return found;
   }
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, Failures, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, Failures,
+                         testing::Values(Kind{"VelocityDriven", Strategy::kVelocityDriven, false, "temperature_k"},
+                                         Kind{"ForceDriven", Strategy::kForceDriven, false, "temperature_k"},
+                                         Kind{"WithoutProfile", Strategy::kForceDriven, true, "heat_modes_k"}),
+                         [](const auto& kind) { return kind.param.name; });
 
 TEST_P(Failures, AcceptedTheNodeKeepsItsStateAndTheOthersStep) {
   MemoryStorage sound_disk, disk;
@@ -157,24 +186,43 @@ TEST_P(Failures, TheCapsuleRunsAgainWithTheSameBits) {
   const test::Scratch scratch;
   const auto file = scratch.path() / "capsule.h5";
   const auto replayed = [&](std::span<const std::byte> bytes) {
-    std::ofstream(file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+    write_file(file, bytes);
     return server::replay_capsule(file);
   };
   const auto all = replayed(disk.bytes("capsule-000000000001.h5"));
   EXPECT_TRUE(all.same());
   EXPECT_EQ(all.node_id, support::node_ids(kNodes)[kBadRow]);
   EXPECT_EQ(all.step, 3u);
-  EXPECT_EQ(all.answer.size(), GetParam() == Strategy::kVelocityDriven ? 6u : 7u);
-  for (const auto& part : all.state) EXPECT_EQ(part.not_finite, part.name == "temperature_k" ? 1u : 0u) << part.name;
+  EXPECT_EQ(all.answer.size(), GetParam().strategy == Strategy::kVelocityDriven ? 6u : 7u);
+  for (const auto& part : all.state) EXPECT_EQ(part.not_finite, part.name == GetParam().column ? 1u : 0u) << part.name;
   const auto some = replayed(disk.bytes("capsule-000000000002.h5"));
   EXPECT_TRUE(some.same());
   EXPECT_EQ(some.answer.size(), 1u);
 
-  // A node that has an answer, and one that is not what was recorded.
-  store::Capsule capsule = store::read_capsule(disk.bytes("capsule-000000000001.h5"), "capsule");
-  for (shard::StateColumn& column : capsule.state.columns)
-    if (column.name == "temperature_k") column.values[2] = 300.0;
-  EXPECT_FALSE(replayed(store::capsule_bytes(capsule)).same());
+  EXPECT_FALSE(replayed(mended(disk.bytes("capsule-000000000001.h5"))).same());
+}
+
+TEST_P(Failures, TheProgramRunsACapsuleAgainAndTellsWhatDiffers) {
+  MemoryStorage disk;
+  prepare_damaged(disk);
+  DurableServer server(disk);
+  EXPECT_EQ(server.ask(step(GetParam(), 4, 3, Policy::kAllOrNothing)).code(), Code::kStepFailed);
+  const test::Scratch scratch;
+  const auto file = scratch.path() / "capsule.h5";
+  const std::string log = (scratch.path() / "log").string();
+  const auto run = [&](std::span<const std::byte> bytes) {
+    write_file(file, bytes);
+    return support::Process({SHEARBUS_BINARY_DIR "/bin/shearbus-replay", "--capsule", file.string()}, log)
+        .exit_code(30s);
+  };
+  const std::vector<std::byte> recorded = disk.bytes("capsule-000000000001.h5");
+  EXPECT_EQ(run(recorded), 0);
+  const std::string node = "node " + std::to_string(support::node_ids(kNodes)[kBadRow]);
+  for (const std::string& word : {node, std::string("the same answer, to the last bit")})
+    EXPECT_NE(support::text_of(log).find(word), std::string::npos) << word << " in " << support::text_of(log);
+
+  EXPECT_EQ(run(mended(recorded)), 1);
+  EXPECT_NE(support::text_of(log).find("ANOTHER ANSWER"), std::string::npos) << support::text_of(log);
 }
 
 TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {

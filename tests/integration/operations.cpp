@@ -5,6 +5,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
@@ -108,6 +109,39 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
   EXPECT_THAT(metrics, HasSubstr("shearbus_admitting 1\n"));
   EXPECT_THAT(ctl({"status"}).second, HasSubstr("2 checkpoints (0 failed)"));
   EXPECT_NO_THROW(step(session, 21));
+}
+
+// A host that died without its ticket: only an operator can free what it held, and not while it is at work.
+TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
+  const ScratchDirectory scratch;
+  ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Client client({.endpoint = scratch.ipc()});
+  Session session = client.open(support::velocity_scene(), kNodes);
+  Session other = client.open(support::force_scene(), kNodes);
+  step(session, 0);
+  const Ctl ctl(scratch.ipc());
+  const std::string name = support::velocity_scene().name;
+  const auto [early, refusal] = ctl({"close", name});
+  EXPECT_EQ(early, 1);
+  EXPECT_THAT(refusal, HasSubstr("only after 60 s without a request"));
+  EXPECT_EQ(ctl({"close", "nobody", "--idle", "0"}).first, 1);
+  step(session, 1);
+
+  // As it was seen before the client's next step: it has gone on.
+  const auto seen = client.sessions();
+  const auto info = std::ranges::find(seen, name, &wire::SessionInfo::name);
+  ASSERT_NE(info, seen.end());
+  step(session, 2);
+  EXPECT_THROW(client.close(*info), Error);
+  step(session, 3);
+
+  const auto [code, text] = ctl({"close", name, "--idle", "0"});
+  EXPECT_EQ(code, 0) << text;
+  EXPECT_THAT(text, HasSubstr("15 nodes, 5 requests"));
+  EXPECT_THROW(step(session, 4), Error);
+  EXPECT_THAT(ctl({"status"}).second, HasSubstr("1 with 15 nodes"));
+  other.close();
 }
 
 TEST(Operations, ADrainedServerEndsWithItsLastSession) {

@@ -101,6 +101,12 @@ class Rig {
   // (k/alpha) integral (T - reference) over all that conducts, with the weights of the conduction.
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
   double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
+    if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
+      // Without a profile: of a slab, whose mode of rate 0 is its mean temperature.
+      const double* rows = tile.data() + layout.heat_modes + lane;
+      const ModelOptions& o = model.options();
+      return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
+    }
     const double* rows = tile.data() + model.layout().first_temperature();
     double sum = 0.0;
     for (int i = 0; i < heat_grid_.num_vertices(); ++i) {
@@ -129,6 +135,9 @@ class Rig {
     reference::NodeState state;
     for (std::size_t i = model.layout().num_hard_vertices; i > 0; --i)
       state.hard_temperature.push_back(T(-static_cast<int>(i), lane));
+    for (std::size_t i = 0; i < model.layout().num_heat_modes; ++i)
+      state.hard_temperature.push_back(
+          committed[model.layout().heat_modes + i * kLanes + static_cast<std::size_t>(lane)]);
     for (std::size_t i = 0; i < model.layout().num_vertices; ++i)
       state.temperature.push_back(T(static_cast<int>(i), lane));
     for (int i = 0; i < model.grid().num_vertices(); ++i) {

@@ -83,4 +83,45 @@ inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& probl
   return states;
 }
 
+// The same interface between two plates that nothing else holds: [V]' = -mobility s, mobility = 1/m_minus + 1/m_plus.
+// Both integrals by the same product rule.
+inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
+                                                       int intervals) {
+  const double pi = std::acos(-1.0);
+  const double factor = problem.heat_partition() / problem.conductivity_soft * std::sqrt(problem.diffusivity_soft / pi);
+  std::vector<HalfSpaceState> states = {
+      {0.0, problem.limit(problem.initial_temperature), problem.initial_jump, problem.initial_temperature}};
+  for (int i = 1; i <= intervals; ++i) {
+    const double share = static_cast<double>(i) / intervals;
+    const double now = end * share * share;
+    const HalfSpaceState last = states.back();
+    double known = problem.initial_temperature;
+    double weight_of_last = 0.0;
+    for (std::size_t j = 0; j < states.size(); ++j) {
+      const bool newest = j + 1 == states.size();
+      const double a = now - states[j].time;
+      const double b = newest ? 0.0 : now - states[j + 1].time;
+      const double whole = 2.0 * (std::sqrt(a) - std::sqrt(b));
+      const double rising = (a * whole - 2.0 / 3.0 * (a * std::sqrt(a) - b * std::sqrt(b))) / (a - b);
+      known += factor * (whole - rising) * states[j].stress * states[j].jump;
+      if (!newest) known += factor * rising * states[j + 1].stress * states[j + 1].jump;
+      weight_of_last = factor * rising;
+    }
+    const auto state_at = [&](double temperature) {
+      const double stress = problem.limit(temperature);
+      const double lost = 0.5 * (now - last.time) * mobility * (last.stress + stress);
+      return HalfSpaceState{now, stress, last.jump - lost, temperature};
+    };
+    double low = problem.initial_temperature;
+    double high = problem.melting_temperature;
+    for (int bisection = 0; bisection < 60; ++bisection) {
+      const double middle = 0.5 * (low + high);
+      const HalfSpaceState state = state_at(middle);
+      (known + weight_of_last * state.stress * state.jump > middle ? low : high) = middle;
+    }
+    states.push_back(state_at(0.5 * (low + high)));
+  }
+  return states;
+}
+
 }  // namespace shearbus::test

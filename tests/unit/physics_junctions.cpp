@@ -36,6 +36,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
     options.plastic_layer = false;
     options.junctions.reset();
+    options.time_integrator = TimeIntegrator::kBackwardEuler;  // the one junctions go with
     ModelOptions junctions = options;
     junctions.junctions = {1.0, 1e-7, options.soft};
     junctions.junctions->metal.flow_law = {};

@@ -150,6 +150,52 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   EXPECT_NEAR(work - heat - 0.1 * plastic, residual, 2.0 * most_elastic);
 }
 
+// Of second order the heat is the work of the stresses of both stages, and the ledger's that of the step's answer: what
+// the stress moves within the step, through the jump, stays over.
+TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
+  ModelOptions options = graded(paper_options());
+  options.time_integrator = TimeIntegrator::kSdirk2;
+  Rig rig(options, 1);
+  rig.set_all(100.0, 11.2e9);
+  const double spring = 0.5 * rig.model.options().grid.thickness / rig.model.options().soft.shear_modulus;
+  double work = 0.0, residual = 0.0, s_old = 0.0;
+  for (int n = 0; n < 1000; ++n) {
+    const double stored = rig.stored_heat(0.0);
+    TileLedger ledger = booked_step(rig, 1e-9);
+    const double s = rig.stress();
+    const double elastic = spring * (s - s_old) * (s + s_old);
+    ASSERT_NEAR(ledger(LedgerTerm::kHeatResidual, 0), 0.0, 1e-12 * stored) << n;
+    ASSERT_LE(std::abs(ledger(LedgerTerm::kEnergyResidual, 0) + elastic),
+              std::abs(s - s_old) * 100.0 * 1e-9 + 1e-12 * (work + stored))
+        << n;
+    work += ledger(LedgerTerm::kWork, 0);
+    residual += ledger(LedgerTerm::kEnergyResidual, 0) + elastic;
+    s_old = s;
+  }
+  EXPECT_LT(std::abs(residual), 1e-2 * work);
+}
+
+// Without a profile a slab's heat is its slowest mode's, a half-space's what has entered it.
+TEST(PhysicsLedgerOfForces, WithoutAProfileTheHeatIsStillStored) {
+  for (const FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
+    ModelOptions options = paper_options(Strategy::kForceDriven);
+    options.grid.far_boundary = far;
+    options.modes.emplace();
+    Rig rig(options, 1);
+    rig.set_all(100.0, 11.2e9);
+    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 10.0;
+    const HeatKernel kernel(options.soft, options.grid);
+    EXPECT_EQ(kernel.far_face_unfelt(options.modes->longest_time), far == FarBoundary::kHalfSpace);
+    for (int n = 0; n < 300; ++n) {
+      TileLedger ledger = booked_step(rig, 1e-9);
+      const double entered = rig.outputs.friction_heat[0];
+      ASSERT_GT(entered, 0.0);
+      ASSERT_NEAR(ledger(LedgerTerm::kStoredSoft, 0), entered, 1e-9 * entered) << n;
+      ASSERT_NEAR(ledger(LedgerTerm::kEnergyResidual, 0), 0.0, 1e-10 * ledger(LedgerTerm::kWork, 0)) << n;
+    }
+  }
+}
+
 TEST(PhysicsLedgerOfJumps, AnOpenContactDoesNoWork) {
   Rig rig(graded(paper_options()), 1);
   rig.set_all(100.0, -1e9);

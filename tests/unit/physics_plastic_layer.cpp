@@ -36,6 +36,8 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     options.interface.friction_law = FrictionLaw{};  // the one a flowing layer goes with
     options.plastic_layer = true;
     options.junctions.reset();
+    options.modes.reset();
+    options.time_integrator = TimeIntegrator::kBackwardEuler;
     ModelOptions simplified = options;
     simplified.plastic_layer = false;
     Rig rig(options), other(simplified);

@@ -168,5 +168,31 @@ TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   EXPECT_NE(Model(options).warnings()[0].find("weaker body"), std::string::npos);
 }
 
+// Heat that goes inward softens a layer that is held: what it flows is what the stress gives way, even where a vertex
+// begins to flow within the last digits of the stress.
+TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
+  ModelOptions options = graded(paper_options(), 40, 1.1);
+  options.soft.hardening_exponent = 0.05;  // a high power of the stress
+  options.initial_temperature = 900.0;
+  Rig rig(options);
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.pressure[l] = 5e9;
+    rig.inputs.velocity_jump[l] = 20.0 + 10.0 * l;
+  }
+  for (int n = 0; n < 100; ++n) rig.step(1e-9);
+  rig.set_all(0.0, 5e9);
+  constexpr double kShort = 1e-11;
+  for (int n = 0; n < 300; ++n) {
+    double before[kLanes];
+    for (int l = 0; l < kLanes; ++l) before[l] = rig.stress(l);
+    rig.step(kShort);
+    for (int l = 0; l < kLanes; ++l) {
+      const double relaxed = options.grid.thickness * (before[l] - rig.stress(l)) / options.soft.shear_modulus;
+      ASSERT_GT(relaxed, 0.0);
+      EXPECT_NEAR(rig.outputs.sliding_velocity[l] * kShort, relaxed, 1e-7 * relaxed) << "step " << n << ", lane " << l;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace shearbus::testing

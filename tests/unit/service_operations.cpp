@@ -156,6 +156,20 @@ TEST_F(Top, HottestAndFastestAreThoseOfTheLastAnswer) {
   EXPECT_EQ(std::get<wire::Inspected>(top(wire::Top::kMolten, 5).reply.body).matching, 0u);
 }
 
+TEST(Operations, WithoutAProfileTheHottestAreToldToo) {
+  wire::Scene scene = support::force_scene();
+  scene.layer.heat = wire::Heat::kModes;
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene, kNodes), kOther);
+  const Answer answer =
+      harness.ask(ServiceHarness::step(1, support::step_columns(Strategy::kForceDriven, kNodes, 0)), kOther);
+  const Answer found =
+      harness.ask(asking(wire::Inspect{.top = wire::Top::kHottest, .count = 1}, ServiceHarness::id(1)), kOperator);
+  ASSERT_TRUE(found.reply.status.ok()) << describe(found.reply.status);
+  const auto column = answer.reply.batch.f64(Field::kInterfaceTemperature);
+  EXPECT_EQ(found.reply.batch.f64(Field::kInterfaceTemperature)[0], *std::ranges::max_element(column));
+}
+
 TEST_F(Top, LookingChangesNothing) {
   ServiceHarness twin;
   twin.ask(ServiceHarness::opening(support::velocity_scene(), kNodes));

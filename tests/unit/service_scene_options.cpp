@@ -113,6 +113,62 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
 }
 
+TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
+  wire::Scene scene = support::force_scene();
+  EXPECT_EQ(scene_model(scene).options.time_integrator, physics::TimeIntegrator::kBackwardEuler);
+  EXPECT_FALSE(scene_model(scene).options.modes);
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  scene.layer.heat = wire::Heat::kModes;
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.time_integrator, physics::TimeIntegrator::kSdirk2);
+  EXPECT_EQ(made.options.modes->accuracy, 1e-6);
+  ASSERT_TRUE(made.effective.layer.modes);
+  EXPECT_EQ(wire::scene_to_toml(scene_model(made.effective).effective), wire::scene_to_toml(made.effective));
+
+  scene.hard_layer.emplace();
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("follows one body"));
+  scene.hard_layer.reset();
+  scene.layer.modes = wire::HeatModes{.shortest_step_s = 1e-6, .longest_time_s = 1e-7};
+  EXPECT_EQ(refusal_of(scene).field, "layer.modes.longest_time_s");
+  scene.layer.heat = wire::Heat::kProfile;
+  EXPECT_EQ(refusal_of(scene).field, "layer.modes");
+  scene.layer.modes.reset();
+  scene.interface->plastic_layer = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("share one balance per step"));
+  scene.layer.time_integrator = wire::TimeIntegrator::kBackwardEuler;
+  EXPECT_EQ(refusal_of(scene).text, "");
+  scene.layer.heat = wire::Heat::kModes;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("plastic_layer flows by it"));
+  scene.interface->plastic_layer = false;
+  scene.layer.heat = wire::Heat::kProfile;
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  scene.tangential_components = 2;
+  EXPECT_EQ(refusal_of(scene).text, "");
+  scene.junctions.emplace();
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("is not made for [junctions]"));
+  scene.junctions.reset();
+  scene.interface->friction_law = wire::FrictionLaw::kVelocityWeakening;
+  scene.interface->friction_coefficient_fast = 0.02;
+  scene.interface->velocity_decay_s_per_m = 0.01;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("for the mean slip of a step"));
+  scene.layer.time_integrator = wire::TimeIntegrator::kBackwardEuler;
+  scene.layer.heat = wire::Heat::kModes;
+  EXPECT_EQ(refusal_of(scene).text, "");
+
+  scene = support::velocity_scene();
+  scene.layer.heat = wire::Heat::kModes;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("velocity_driven flows by it"));
+  scene.layer.heat = wire::Heat::kProfile;
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  EXPECT_EQ(refusal_of(scene).text, "");
+  scene.layer.inertia = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("the waves are followed to first order"));
+  scene.layer.inertia = false;
+  scene.hard_layer.emplace();
+  scene.velocity_driven.taylor_quinney_factor = 0.9;
+  EXPECT_EQ(refusal_of(scene).field, "layer.time_integrator");
+}
+
 TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.inertia);
@@ -205,6 +261,10 @@ TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
   scene.soft.pressure_term = wire::PressureTerm::kLinear;
   scene.soft.melting_curve = wire::MeltingCurve::kLindemann;
   EXPECT_EQ(refusal_of(scene).text, "");
+  scene.layer.time_integrator = wire::TimeIntegrator::kSdirk2;
+  EXPECT_EQ(refusal_of(scene).field, "layer.time_integrator");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("follows the rate of a step"));
+  scene.layer.time_integrator = wire::TimeIntegrator::kBackwardEuler;
 }
 
 TEST(SceneOptions, AFrictionLawComesWithItsOwnConstantsAndComesBack) {

@@ -35,6 +35,12 @@ class SavedStates : public ::testing::TestWithParam<int> {
     }
     if (GetParam() == 5) options.inertia = true;
     if (GetParam() == 6) options.tangential_components = 2;
+    if (GetParam() >= 7) {
+      options.strategy = physics::Strategy::kForceDriven;
+      options.interface = {0.3, 200e6};
+      options.time_integrator = physics::TimeIntegrator::kSdirk2;
+    }
+    if (GetParam() == 8) options.modes.emplace();
     return options;
   }
 };
@@ -84,11 +90,11 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided",  "TwoSided", "PlasticWorkHeats", "PlasticLayer",
-                                    "Junctions", "Inertia",  "TwoComponents"};
+  constexpr const char* kNames[] = {"OneSided", "TwoSided",      "PlasticWorkHeats", "PlasticLayer",  "Junctions",
+                                    "Inertia",  "TwoComponents", "SecondOrder",      "WithoutProfile"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 7), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 9), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

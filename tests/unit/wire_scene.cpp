@@ -246,6 +246,11 @@ class RandomScene {
     scene.layer.far_boundary = flip() ? FarBoundary::kInsulated : FarBoundary::kHalfSpace;
     scene.layer.initial_temperature_k = number(1e-3, 1e4);
     if (flip()) scene.hard_layer = hard_layer();
+    if (scene.strategy == Strategy::kForceDriven && !scene.hard_layer && flip()) {
+      scene.layer.heat = Heat::kModes;
+      scene.layer.modes = HeatModes{
+          .accuracy = number(1e-10, 0.1), .shortest_step_s = number(1e-15, 1e-9), .longest_time_s = number(1e-9, 1e3)};
+    }
     scene.velocity_driven.drive = flip() ? Drive::kLayerShear : Drive::kInterfaceSlip;
     if (flip()) scene.velocity_driven.friction_coefficient = number(1e-290, 10);
     if (scene.strategy == Strategy::kVelocityDriven && scene.hard_layer &&
@@ -256,10 +261,14 @@ class RandomScene {
                           !scene.velocity_driven.taylor_quinney_factor;
     if (flip() || scene.strategy == Strategy::kForceDriven)
       scene.interface = Interface{.friction_coefficient = number(1e-9, 10), .yield_strength_pa = number(1e-290, 1e12)};
-    if (scene.strategy == Strategy::kForceDriven) scene.interface->plastic_layer = flip();
+    if (scene.strategy == Strategy::kForceDriven)
+      scene.interface->plastic_layer = scene.layer.heat == Heat::kProfile && flip();
     if (scene.strategy == Strategy::kForceDriven && !scene.interface->plastic_layer) scene.junctions = junctions();
     if (!scene.layer.inertia && scene.velocity_driven.drive == Drive::kLayerShear)
       scene.tangential_components = flip() ? 1 : 2;
+    if (!scene.velocity_driven.taylor_quinney_factor && !(scene.interface && scene.interface->plastic_layer) &&
+        !scene.junctions && !scene.layer.inertia && scene.tangential_components == 1 && flip())
+      scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     if (flip()) scene.hydro = hydro();
     return scene;
   }
@@ -348,6 +357,14 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
     ASSERT_EQ(again.tangential_components, scene.tangential_components);
+    ASSERT_EQ(again.layer.time_integrator, scene.layer.time_integrator);
+    ASSERT_EQ(again.layer.heat, scene.layer.heat);
+    ASSERT_EQ(again.layer.modes.has_value(), scene.layer.modes.has_value());
+    if (scene.layer.modes) {
+      ASSERT_EQ(again.layer.modes->accuracy, scene.layer.modes->accuracy);
+      ASSERT_EQ(again.layer.modes->shortest_step_s, scene.layer.modes->shortest_step_s);
+      ASSERT_EQ(again.layer.modes->longest_time_s, scene.layer.modes->longest_time_s);
+    }
     ASSERT_EQ(again.interface.has_value(), scene.interface.has_value());
     if (scene.interface) {
       ASSERT_EQ(again.interface->friction_coefficient, scene.interface->friction_coefficient);

@@ -198,6 +198,9 @@ class Client {
   wire::Draining drain(bool exit);
   std::vector<wire::SessionInfo> sessions();
   TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
+  // Ends a session whose client is gone for good, as sessions() showed it: refused where it has gone on since. Its
+  // states are lost.
+  wire::SessionClosed close(const wire::SessionInfo& session);
 
  private:
   template <typename Answer, typename Question>

@@ -14,6 +14,7 @@ struct StressLimit {
   double pressure;  // P                               [Pa]
   const Material* soft;
   Junctions junctions = {};
+  double offset = 0.0;  // added to the lesser of the two  [Pa]
   SearchEffort* effort = nullptr;
 
   struct Value {
@@ -26,12 +27,12 @@ struct StressLimit {
     const Softening soften = softening(*soft, pressure, temperature);
     const Junctions::Value hardened = junctions.options ? junctions.at(slip) : Junctions::Value{tresca, 0.0};
     const double yield = hardened.strength * soften.g;
-    if (coulomb <= yield) return {coulomb, 0.0, true};
-    return {yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
+    if (coulomb <= yield) return {offset + coulomb, 0.0, true};
+    return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
   // The same under this friction.
-  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, effort}; }
+  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, offset, effort}; }
 
   // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
   double steepest(double coldest, double hottest, double most_slip) const;

@@ -50,6 +50,41 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
   state.temperature.assign(at_interface, T.end());
 }
 
+namespace {
+
+// T at the end of a step with flux q: T_ad + q B.
+struct Heat {
+  Profile T_ad, B;
+};
+
+// The rows of a node without profile, read as those before z = 0 and z = 0 itself: HeatModes' list, K's own integral.
+Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
+  const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
+  const std::size_t last = old.rows.size() - 1;
+  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
+  double T0 = old.rows[0];
+  for (std::size_t j = 0; j < modes.rate.size(); ++j) {
+    // Integrals over the step of exp(-rate s) times s / ((1 - early) dt), the share of q_early, and times the rest
+    // of 1.
+    const long double x = static_cast<long double>(modes.rate[j]) * dt;
+    const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
+    const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;
+    const long double gain = static_cast<long double>(modes.weight[j]) * dt;
+    const double first = early > 0.0 ? static_cast<double>(gain * moment / (1.0L - early)) : 0.0;
+    const double second = static_cast<double>(gain * mean) - first;
+    heat.T_ad.rows[j + 1] = old.rows[j + 1] * std::exp(-modes.rate[j] * dt);
+    T0 += heat.T_ad.rows[j + 1];
+    heat.T_ad.rows[j + 1] += first * early_flux;
+    heat.B.rows[j + 1] = second;
+  }
+  const double early_T0 = early > 0.0 ? modes.kernel.moment(dt) / ((1.0 - early) * dt) : 0.0;
+  heat.T_ad.rows[last] = T0 + early_T0 * early_flux;
+  heat.B.rows[last] = modes.kernel.integral(dt) - early_T0;
+  return heat;
+}
+
+}  // namespace
+
 Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
@@ -84,6 +119,34 @@ Profile unit_response(const ModelOptions& options, double dt, const std::vector<
                  {std::vector<double>(like.rows.size(), 0.0), like.interface});
 }
 
+namespace {
+
+Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {
+  if (options.modes) return heat_of_modes(options, dt, 0.0, 0.0, old);
+  const Profile T_ad = conduct(options, dt, {}, old);
+  return {T_ad, unit_response(options, dt, state.heat_shape, T_ad)};
+}
+
+// The second stage of SDIRK2 from the rows the first one ended with.
+constexpr double kGamma = 0.29289321881345254;
+Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
+                          const NodeState& early) {
+  if (options.modes) return heat_of_modes(options, dt, kGamma, early_flux, old);
+  Profile from = profile_of(early);
+  for (std::size_t i = 0; i < from.rows.size(); ++i)
+    from.rows[i] = old.rows[i] + (1.0 - kGamma) / kGamma * (from.rows[i] - old.rows[i]);
+  return heat_of_step(options, kGamma * dt, early, from);
+}
+
+bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T) {
+  if (options.modes) return T[0] < at_pressure(options.soft, pressure).melting_temperature;
+  const auto [lowest, highest] = std::minmax_element(T.rows.begin(), T.rows.end());
+  return *highest < at_pressure(options.soft, pressure).melting_temperature &&
+         *lowest >= *std::min_element(old.rows.begin(), old.rows.end()) * (1.0 - 1e-12);
+}
+
+}  // namespace
+
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt) {
   const double g = softening(m, pressure, T).g;
   if (a <= 0.0) return 0.0;
@@ -104,15 +167,15 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 
 namespace {
 
-NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
+                            const Heat& heat) {
   const Material& soft = options.soft;
   const Grid grid(options.grid);
   const double h = options.grid.thickness;
   const double V = in.velocity_jump;
   const bool layer_shear = options.drive == Drive::kLayerShear;
   const double w = layer_shear ? V : h * in.soft_shear_rate;
-  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
-  const Profile B = unit_response(options, dt, state.heat_shape, T_ad);
+  const auto& [T_ad, B] = heat;
 
   NodeOutputs out;
   out.velocity_jump_new = V;
@@ -214,10 +277,103 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   return out;
 }
 
+// DLP (65).
+struct InterfaceLaw {
+  const ModelOptions& options;
+  double pressure;
+  double limit(double T0) const {
+    const double yield = options.interface.yield_strength / kSqrt3 * softening(options.soft, pressure, T0).g;
+    return std::min(options.interface.friction_coefficient * pressure, yield);
+  }
+};
+
+// SDIRK2 of a node that slips one way from the start to the end of the step, with the stresses s1 and s2 of its stages;
+// nothing where it does not.
+bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
+                         NodeOutputs& out) {
+  const InterfaceLaw law{options, in.pressure};
+  const double beta_T = conducted_share(options);
+  const Profile old = profile_of(state);
+  const double acceleration = in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus;
+  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
+  const double V = in.velocity_jump;
+  const double direction = (V != 0.0 ? V : acceleration) < 0.0 ? -1.0 : 1.0;
+  const auto jump = [&](double t, double s) { return direction * (V + t * acceleration) - t * s * mobility; };
+
+  NodeState early = state;
+  const Heat first = heat_of_step(options, kGamma * dt, state, old);
+  double s1 = 0.0, s2 = 0.0, q1 = 0.0, q2 = 0.0, mean = 0.0, slip = 0.0;
+  const bool open = in.pressure <= 0.0;
+  bool rests = false;
+  if (!open) {
+    if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
+    const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
+    const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
+    if (law.limit(T0(stick)) >= stick) {  // at rest, or a stop, which is a kink
+      if (V != 0.0) return false;
+      rests = true;
+      mean = s1 = s2 = stick;
+    } else {
+      s1 = bisect([&](double s) { return s - law.limit(T0(s)); }, 0.0, stick);
+      q1 = beta_T * s1 * jump(kGamma * dt, s1);
+    }
+  }
+  heat_up(early, first.T_ad, q1, first.B);
+  const Heat second = heat_of_second_stage(options, dt, q1, old, early);
+  if (!in_range(options, in.pressure, old, second.T_ad)) return false;
+  if (open) {
+    slip = 0.5 * (direction * V + jump(dt, 0.0));
+  } else if (!rests) {
+    const double stick = jump(dt, 0.0) / (dt * mobility);
+    const auto mean_of = [&](double s) { return (1.0 - kGamma) * s1 + kGamma * s; };
+    const auto slip_of = [&](double s) { return 0.5 * (direction * V + jump(dt, mean_of(s))); };
+    const auto q2_of = [&](double s) { return (beta_T * mean_of(s) * slip_of(s) - (1.0 - kGamma) * q1) / kGamma; };
+    const auto spare = [&](double s) { return law.limit(second.T_ad[0] + second.B[0] * q2_of(s)) - s; };
+    const double end = (stick - (1.0 - kGamma) * s1) / kGamma;  // stops at the end of the step
+    if (spare(end) >= 0.0) return false;
+    s2 = bisect([&](double s) { return -spare(s); }, 0.0, end);
+    q2 = q2_of(s2);
+    mean = mean_of(s2);
+    slip = slip_of(s2);
+  }
+  Profile T = second.T_ad;
+  for (std::size_t i = 0; i < T.rows.size(); ++i) T.rows[i] += q2 * second.B.rows[i];
+  if (!in_range(options, in.pressure, old, T)) return false;
+  heat_up(state, second.T_ad, q2, second.B);
+  out.shear_stress = state.shear_stress = direction * mean;
+  out.sliding_velocity = direction * slip;
+  out.velocity_jump_new = rests ? 0.0 : direction * jump(dt, mean);
+  out.friction_heat = dt * ((1.0 - kGamma) * q1 + kGamma * q2);
+  out.interface_temperature = state.temperature[0];
+  const double coulomb = options.interface.friction_coefficient * in.pressure;
+  out.regime = state.regime =
+      open                                                                                        ? Regime::kOpen
+      : rests                                                                                     ? Regime::kStick
+      : coulomb <= law.limit(state.temperature[0])                                                ? Regime::kCoulomb
+      : state.temperature[0] >= 0.99 * at_pressure(options.soft, in.pressure).melting_temperature ? Regime::kMelting
+                                                                                                  : Regime::kTresca;
+  return true;
+}
+
+NodeOutputs velocity_driven_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
+  const Profile old = profile_of(state);
+  NodeState early = state;
+  const Heat first = heat_of_step(options, kGamma * dt, state, old);
+  const double q1 = velocity_driven(options, kGamma * dt, in, early, first).friction_heat / (kGamma * dt);
+  const Heat second = heat_of_second_stage(options, dt, q1, old, early);
+  if (!in_range(options, in.pressure, old, second.T_ad)) {
+    NodeOutputs out = velocity_driven(options, dt, in, state, heat_of_step(options, dt, state, old));
+    out.first_order = true;
+    return out;
+  }
+  NodeOutputs out = velocity_driven(options, dt, in, state, second);
+  out.friction_heat = (1.0 - kGamma) * dt * q1 + kGamma * out.friction_heat;
+  return out;
+}
+
 NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
-  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
-  const Profile B = unit_response(options, dt, state.heat_shape, T_ad);
+  const auto [T_ad, B] = heat_of_step(options, dt, state, profile_of(state));
   const double beta_T = conducted_share(options);
 
   // DLP (61).
@@ -304,6 +460,12 @@ NodeState initial_state(const ModelOptions& options) {
   NodeState state;
   state.hard_temperature.assign(heat_grid.interface, options.initial_temperature);
   state.temperature.assign(heat_grid.num_vertices() - heat_grid.interface, options.initial_temperature);
+  if (options.modes) {
+    const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
+    state.hard_temperature.assign(static_cast<std::size_t>(modes.num_rows()) - 1, 0.0);
+    state.hard_temperature.front() = options.initial_temperature;
+    state.temperature.assign(1, options.initial_temperature);
+  }
   state.plastic_strain.assign(grid.num_vertices(), 0.0);
   if (options.taylor_quinney_factor) {
     for (double weight : grid.weight) {
@@ -318,10 +480,18 @@ NodeState initial_state(const ModelOptions& options) {
 }
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2 && !inputs.backward_euler;
   if (options.inertia) return with_inertia(options, dt, inputs, state);
-  if (options.strategy == Strategy::kVelocityDriven) return velocity_driven(options, dt, inputs, state);
-  return options.plastic_layer ? flowing_force_driven(options, dt, inputs, state)
-                               : force_driven(options, dt, inputs, state);
+  if (options.strategy == Strategy::kVelocityDriven) {
+    if (sdirk2) return velocity_driven_sdirk2(options, dt, inputs, state);
+    return velocity_driven(options, dt, inputs, state, heat_of_step(options, dt, state, profile_of(state)));
+  }
+  if (options.plastic_layer) return flowing_force_driven(options, dt, inputs, state);
+  NodeOutputs out;
+  if (sdirk2 && force_driven_sdirk2(options, dt, inputs, state, out)) return out;
+  out = force_driven(options, dt, inputs, state);
+  out.first_order = options.time_integrator == TimeIntegrator::kSdirk2 && out.regime != Regime::kStick;
+  return out;
 }
 
 }  // namespace shearbus::physics::reference

@@ -11,7 +11,8 @@ namespace shearbus::physics::reference {
 
 struct NodeState {
   std::vector<double> temperature;       // of the soft body's heat vertices, z = 0 first             [K]
-  std::vector<double> hard_temperature;  // of the hard body's where it conducts, the outermost first  [K]
+  std::vector<double> hard_temperature;  // of the hard body's where it conducts, the outermost first; of a node without
+                                         // profile the rows of HeatModes before T0                    [K]
   std::vector<double> plastic_strain;    // of each layer vertex
   std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
   std::vector<double> stress_field;      // with inertia: of each layer vertex                        [Pa]
@@ -31,6 +32,7 @@ struct NodeInputs {
   double mass_minus = 1.0;
   double mass_plus = 1.0;
   double soft_plastic_rate = 0.0;
+  bool backward_euler = false;  // whatever the options say: what the fast solver fell back to
 };
 
 struct NodeOutputs {
@@ -40,6 +42,7 @@ struct NodeOutputs {
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
+  bool first_order = false;  // SDIRK2 was asked for and left its domain
   int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan); with a plastic layer
                     // only those that its rule does not tell apart
 };

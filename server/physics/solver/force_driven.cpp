@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -11,31 +12,31 @@
 #include "server/physics/solver/substeps.hpp"
 
 namespace shearbus::physics {
+namespace {
 
-void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs) {
+// `ladder`: the operators of the step and of its halvings.
+template <class Heat>
+void advance(const Problem& problem, std::span<const Heat> ladder, const TileInputs& inputs, const double* committed,
+             double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const InterfaceOptions& law = problem.options.interface;
   const JunctionOptions* junctions = problem.options.junctions ? &*problem.options.junctions : nullptr;
-  const int n = problem.heat_grid.num_vertices();
+  const int n = problem.heat_rows;
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
-  conduct(operators.heat(), n, T_old, T);
+  conduct(ladder.front(), n, T_old, T);
 
   // 2. Stress and slip, lane by lane: DLP (61), (65).
   double flux[kLanes] = {};
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const Material soft = at_pressure(problem.options.soft, inputs.pressure[lane]);
-    StressLimit yield{std::numeric_limits<double>::infinity(),
-                      law.yield_strength / kSqrt3,
-                      inputs.pressure[lane],
-                      &soft,
-                      {},
-                      inputs.effort};
+    StressLimit yield{std::numeric_limits<double>::infinity(), law.yield_strength / kSqrt3, inputs.pressure[lane],
+                      &soft};
+    yield.effort = inputs.effort;
     const Forcing forcing = forcing_of(inputs, lane);
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     const LaneStep before{stress_before(layout, inputs, committed, lane),
@@ -48,7 +49,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
                           false};
     const double junction_strain_old = junctions != nullptr ? committed[layout.junction_strain + lane] : 0.0;
     double junction_strain = junction_strain_old;
-    const auto step_from = [&](const HeatOperator& heat, const LaneStep& last) {
+    const auto step_from = [&](const Heat& heat, const LaneStep& last) {
       if (yield.pressure <= 0.0) return open_step(forcing, heat.dt, last.jump_new);
       yield.junctions = junctions_of(junctions, junction_strain, heat.dt);
       const TrialSlip trial_slip(forcing, heat.dt, last.jump_new, last.stress);
@@ -63,19 +64,19 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
     };
 
     LaneResult result;
-    result.step = step_from(operators.heat(), before);
-    result.heat = result.step.flux * operators.dt();
+    result.step = step_from(ladder.front(), before);
+    result.heat = result.step.flux * ladder.front().dt;
     std::uint8_t outcome = 0;
     if (result.step.unique) {
       flux[lane] = result.step.flux;
     } else {
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
       outcome = kSubstepped;
-      for (int k = 1; k <= operators.max_halvings(); ++k) {
-        const HeatOperator& heat = operators.heat(k);
+      for (std::size_t k = 1; k < ladder.size(); ++k) {
+        const Heat& heat = ladder[k];
         for (std::ptrdiff_t i = 0; i < n; ++i) T[i * kLanes + lane] = T_old[i * kLanes + lane];
         junction_strain = junction_strain_old;
-        if (run_substeps(heat, n, 1 << k, k == operators.max_halvings(), lane, before, T, result,
+        if (run_substeps(heat, n, 1 << k, k + 1 == ladder.size(), lane, before, T, result,
                          [&](const LaneStep& last) { return step_from(heat, last); })) {
           break;
         }
@@ -90,9 +91,20 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   }
 
   // 4. The friction heat of this step: T = T_ad + q B.
-  add_flux(operators.heat(), n, flux, T);
+  add_flux(ladder.front(), n, flux, T);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T0[lane];
+  }
+}
+
+}  // namespace
+
+void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.modes) {
+    advance(problem, operators.modes(), inputs, committed, trial, outputs);
+  } else {
+    advance(problem, operators.heats(), inputs, committed, trial, outputs);
   }
 }
 

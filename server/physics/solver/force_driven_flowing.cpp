@@ -17,12 +17,9 @@ FlowingStart start_of(const Problem& problem, const Material& soft, const TileIn
                       const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
   const InterfaceOptions& law = problem.options.interface;
   FlowingStart start{};
-  start.limit = {law.friction_coefficient * inputs.pressure[lane],
-                 law.yield_strength / kSqrt3,
-                 inputs.pressure[lane],
-                 &soft,
-                 {},
-                 inputs.effort};
+  start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
+                 &soft};
+  start.limit.effort = inputs.effort;
   start.ceiling = strength_ceiling(soft) / kSqrt3;
   start.hardens = hardens(soft);
   start.first_weight = problem.grid.weight[0];

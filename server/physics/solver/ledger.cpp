@@ -1,5 +1,7 @@
 #include "server/physics/solver/ledger.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -8,36 +10,51 @@
 namespace shearbus::physics {
 namespace {
 
-// What one lane's bodies hold more than before  [J/m2].
+using Lanes = std::array<double, kLanes>;
+
+// sum += factor (now - before), lane by lane, at one vertex
+void add_change(Lanes& sum, double factor, const double* before, const double* now, int vertex) {
+  const std::ptrdiff_t first = std::ptrdiff_t{vertex} * kLanes;
+  for (int lane = 0; lane < kLanes; ++lane) sum[lane] += factor * (now[first + lane] - before[first + lane]);
+}
+
+// What the bodies hold more than before  [J/m2].
 struct Stored {
-  double soft = 0.0, hard = 0.0;
+  Lanes soft{}, hard{};
 };
-Stored stored_heat(const Problem& problem, const double* T_old, const double* T_new, int lane) {
+Stored stored_heat(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
+  Stored stored;
+  if (problem.modes) {
+    // Without a profile: a slab's mode of rate 0, behind the start temperature, holds all its heat; from a half-space
+    // none returns.
+    const HeatModes& modes = *problem.modes;
+    if (modes.rate.front() > 0.0) {
+      std::copy_n(entered, kLanes, stored.soft.begin());
+    } else {
+      add_change(stored.soft, 1.0 / modes.weight.front(), T_old, T_new, 1);
+    }
+    return stored;
+  }
   const HeatGrid& grid = problem.heat_grid;
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;
-  Stored stored;
-  for (int i = 0; i < grid.num_vertices(); ++i) {
-    const std::ptrdiff_t at = std::ptrdiff_t{i} * kLanes + lane;
-    const double rise = T_new[at] - T_old[at];
-    if (i == grid.interface) {  // half of it is the hard body's, where that conducts
-      stored.soft += soft.conductivity / soft.diffusivity * grid.weight[static_cast<std::size_t>(i)] * rise;
-      stored.hard += hard.conductivity / hard.diffusivity * grid.hard_weight * rise;
-    } else {
-      (i < grid.interface ? stored.hard : stored.soft) += grid.capacity(i, soft, hard) * rise;
-    }
-  }
+  for (int i = 0; i < grid.interface; ++i) add_change(stored.hard, grid.capacity(i, soft, hard), T_old, T_new, i);
+  // Half of the vertex between them is the hard body's, where that conducts.
+  const double weight = grid.weight[static_cast<std::size_t>(grid.interface)];
+  add_change(stored.soft, soft.conductivity / soft.diffusivity * weight, T_old, T_new, grid.interface);
+  add_change(stored.hard, hard.conductivity / hard.diffusivity * grid.hard_weight, T_old, T_new, grid.interface);
+  for (int i = grid.interface + 1; i < grid.num_vertices(); ++i)
+    add_change(stored.soft, grid.capacity(i, soft, hard), T_old, T_new, i);
   return stored;
 }
 
 // sqrt(3) integral(dep)  [m]
-double plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new, int lane) {
-  double sum = 0.0;
-  for (int i = 0; i < problem.grid.num_vertices(); ++i) {
-    const std::ptrdiff_t at = std::ptrdiff_t{i} * kLanes + lane;
-    sum += problem.grid.weight[static_cast<std::size_t>(i)] * (ep_new[at] - ep_old[at]);
-  }
-  return kSqrt3 * sum;
+Lanes plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new) {
+  Lanes sum{};
+  for (int i = 0; i < problem.grid.num_vertices(); ++i)
+    add_change(sum, problem.grid.weight[static_cast<std::size_t>(i)], ep_old, ep_new, i);
+  for (double& slip : sum) slip *= kSqrt3;
+  return sum;
 }
 
 // The velocity through which a component of the interface's stress works, but for the host's own shear.
@@ -71,6 +88,12 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
                             : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
+  const Stored stored = stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature(),
+                                    outputs.friction_heat);
+  const Lanes plastic_slips =
+      layout.plastic_strain == TileLayout::kAbsent
+          ? Lanes{}
+          : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) continue;
     const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
@@ -87,26 +110,21 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
       elastic += spring * (t - t_old) * (t + t_old);
     }
     const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
-    const Stored stored =
-        stored_heat(problem, committed + layout.first_temperature(), trial + layout.first_temperature(), lane);
-    const double plastic = layout.plastic_strain == TileLayout::kAbsent
-                               ? 0.0
-                               : std::abs(size) * plastic_slip(problem, committed + layout.plastic_strain,
-                                                               trial + layout.plastic_strain, lane);
+    const double plastic = std::abs(size) * plastic_slips[lane];
     const double heat = outputs.friction_heat[lane];
 
     // Between half-spaces each takes its share at once; where both are resolved, what they are found to hold.
     const bool two_sided = options.hard_grid.has_value();
-    const double to_soft = two_sided ? stored.soft : heat;
-    const double to_hard = two_sided ? stored.hard : heat * (1.0 / problem.heat_partition - 1.0);
+    const double to_soft = two_sided ? stored.soft[lane] : heat;
+    const double to_hard = two_sided ? stored.hard[lane] : heat * (1.0 / problem.heat_partition - 1.0);
     ledger(LedgerTerm::kWork, lane) = work;
     ledger(LedgerTerm::kHeatToSoft, lane) = to_soft;
     ledger(LedgerTerm::kHeatToHard, lane) = to_hard;
     ledger(LedgerTerm::kPlasticWork, lane) = plastic;
-    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft;
-    ledger(LedgerTerm::kStoredHard, lane) = stored.hard;
+    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft[lane];
+    ledger(LedgerTerm::kStoredHard, lane) = stored.hard[lane];
     ledger(LedgerTerm::kElastic, lane) = elastic;
-    ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft - stored.hard;
+    ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft[lane] - stored.hard[lane];
     ledger(LedgerTerm::kEnergyResidual, lane) = work - to_soft - to_hard - cold_share(options) * plastic - elastic;
   }
 }

@@ -16,12 +16,20 @@ namespace {
 // side 2^1.5 smaller: six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
-TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, int layer_vertices) {
+TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes,
+                       int layer_vertices) {
   TileLayout layout;
-  layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
-  layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
-  if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
-  layout.temperature = layout.num_hard_vertices * kLanes;
+  if (modes != nullptr) {
+    layout.num_vertices = 1;
+    layout.num_heat_modes = static_cast<std::size_t>(modes->num_rows()) - 1;
+    layout.heat_modes = 0;
+    layout.temperature = layout.num_heat_modes * kLanes;
+  } else {
+    layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
+    layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
+    if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
+    layout.temperature = layout.num_hard_vertices * kLanes;
+  }
   layout.doubles = layout.temperature + layout.num_vertices * kLanes;
   if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
     layout.plastic_strain = layout.doubles;
@@ -59,11 +67,6 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, i
   return layout;
 }
 
-// Rows of kLanes doubles: all of a tile is made of them.
-void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
-  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
-}
-
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
@@ -81,7 +84,12 @@ Problem::Problem(const ModelOptions& model_options)
     : options(model_options),
       grid(model_options.grid),
       heat_grid(make_heat_grid(model_options, grid)),
-      layout(make_layout(model_options, heat_grid, grid.num_vertices())),
+      modes(model_options.modes
+                ? std::optional<HeatModes>(std::in_place, HeatKernel(model_options.soft, model_options.grid),
+                                           *model_options.modes)
+                : std::nullopt),
+      layout(make_layout(model_options, heat_grid, modes ? &*modes : nullptr, grid.num_vertices())),
+      heat_rows(modes ? modes->num_rows() : heat_grid.num_vertices()),
       heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
@@ -160,6 +168,11 @@ std::vector<std::string> Model::warnings() const {
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
   const TileLayout& layout = impl_->layout;
   std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
+  if (layout.heat_modes != TileLayout::kAbsent) {
+    std::copy_n(temperature, kLanes, tile + layout.heat_modes);
+    std::copy_n(temperature, kLanes, tile + layout.temperature);
+    return;
+  }
   for (std::size_t i = 0; i < layout.num_hard_vertices + layout.num_vertices; ++i) {
     std::copy_n(temperature, kLanes, tile + layout.first_temperature() + i * kLanes);
   }
@@ -173,21 +186,25 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   const int halvings = impl_->options.strategy == Strategy::kForceDriven ? kMaxHalvings : 0;
+  const bool stages = impl_->options.time_integrator == TimeIntegrator::kSdirk2;
+  if (impl_->modes) return std::make_shared<const StepOperators>(*impl_->modes, dt, halvings, stages);
   return std::make_shared<const StepOperators>(impl_->grid, impl_->heat_grid, impl_->options.soft, impl_->options.hard,
-                                               dt, halvings, impl_->options.taylor_quinney_factor.has_value());
+                                               dt, halvings, impl_->options.taylor_quinney_factor.has_value(), stages);
 }
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
   const TileLayout& layout = impl_->layout;
+  const bool sdirk2 = impl_->options.time_integrator == TimeIntegrator::kSdirk2;
   if (impl_->options.inertia) {
     advance_with_inertia(*impl_, operators, inputs, committed, trial, outputs);
   } else if (impl_->options.strategy == Strategy::kVelocityDriven) {
-    advance_velocity_driven(*impl_, operators, inputs, committed, trial, outputs);
+    (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)(*impl_, operators, inputs, committed, trial,
+                                                                        outputs);
   } else if (impl_->options.plastic_layer) {
     advance_force_driven_flowing(*impl_, operators, inputs, committed, trial, outputs);
   } else {
-    advance_force_driven(*impl_, operators, inputs, committed, trial, outputs);
+    (sdirk2 ? advance_force_driven_sdirk2 : advance_force_driven)(*impl_, operators, inputs, committed, trial, outputs);
   }
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!(inputs.active >> lane & 1u)) {

@@ -9,6 +9,7 @@
 #include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/modes.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/tile.hpp"
 
@@ -16,6 +17,7 @@ namespace shearbus::physics {
 
 enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
+enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr int kMaxInertiaCells = 1000;  // of a layer with inertia: its step works on the stack
 
@@ -24,9 +26,11 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;        // the hard body conducts too; absent: it takes its share, 1 - beta_T
-  double initial_temperature = 300.0;          // [K]
-  Drive drive = Drive::kLayerShear;            // velocity-driven
+  std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it takes its share, 1 - beta_T
+  double initial_temperature = 300.0;    // [K]
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // of the heat
+  std::optional<ModesOptions> modes;  // force-driven, one body conducts: no profile, of the grid only its depth
+  Drive drive = Drive::kLayerShear;   // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
@@ -66,7 +70,8 @@ class Model {
   std::shared_ptr<const StepOperators> operators(double dt) const;
 
   // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
-  // active lanes of `outputs`. Never allocates. Inputs are finite, dt > 0, masses > 0: the service has checked.
+  // active lanes of `outputs`. Never allocates, but once in a thread. Inputs are finite, dt > 0, masses > 0: the
+  // service has checked.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 

@@ -7,6 +7,7 @@
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/modes.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -19,7 +20,9 @@ struct Problem {
   ModelOptions options;
   Grid grid;
   HeatGrid heat_grid;
+  std::optional<HeatModes> modes;  // in place of a profile
   TileLayout layout;
+  int heat_rows;          // of the heat's state in a tile, from layout.first_temperature() on
   double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
 };
 
@@ -47,10 +50,27 @@ class LaneMaterials {
   const Material& soft_;
   std::optional<std::array<Material, kLanes>> at_;
 };
+// A tile is rows of kLanes doubles.
+inline void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
+  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
+}
+
+// One solution of the velocity-driven balance under given heat: a backward Euler step, or a stage of SDIRK2.
+struct BalanceStage {
+  const HeatOperator* heat;
+  double dt;                           // over which the jump acts  [s]
+  const double* early_flux = nullptr;  // of a second stage, which finds T_ad in `trial`: q of the first, [lane]  [W/m2]
+};
+void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
+                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 
 // One step of the active lanes of a tile; the rest of `trial` is left for the caller.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs);
+void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                    const double* committed, double* trial, TileOutputs& outputs);
+void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                 const double* committed, double* trial, TileOutputs& outputs);
 void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

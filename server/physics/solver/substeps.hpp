@@ -26,9 +26,9 @@ inline void set_outputs(const LaneResult& result, int lane, TileOutputs& outputs
 // `before` is the lane's step so far: its stress, jump_new and sticks are where the first substep starts from.
 // `substep(from)` gives the LaneStep after conduction, from the last one. Stops at the first one that is not unique
 // unless `accept` says to go on. `temperature` is [vertex][lane], old values in, new ones out.
-template <class Substep>
-bool run_substeps(const HeatOperator& heat, int num_vertices, int substeps, bool accept, int lane,
-                  const LaneStep& before, double* temperature, LaneResult& result, const Substep& substep) {
+template <class Heat, class Substep>
+bool run_substeps(const Heat& heat, int num_vertices, int substeps, bool accept, int lane, const LaneStep& before,
+                  double* temperature, LaneResult& result, const Substep& substep) {
   LaneStep last = before;
   result = {{0.0, 0.0, before.jump_new, 0.0, before.regime, before.sticks, true, false}, 0.0};
   for (int j = 0; j < substeps; ++j) {

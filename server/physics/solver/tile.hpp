@@ -18,6 +18,7 @@ enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca 
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
+inline constexpr std::uint8_t kFirstOrder = 64;  // a second-order step left its domain: backward Euler in its place
 inline constexpr std::uint8_t kFailed = 128;
 
 // State of one tile: doubles at offsets told by TileLayout; an offset of kAbsent is a part this model does not have.
@@ -28,7 +29,9 @@ struct TileLayout {
   std::size_t num_strain_vertices = 0;  // of plastic strain: the layer's, or none
   std::size_t num_stress_vertices = 1;  // of shear stress: z = 0, or all of the layer's where it has inertia
   std::size_t num_velocity_cells = 0;   // of velocity: the layer's where it has inertia
+  std::size_t num_heat_modes = 0;  // rows in place of a profile: start temperature, shares of T0; `temperature` is T0
   std::size_t hard_temperature = kAbsent;  // [num_hard_vertices][kLanes]  K, the outermost first; `temperature` follows
+  std::size_t heat_modes = kAbsent;        // [num_heat_modes][kLanes]     K, `temperature` follows
   std::size_t temperature = 0;             // [num_vertices][kLanes]  K
   std::size_t plastic_strain = kAbsent;    // [num_strain_vertices][kLanes]  1
   std::size_t heat_shape = kAbsent;        // [num_strain_vertices][kLanes]  share of the work that heats each vertex  1
@@ -40,8 +43,8 @@ struct TileLayout {
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t doubles = 0;                 // of a tile, a multiple of kLanes
 
-  // Where the temperatures of all that conducts begin: the rows of HeatGrid.
-  std::size_t first_temperature() const { return temperature - num_hard_vertices * kLanes; }
+  // Where the temperatures of all that conducts begin: the rows of HeatGrid, or of HeatModes.
+  std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }
 };
 
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.

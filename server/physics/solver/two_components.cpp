@@ -102,7 +102,8 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
       slip = 0.5 * (lane.jump + jump_new);  // what it passes at, wherever to
     } else if (!forced) {
       const double apart = length(slip + -1.0 * lane.jump);
-      outputs.outcome[l] = apart <= kOutsideDomainShare * length(lane.jump) ? 0 : kOutsideDomain;
+      outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);
+      if (!(apart <= kOutsideDomainShare * length(lane.jump))) outputs.outcome[l] |= kOutsideDomain;
     }
     trial[layout.shear_stress + l] = outputs.shear_stress[l] = stress.first;
     trial[layout.second_stress + l] = second_outputs.shear_stress[l] = stress.second;

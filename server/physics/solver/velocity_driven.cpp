@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
 constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kBalanced = 1e-8;       // of what the flow must take: what an answer may leave open
 constexpr double kFarAbove = 100.0;      // flow against the trial stress: Newton changes its function here
 constexpr double kLeastGuess = 1e-12;    // of the upper end: a start below it says nothing
 constexpr int kNewtonIterations = 16;    // far more than it takes; from then on every second step bisects
@@ -35,6 +36,7 @@ struct Lane {
   int hottest = 0;                // vertex that reaches Y_max first
   bool hi_seen = false;
   bool done = false;
+  bool closely = false;   // the balance itself must close, whatever Newton's step promises
   double a = 0.0;         // iterate, then answer                                       [Pa]
   bool at_bound = false;  // the answer is `hi`, held by `bound`
 };
@@ -70,8 +72,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   // Upper ends. Elastic: nothing yields.
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
-  const StressLimit limit{
-      std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft, {}, inputs.effort};
+  StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
+  limit.effort = inputs.effort;
   const int hottest_ad = heated.hottest(0.0);
   state.hottest = hottest_ad;
   const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
@@ -146,7 +148,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
     // Very near melting a short step may still be a long way in the flow.
-    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= kFlowConverged * lane.a_trial) {
+    const double open = lane.closely ? kBalanced * left : kFlowConverged * lane.a_trial;
+    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
       return;
@@ -160,6 +163,49 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   } else {
     lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
   }
+}
+
+// The roots of all lanes together. `sum` and the new strain, which holds the yield thresholds until then, are those
+// under the answers.
+void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
+                Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
+  flow_thresholds(flow, load, strain_new);
+  int num_rows = flow.grid->num_vertices();
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    bool all_done = true;
+    for (const Lane& lane : lanes) all_done = all_done && lane.done;
+    if (all_done) break;
+    flow_under(flow, load, num_rows, strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    bool all_from_above = true;
+    for (int l = 0; l < kLanes; ++l) {
+      if (lanes[l].done) continue;
+      const double tried = lanes[l].a;
+      iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
+      set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+      all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
+    }
+    // What does not yield under more than every lane's answer does not yield: leave it out from here on.
+    if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
+  }
+  flow_to(flow, load, num_rows, strain_new, sum);
+}
+
+// Newton's last step is not looked behind. Where a vertex begins to flow within it, little though that is of the
+// stress, it may be most of the flow: such lanes go on. Whether there are any.
+bool reopen(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
+  bool any = false;
+  for (int l = 0; l < kLanes; ++l) {
+    Lane& lane = lanes[l];
+    if (!lane.loaded || lane.at_bound || !lane.done) continue;
+    const double flow = compliance * sum.slip[l];
+    const double left = lane.a_trial - lane.a;
+    if (std::abs(flow - left) <= kBalanced * std::max(flow, left)) continue;
+    lane.done = false;
+    lane.closely = true;
+    any = true;
+  }
+  return any;
 }
 
 // Share of the work that becomes heat in a step shaped so.
@@ -213,23 +259,31 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
 
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs) {
+  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
+}
+
+void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
+                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
   const Grid& grid = problem.grid;
-  const HeatOperator& heat = operators.heat();
+  const HeatOperator& heat = *stage.heat;
   const double* B = heat.layer_response();
-  const double dt = operators.dt();
+  const double dt = stage.dt;
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
-  const int candidates = problem.options.hard_grid ? grid.num_vertices() : 1;
+  // An extrapolated profile may bulge.
+  const bool bulges = problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
+  const int candidates = bulges ? grid.num_vertices() : 1;
 
   // 1. Conduction without friction: DLP (28-35).
   double* T_all = trial + layout.first_temperature();
-  conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
+  if (stage.early_flux == nullptr)
+    conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
   // for).
@@ -267,26 +321,8 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens) {
-    flow_thresholds(flow, load, strain_new);
-    int num_rows = grid.num_vertices();
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      bool all_done = true;
-      for (const Lane& lane : lanes) all_done = all_done && lane.done;
-      if (all_done) break;
-      flow_under(flow, load, num_rows, strain_new, sum);
-      if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
-      bool all_from_above = true;
-      for (int l = 0; l < kLanes; ++l) {
-        if (lanes[l].done) continue;
-        const double tried = lanes[l].a;
-        iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-        set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
-        all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
-      }
-      // What does not yield under more than every lane's answer does not yield: leave it out from here on.
-      if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
-    }
-    flow_to(flow, load, num_rows, strain_new, sum);
+    find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
+    if (reopen(compliance, sum, lanes)) find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
@@ -331,7 +367,9 @@ void advance_velocity_driven(const Problem& problem, const StepOperators& operat
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    outputs.friction_heat[l] = load.flux[l] * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    double flux = load.flux[l];
+    if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
+    outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;

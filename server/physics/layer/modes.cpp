@@ -1,0 +1,257 @@
+#include "server/physics/layer/modes.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "server/physics/material/elementary.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) from which exp(-h^2 / (alpha t)), the first image, is nothing
+constexpr double kSpent = 40.0;      // exp(-40) is below rounding
+constexpr double kPanelRatio = 8.0;  // of mu from one edge of a panel to the other
+constexpr int kSamples = 64;         // of a panel of the even spectrum
+constexpr int kLongestRule = 24;
+constexpr int kTimesPerDecade = 40;  // at which the error is measured
+
+// Lines of a spectrum: K(t) = sum of weight exp(-mu^2 t).
+struct Lines {
+  std::vector<double> mu;  // [s^(-1/2)]
+  std::vector<double> weight;
+};
+
+// Nodes and weights of the Gauss rule whose orthogonal polynomials have this three-term recurrence (Golub, Welsch
+// 1969).
+struct Rule {
+  Eigen::VectorXd node, weight;
+};
+Rule rule_from_recurrence(const Eigen::VectorXd& centre, const Eigen::VectorXd& off, double mass) {
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
+  solver.computeFromTridiagonal(centre, off);
+  return {solver.eigenvalues(), mass * solver.eigenvectors().row(0).transpose().array().square().matrix()};
+}
+
+// Gauss-Legendre on [-1, 1].
+Rule legendre(int n) {
+  Eigen::VectorXd off(n - 1);
+  for (int i = 1; i < n; ++i) off[i - 1] = i / std::sqrt(4.0 * i * i - 1.0);
+  return rule_from_recurrence(Eigen::VectorXd::Zero(n), off, 2.0);
+}
+
+// The n-point Gauss rule of a sum over x with weights w (Stieltjes' procedure).
+Rule gauss_rule(const Eigen::ArrayXd& x, const Eigen::ArrayXd& w, int n) {
+  const double mass = w.sum();
+  Eigen::VectorXd centre(n), off(n);
+  Eigen::ArrayXd before = Eigen::ArrayXd::Zero(x.size());
+  Eigen::ArrayXd p = Eigen::ArrayXd::Constant(x.size(), 1.0 / std::sqrt(mass));
+  double scale = 0.0;
+  for (int i = 0; i < n; ++i) {
+    centre[i] = (w * x * p * p).sum();
+    const Eigen::ArrayXd next = (x - centre[i]) * p - scale * before;
+    scale = std::sqrt((w * next * next).sum());
+    off[i] = scale;
+    before = p;
+    p = next / scale;
+  }
+  return rule_from_recurrence(centre, off.head(n - 1), mass);
+}
+
+// A panel in as few lines as its Gauss rule has: in rate where it begins at 0, since exp(-rate t) is all but straight
+// there; in log(mu) elsewhere, which makes all panels alike.
+void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
+  if (static_cast<int>(panel.mu.size()) <= n) {
+    sum.mu.insert(sum.mu.end(), panel.mu.begin(), panel.mu.end());
+    sum.weight.insert(sum.weight.end(), panel.weight.begin(), panel.weight.end());
+    return;
+  }
+  const auto size = static_cast<Eigen::Index>(panel.mu.size());
+  const Eigen::Map<const Eigen::ArrayXd> mu(panel.mu.data(), size);
+  const Eigen::Map<const Eigen::ArrayXd> weight(panel.weight.data(), size);
+  const Eigen::ArrayXd x = first ? Eigen::ArrayXd(mu * mu) : Eigen::ArrayXd(mu.unaryExpr(&logarithm));
+  const Rule rule = gauss_rule(x, weight, n);
+  for (int i = 0; i < n; ++i) {
+    sum.mu.push_back(first ? std::sqrt(std::max(0.0, rule.node[i])) : exponential(rule.node[i]));
+    sum.weight.push_back(rule.weight[i]);
+  }
+}
+
+// The spectrum between two values of mu: samples of the even one, or the lines of the slab, that at 0 left out.
+Lines spectrum(const HeatKernel& kernel, const Rule& samples, bool even, double from, double to) {
+  Lines lines;
+  if (even) {
+    const double density = 2.0 * kernel.half_space / std::sqrt(kPi);
+    for (int i = 0; i < kSamples; ++i) {
+      lines.mu.push_back(0.5 * (from + to) + 0.5 * (to - from) * samples.node[i]);
+      lines.weight.push_back(0.5 * (to - from) * density * samples.weight[i]);
+    }
+    return lines;
+  }
+  const double spacing = std::sqrt(kernel.diffusivity) * kPi / kernel.thickness;
+  for (double m = std::max(1.0, std::ceil(from / spacing)); m * spacing < to; m += 1.0) {
+    lines.mu.push_back(m * spacing);
+    lines.weight.push_back(2.0 * kernel.diffusivity / (kernel.conductivity * kernel.thickness));
+  }
+  return lines;
+}
+
+double largest_error(const HeatKernel& kernel, const Lines& lines, double shortest, double longest) {
+  const int times = std::max(2, static_cast<int>(kTimesPerDecade * logarithm(longest / shortest) / logarithm(10.0)));
+  double worst = 0.0;
+  for (int i = 0; i <= times; ++i) {
+    const double t = shortest * exponential(logarithm(longest / shortest) * i / times);
+    double sum = 0.0;
+    for (std::size_t j = 0; j < lines.mu.size(); ++j) {
+      sum += lines.weight[j] * exponential(-lines.mu[j] * lines.mu[j] * t);
+    }
+    worst = std::max(worst, std::abs(sum / kernel.at(t) - 1.0));
+  }
+  return worst;
+}
+
+}  // namespace
+
+HeatKernel::HeatKernel(const Material& soft, const GridOptions& layer)
+    : thickness(layer.far_boundary == FarBoundary::kHalfSpace ? std::numeric_limits<double>::infinity()
+                                                              : layer.thickness),
+      conductivity(soft.conductivity),
+      diffusivity(soft.diffusivity),
+      half_space(std::sqrt(soft.diffusivity / kPi) / soft.conductivity) {}
+
+bool HeatKernel::far_face_unfelt(double t) const {
+  return thickness * thickness > kUnfelt * diffusivity * t;
+}
+
+// The slab by its lines, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)), rate_m = alpha (m pi / h)^2: few, since images
+// take over while they are many. Sums of 1/rate and 1/rate^2 over all lines are h^2 / 6 alpha and h^4 / 90 alpha^2.
+double HeatKernel::at(double t) const {
+  if (far_face_unfelt(t)) return half_space / std::sqrt(t);
+  const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
+  double sum = 1.0;
+  for (double m = 1.0; m * m * first * t < kSpent; m += 1.0) sum += 2.0 * exponential(-m * m * first * t);
+  return diffusivity / (conductivity * thickness) * sum;
+}
+
+double HeatKernel::integral(double t) const {
+  if (far_face_unfelt(t)) return 2.0 * half_space * std::sqrt(t);
+  const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
+  double sum = t + thickness * thickness / (3.0 * diffusivity);
+  for (double m = 1.0; m * m * first * t < kSpent; m += 1.0) {
+    const double rate = m * m * first;
+    sum -= 2.0 * exponential(-rate * t) / rate;
+  }
+  return diffusivity / (conductivity * thickness) * sum;
+}
+
+double HeatKernel::moment(double t) const {
+  if (far_face_unfelt(t)) return 2.0 / 3.0 * half_space * t * std::sqrt(t);
+  const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
+  const double square = thickness * thickness / diffusivity;
+  double sum = 0.5 * t * t + square * square / 45.0;
+  for (double m = 1.0; m * m * first * t < kSpent; m += 1.0) {
+    const double rate = m * m * first;
+    sum -= 2.0 * (1.0 + rate * t) * exponential(-rate * t) / (rate * rate);
+  }
+  return diffusivity / (conductivity * thickness) * sum;
+}
+
+HeatModes::HeatModes(const HeatKernel& of, const ModesOptions& options) : kernel(of) {
+  const double shortest = options.shortest_step / kHalvingsCovered;
+  const double first_end = 1.0 / std::sqrt(options.longest_time);
+  const double end = std::sqrt(logarithm(4.0 / options.accuracy) / shortest);
+  const int panels = std::max(1, static_cast<int>(std::ceil(logarithm(end / first_end) / logarithm(kPanelRatio))));
+  const double ratio = exponential(logarithm(end / first_end) / panels);
+  const bool even = kernel.far_face_unfelt(options.longest_time);
+
+  const Rule samples = legendre(kSamples);
+  std::vector<Lines> spectra = {spectrum(kernel, samples, even, 0.0, first_end)};
+  for (double from = first_end; static_cast<int>(spectra.size()) <= panels; from *= ratio) {
+    spectra.push_back(spectrum(kernel, samples, even, from, from * ratio));
+  }
+
+  Lines best;
+  for (int n = 2; n <= kLongestRule; ++n) {
+    best = {};
+    if (!even) best = {{0.0}, {kernel.diffusivity / (kernel.conductivity * kernel.thickness)}};
+    for (std::size_t i = 0; i < spectra.size(); ++i) add_reduced(spectra[i], i == 0 ? (n + 2) / 2 : n, i == 0, best);
+    error = largest_error(kernel, best, shortest, options.longest_time);
+    if (error <= options.accuracy) break;
+  }
+  for (const double mu : best.mu) rate.push_back(mu * mu);
+  weight = std::move(best.weight);
+}
+
+ModeOperator::ModeOperator(const HeatModes& modes, double step)
+    : dt(step), interface(modes.num_rows() - 1), response(modes.kernel.integral(step)) {
+  for (std::size_t j = 0; j < modes.rate.size(); ++j) {
+    const double x = modes.rate[j] * dt;
+    decay.push_back(exponential(-x));
+    gain.push_back(modes.weight[j] * dt * (x > 0.0 ? -exponential_minus_1(-x) / x : 1.0));
+  }
+}
+
+// q(dt - s) = q - (q - q_early) s / ((1 - early) dt).
+ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : ModeOperator(modes, step) {
+  const double span = (1.0 - early) * dt;
+  early_response = modes.kernel.moment(dt) / span;
+  response -= early_response;
+  for (std::size_t j = 0; j < modes.rate.size(); ++j) {
+    const double x = modes.rate[j] * dt;
+    // (1 - (1 + x) exp(-x)) / x^2, by its series where that would cancel.
+    constexpr double kSmall = 0.02;
+    const double moment = x < kSmall ? 0.5 - x * (1.0 / 3 - x * (1.0 / 8 - x * (1.0 / 30 - x * (1.0 / 144 - x / 840))))
+                                     : (1.0 - (1.0 + x) * decay[j]) / (x * x);
+    early_gain.push_back(modes.weight[j] * dt * dt * moment / span);
+    gain[j] -= early_gain[j];
+  }
+}
+
+void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after) {
+  double T0[kLanes];
+  for (int l = 0; l < kLanes; ++l) T0[l] = after[l] = before[l];
+  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
+    const double decay = heat.decay[static_cast<std::size_t>(i - 1)];
+    for (int l = 0; l < kLanes; ++l) T0[l] += after[i * kLanes + l] = before[i * kLanes + l] * decay;
+  }
+  for (int l = 0; l < kLanes; ++l) after[(num_rows - 1) * kLanes + l] = T0[l];
+}
+
+void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows) {
+  double T0 = rows[lane];
+  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
+    T0 += rows[i * kLanes + lane] *= heat.decay[static_cast<std::size_t>(i - 1)];
+  }
+  rows[(num_rows - 1) * kLanes + lane] = T0;
+}
+
+void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows) {
+  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
+    const double gain = heat.gain[static_cast<std::size_t>(i - 1)];
+    for (int l = 0; l < kLanes; ++l) rows[i * kLanes + l] += flux[l] * gain;
+  }
+  for (int l = 0; l < kLanes; ++l) rows[(num_rows - 1) * kLanes + l] += flux[l] * heat.response;
+}
+
+namespace {
+
+void add_lane(const std::vector<double>& gain, double response, int num_rows, int lane, double flux, double* rows) {
+  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
+    rows[i * kLanes + lane] += flux * gain[static_cast<std::size_t>(i - 1)];
+  }
+  rows[(num_rows - 1) * kLanes + lane] += flux * response;
+}
+
+}  // namespace
+
+void add_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows) {
+  add_lane(heat.gain, heat.response, num_rows, lane, flux, rows);
+}
+void add_early_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows) {
+  add_lane(heat.early_gain, heat.early_response, num_rows, lane, flux, rows);
+}
+
+}  // namespace shearbus::physics

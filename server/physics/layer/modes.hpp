@@ -1,0 +1,78 @@
+// Heat without a profile (MODEL.md section 3): where only T0 is asked for, its response to the flux q at z = 0,
+//   T0(t) = T_start + integral of K(t - x) q(x) dx,
+// is all there is to know, and K is a sum of few decaying exponentials: one number per node for each of them.
+#pragma once
+
+#include <vector>
+
+#include "server/physics/layer/grid.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+struct ModesOptions {
+  double accuracy = 1e-6;        // largest relative error of K between the two times
+  double shortest_step = 1e-10;  // [s]
+  double longest_time = 1e-4;    // [s]
+};
+
+// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space, and with its images that of an insulated slab.
+struct HeatKernel {
+  HeatKernel(const Material& soft, const GridOptions& layer);
+
+  double at(double t) const;
+  double integral(double t) const;  // of K from 0 to t: the response B0 to unit flux, exact in time and space [K m2/W]
+  double moment(double t) const;    // of s K(s) from 0 to t                                           [K m2 s/W]
+  bool far_face_unfelt(double t) const;  // the images are below rounding until t
+
+  double thickness;     // of the slab; infinity: half-space  [m]
+  double conductivity;  // k      [W/(m K)]
+  double diffusivity;   // alpha  [m2/s]
+  double half_space;    // sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
+};
+
+// K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on.
+// The spectrum of K over mu = sqrt(rate) - even for a half-space, lines for a slab - is cut into panels, and each is
+// replaced by its own Gauss rule: nodes inside the panel, positive weights. Rules get longer until the error measured
+// over the range is below the accuracy asked for.
+struct HeatModes {
+  static constexpr double kHalvingsCovered = 64.0;  // substeps are this much shorter at most
+
+  HeatModes(const HeatKernel& kernel, const ModesOptions& options);
+
+  HeatKernel kernel;
+  std::vector<double> rate;    // [1/s], rising; 0 for the heat a slab keeps
+  std::vector<double> weight;  // [K m2/J]
+  double error;                // measured, relative
+
+  // Rows of a tile: the start temperature, each mode's share of T0, T0 itself.
+  int num_rows() const { return static_cast<int>(rate.size()) + 2; }
+};
+
+// A step of length dt. The share of the step's own flux uses K itself, which no sum of exponentials follows to t = 0.
+//   constant flux:             T0 = T_start + sum of decay u + B0 q
+//   flux through two points:   q = q_early at `early` dt, q at dt, straight between and before
+struct ModeOperator {
+  ModeOperator(const HeatModes& modes, double step);
+  ModeOperator(const HeatModes& modes, double step, double early);
+
+  double dt;                       // [s]
+  int interface;                   // the row of T0
+  double response;                 // B0: of T0 to q          [K m2/W]
+  double early_response = 0.0;     // of T0 to q_early        [K m2/W]
+  std::vector<double> decay;       // exp(-rate dt)
+  std::vector<double> gain;        // of each mode to q       [K m2/W]
+  std::vector<double> early_gain;  // of each mode to q_early [K m2/W]; empty: constant flux
+
+  const double* layer_response() const { return &response; }
+};
+
+// As those of conduction.hpp, on the rows of HeatModes.
+void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after);
+void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
+void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);
+void add_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows);
+void add_early_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows);
+
+}  // namespace shearbus::physics

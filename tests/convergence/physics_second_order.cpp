@@ -1,0 +1,161 @@
+// Second-order heat (SDIRK2) and heat without a profile (modes), against exact solutions and against each other.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+#include "tests/support/two_half_spaces.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kPressure = 1e9;  // [Pa]
+constexpr double kJump = 200.0;    // [m/s]
+
+// Force-driven slip at mu P with the jump all but fixed by heavy bodies: a constant flux.
+ModelOptions coulomb_slip(TimeIntegrator integrator) {
+  ModelOptions options = paper_options(Strategy::kForceDriven);
+  options.interface = {0.05, 1e12};
+  options.soft.melting_temperature = 1e5;
+  options.soft.temperature_coefficient = 0.0;
+  options.time_integrator = integrator;
+  return options;
+}
+
+double rise_after(const ModelOptions& options, double t, int steps) {
+  Rig rig(options, 1);
+  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e12;
+  rig.set_all(kJump, kPressure);
+  for (int n = 0; n < steps; ++n) rig.step(t / steps);
+  EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
+  EXPECT_EQ(rig.outputs.outcome[0], 0);
+  return rig.T(0) - options.initial_temperature;
+}
+
+double flux_of(const ModelOptions& options) {
+  return heat_partition(options.soft, options.hard) * options.interface.friction_coefficient * kPressure * kJump;
+}
+
+TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
+  ModelOptions options = coulomb_slip(TimeIntegrator::kSdirk2);
+  options.grid.cells = 8000;
+  const double t = 100e-9;
+  const Material& m = options.soft;
+  const double exact = 2.0 * flux_of(options) / m.conductivity * std::sqrt(m.diffusivity * t / M_PI);
+  std::printf("constant flux into a half-space, SDIRK2, 8000 cells: steps, T0 error, error n^2\n");
+  double before = 0.0;
+  for (int steps : {4, 8, 16, 32}) {
+    const double error = rise_after(options, t, steps) / exact - 1.0;
+    std::printf("  %4d  %11.4e  %8.5f\n", steps, error, error * steps * steps);
+    EXPECT_NEAR(std::abs(error) * steps * steps, 1.6e-2, 0.2e-2) << steps;
+    if (before != 0.0) {
+      EXPECT_NEAR(std::log2(before / error), 2.0, 0.2);
+    }
+    before = error;
+  }
+}
+
+// Without a profile a constant flux is followed exactly by either method, for any step length.
+TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
+  for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated}) {
+    for (double accuracy : {1e-3, 1e-6, 1e-9}) {
+      for (TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
+        ModelOptions options = coulomb_slip(integrator);
+        options.grid.far_boundary = far_boundary;
+        options.modes = {.accuracy = accuracy, .shortest_step = 1e-9, .longest_time = 1e-5};
+        const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
+        EXPECT_LE(modes.error, accuracy);
+        double worst = 0.0;
+        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // the last with the heat at the far face
+          for (int steps : {1, 3, 10}) {
+            const double rise = rise_after(options, t, steps);
+            worst = std::max(worst, std::abs(rise / (flux_of(options) * modes.kernel.integral(t)) - 1.0));
+          }
+        }
+        std::printf("modes, %s, accuracy %.0e, %s: %d terms, error of T0 %.1e\n",
+                    far_boundary == FarBoundary::kHalfSpace ? "half-space" : "slab", accuracy,
+                    integrator == TimeIntegrator::kSdirk2 ? "sdirk2" : "backward_euler",
+                    static_cast<int>(modes.rate.size()), worst);
+        EXPECT_LT(worst, accuracy);
+      }
+    }
+  }
+}
+
+// B0 of the kernel against the images of the insulated face and the half-space's root, where one gives way to the other
+// too.
+TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
+  const ModelOptions options = paper_options();
+  const HeatKernel slab(options.soft, options.grid);
+  const auto ierfc = [](double x) { return std::exp(-x * x) / std::sqrt(M_PI) - x * std::erfc(x); };
+  const double h = options.grid.thickness;
+  for (double t : {1e-10, 1e-8, 0.9 * h * h / (160 * 48.9e-6), 1.1 * h * h / (160 * 48.9e-6), 1e-6, 1e-5, 1e-3}) {
+    const double depth = std::sqrt(options.soft.diffusivity * t);
+    double sum = ierfc(0.0);
+    for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
+    EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
+    // d(moment) = t K(t) dt, d(integral) = K(t) dt
+    const double e = 1e-4 * t;
+    EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
+    EXPECT_NEAR((slab.moment(t + e) - slab.moment(t - e)) / (2 * e * t * slab.at(t)), 1.0, 1e-7) << t;
+  }
+}
+
+struct Arm {
+  const char* name;
+  bool modes;
+  TimeIntegrator integrator;
+  double order;
+};
+
+// Two plates that brake each other by softening friction, against the Volterra equation of heat coupled to their
+// motion.
+TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
+  const test::HalfSpaces problem{
+      .initial_jump = 100.0, .pressure = 11.2e9, .friction_coefficient = 0.3, .yield_strength = 200e6};
+  const double end = 100e-9, mass = 1.0;
+  // Its error falls as intervals^-2: here to 2e-5 K.
+  const test::HalfSpaceState exact = test::solve_braked_plates(problem, 2.0 / mass, end, 3000).back();
+  for (const Arm& arm :
+       {Arm{"profile, backward Euler", false, TimeIntegrator::kBackwardEuler, 1.0},
+        Arm{"profile, SDIRK2", false, TimeIntegrator::kSdirk2, 2.0},
+        Arm{"modes, backward Euler", true, TimeIntegrator::kBackwardEuler, 1.0},
+        // The flux starts like q0 - c sqrt(t), which no straight line follows: 1.5, from a smaller error.
+        Arm{"modes, SDIRK2", true, TimeIntegrator::kSdirk2, 1.5}}) {
+    ModelOptions options = graded(paper_options(Strategy::kForceDriven), 1200, 1.004);
+    options.time_integrator = arm.integrator;
+    if (arm.modes) options.modes = {.accuracy = 1e-9, .shortest_step = 1e-9, .longest_time = 1e-6};
+    std::printf("braked plates at 100 ns, %s: steps, T0 error [K], [V] error [m/s], orders\n", arm.name);
+    double T0_before = 0.0, jump_before = 0.0;
+    for (int steps : {10, 20, 40}) {
+      Rig rig(options, 1);
+      rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = mass;
+      double jump = problem.initial_jump;
+      for (int n = 0; n < steps; ++n) {
+        rig.set_all(jump, problem.pressure);
+        rig.step(end / steps);
+        ASSERT_EQ(rig.outputs.outcome[0], 0);
+        jump = rig.outputs.velocity_jump_new[0];
+      }
+      const double T0_error = rig.T(0) - exact.temperature;
+      const double jump_error = jump - exact.jump;
+      const bool first = T0_before == 0.0;
+      const double T0_order = first ? NAN : std::log2(std::abs(T0_before / T0_error));
+      const double jump_order = first ? NAN : std::log2(std::abs(jump_before / jump_error));
+      std::printf("  %4d  %11.3e  %11.3e  %6.3f  %6.3f\n", steps, T0_error, jump_error, T0_order, jump_order);
+      if (steps == 40) {
+        EXPECT_GT(T0_order, arm.order - 0.1) << arm.name;
+        EXPECT_GT(jump_order, arm.order - 0.1) << arm.name;
+      }
+      T0_before = T0_error;
+      jump_before = jump_error;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing

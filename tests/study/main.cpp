@@ -1,0 +1,92 @@
+// shearbus-study: what accuracy costs, measured on fixed problems and on a scene of the user's own.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "proto/wire/scene_file.hpp"
+#include "tests/study/precision.hpp"
+
+namespace {
+
+using namespace shearbus::study;
+
+constexpr int kExitFault = 1;
+constexpr int kExitUsage = 2;
+
+struct Options {
+  std::filesystem::path scene;
+  std::filesystem::path out = "out/study";
+  double velocity_jump = 100.0;
+  double pressure = 11.2e9;
+  double end = 1e-6;
+  SweepOptions sweep;
+  bool plot = true;
+};
+
+int precision(const Options& options) {
+  std::vector<Problem> problems = fixed_problems();
+  if (!options.scene.empty()) {
+    problems.clear();
+    problems.push_back(problem_of(shearbus::wire::load_scene_file(options.scene).scene, options.velocity_jump,
+                                  options.pressure, 1.0, options.end));
+  }
+  std::vector<Result> results;
+  for (const Problem& problem : problems) {
+    Result& result = results.emplace_back(sweep(problem, options.sweep));
+    for (Outcome& one : result.outcomes)
+      if (one.efficient) one.message_ns = message_ns(problem, one.setting);
+    fmt::print("{}{}", table(result), recommendation(result));
+    std::fflush(stdout);
+  }
+  std::filesystem::create_directories(options.out);
+  const auto path = options.out / "precision.json";
+  std::ofstream file(path);
+  file << json(results, options.sweep.repeats);
+  file.close();
+  if (!file) throw std::runtime_error("cannot write " + path.string());
+  fmt::print("\nwritten: {}\n", path.string());
+  if (!options.plot) return 0;
+  std::fflush(stdout);
+  const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_precision.py\" \"{}\"", SHEARBUS_PYTHON,
+                                          SHEARBUS_SOURCE_DIR, path.string());
+  return std::system(command.c_str()) == 0 ? 0 : kExitFault;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("What accuracy costs.");
+  app.require_subcommand(1);
+  CLI::App* command = app.add_subcommand(
+      "precision", "Error against run time: the fixed problems, or SCENE under a fixed jump and pressure");
+  command->add_option("scene", options.scene, "a scene whose layer's grid and methods are to be chosen")
+      ->check(CLI::ExistingFile);
+  command->add_option("--velocity-jump", options.velocity_jump, "of SCENE, m/s")->capture_default_str();
+  command->add_option("--pressure", options.pressure, "of SCENE, Pa")->capture_default_str();
+  command->add_option("--end", options.end, "end of SCENE's run, s")->check(CLI::PositiveNumber)->capture_default_str();
+  command->add_option("--out", options.out, "directory of precision.json and precision.png")->capture_default_str();
+  command->add_option("--repeats", options.sweep.repeats, "timings of each setting; the median counts")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command->add_flag("--quick", options.sweep.quick, "few settings: to see that it runs");
+  command->add_flag("!--no-plot", options.plot, "write no picture");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+  try {
+    return precision(options);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "shearbus-study: {}\n", error.what());
+    return kExitFault;
+  }
+}

@@ -1,0 +1,265 @@
+#include "tests/study/precision.hpp"
+
+#include <fmt/format.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <span>
+
+#include "client/include/shearbus/client.hpp"
+#include "server/embedded.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/service/scene_model.hpp"
+#include "server/shard/shard.hpp"
+
+namespace shearbus::study {
+namespace {
+
+using physics::kLanes;
+
+struct GridChoice {
+  std::uint32_t cells;
+  double grading;
+};
+constexpr GridChoice kGrids[] = {{500, 1.0}, {100, 1.0}, {240, 1.02}, {120, 1.04}, {60, 1.08}, {30, 1.16}, {15, 1.35}};
+constexpr GridChoice kQuickGrids[] = {{60, 1.08}, {15, 1.35}};
+constexpr double kAccuracies[] = {1e-3, 1e-6};
+constexpr int kSteps[] = {10, 20, 40, 100, 200, 400, 1000, 2000, 4000};
+constexpr int kQuickSteps[] = {20, 100};
+constexpr double kTolerances[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
+
+double cpu_seconds() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+wire::Scene scene_with(const Problem& problem, const Setting& setting) {
+  wire::Scene scene = problem.scene;
+  scene.layer.time_integrator = setting.sdirk2 ? wire::TimeIntegrator::kSdirk2 : wire::TimeIntegrator::kBackwardEuler;
+  if (setting.cells > 0) {
+    scene.layer.cells = setting.cells;
+    scene.layer.grading = setting.grading;
+    scene.layer.heat = wire::Heat::kProfile;
+    scene.layer.modes.reset();
+  } else {
+    scene.layer.heat = wire::Heat::kModes;
+    scene.layer.modes = wire::HeatModes{.accuracy = setting.accuracy,
+                                        .shortest_step_s = 0.4 * problem.end / setting.steps,
+                                        .longest_time_s = problem.end};
+  }
+  return scene;
+}
+
+// One run of a tile; every lane the same. `watch` sees each step.
+template <class Watch>
+void run_tile(const Problem& problem, const physics::Model& model, double dt, int steps, const Watch& watch) {
+  std::vector<double> committed(model.layout().doubles), trial(model.layout().doubles);
+  double temperature[kLanes];
+  std::fill_n(temperature, kLanes, model.options().initial_temperature);
+  model.initialise(committed.data(), temperature);
+  physics::TileInputs inputs;
+  inputs.active = (1u << kLanes) - 1u;
+  physics::TileOutputs outputs{};
+  const auto operators = model.operators(dt);
+  const auto host = problem.host(problem, dt);
+  for (int n = 0; n < steps; ++n) {
+    host->load(n * dt, dt, inputs);
+    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
+    std::swap(committed, trial);
+    host->take(outputs);
+    watch(n, outputs);
+  }
+}
+
+double relative(double value, double reference) {
+  return reference != 0.0 ? std::abs(value / reference - 1.0) : std::abs(value);
+}
+
+void set_errors(const Answer& answer, const Reference& reference, double range, Outcome& outcome) {
+  outcome.temperature_error = 0.0;
+  for (std::size_t i = 0; i < answer.time.size(); ++i) {
+    const double error = std::abs(answer.temperature[i] - reference.temperature(answer.time[i])) / range;
+    outcome.temperature_error = std::max(outcome.temperature_error, error);
+  }
+  outcome.impulse_error = relative(answer.impulse, reference.impulse);
+  outcome.work_error = relative(answer.work, reference.work);
+}
+
+double melting_range(const Problem& problem) {
+  const auto options = service::scene_model(problem.scene).options;
+  return physics::at_pressure(options.soft, problem.pressure).melting_temperature - options.initial_temperature;
+}
+
+// Finest settings, extrapolated: h^2 in space; dt^2 for sdirk2 and dt for backward Euler.
+Reference by_extrapolation(const Problem& problem, bool quick) {
+  const int steps = quick ? 400 : 16000;
+  const std::uint32_t cells = quick ? 120 : 1600;
+  const double grading = std::pow(1.08, 60.0 / cells);
+  const auto at = [&](bool sdirk2, std::uint32_t n, int m) {
+    return run(problem,
+               {.cells = n, .grading = std::pow(grading, static_cast<double>(cells) / n), .sdirk2 = sdirk2, .steps = m},
+               nullptr, 1);
+  };
+  const auto combined = [](const Answer& a, double wa, const Answer& b, double wb) {
+    Answer sum = a;
+    for (std::size_t i = 0; i < a.temperature.size(); ++i)
+      sum.temperature[i] = wa * a.temperature[i] + wb * b.temperature[i];
+    sum.impulse = wa * a.impulse + wb * b.impulse;
+    sum.work = wa * a.work + wb * b.work;
+    return sum;
+  };
+  const Answer fine = at(true, cells, steps);
+  const Answer half_cells = at(true, cells / 2, steps);
+  const auto in_space = [&](const Answer& in_time) {
+    return combined(combined(in_time, 1.0, fine, 1.0 / 3.0), 1.0, half_cells, -1.0 / 3.0);
+  };
+  const Answer second = in_space(combined(fine, 4.0 / 3.0, at(true, cells, steps / 2), -1.0 / 3.0));
+  const Answer first = in_space(combined(at(false, cells, steps), 2.0, at(false, cells, steps / 2), -1.0));
+  Reference reference = problem.reference(problem);
+  const double range = melting_range(problem);
+  for (std::size_t i = 0; i < second.temperature.size(); ++i)
+    reference.uncertainty =
+        std::max(reference.uncertainty, std::abs(second.temperature[i] - first.temperature[i]) / range);
+  reference.impulse = second.impulse;
+  reference.work = second.work;
+  reference.temperature = [second, end = problem.end](double t) {
+    return second.temperature[static_cast<std::size_t>(std::lround(t / end * kSamples)) - 1];
+  };
+  return reference;
+}
+
+void mark_front(std::vector<Outcome>& outcomes) {
+  for (Outcome& one : outcomes) {
+    if (!one.failure.empty()) continue;
+    one.efficient = std::none_of(outcomes.begin(), outcomes.end(), [&](const Outcome& other) {
+      return other.failure.empty() && &other != &one && other.ns_per_node <= one.ns_per_node &&
+             other.temperature_error < one.temperature_error;
+    });
+  }
+}
+
+}  // namespace
+
+std::string Setting::text() const {
+  const char* integrator = sdirk2 ? "sdirk2" : "backward_euler";
+  if (cells == 0) return fmt::format("modes {:.0e}, {}, {} steps", accuracy, integrator, steps);
+  return fmt::format("{} cells x{:g}, {}, {} steps", cells, grading, integrator, steps);
+}
+
+Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int repeats) {
+  const physics::Model model(service::scene_model(scene_with(problem, setting)).options);
+  const double dt = problem.end / setting.steps;
+  Answer answer;
+  const double share =
+      model.options().hard_grid ? 1.0 : physics::heat_partition(model.options().soft, model.options().hard);
+  int first_order = 0, divided = 0;
+  int next_sample = 1;
+  bool failed = false;
+  run_tile(problem, model, dt, setting.steps, [&](int n, const physics::TileOutputs& out) {
+    answer.impulse += std::abs(out.shear_stress[0]) * dt;
+    answer.work += out.friction_heat[0] / share;
+    first_order += (out.outcome[0] & physics::kFirstOrder) != 0;
+    divided += (out.outcome[0] & physics::kSubstepped) != 0;
+    failed = failed || (out.outcome[0] & physics::kFailed) != 0;
+    if ((n + 1) * kSamples >= next_sample * setting.steps) {
+      answer.time.push_back((n + 1) * dt);
+      answer.temperature.push_back(out.interface_temperature[0]);
+      ++next_sample;
+    }
+  });
+  if (outcome == nullptr) return answer;
+
+  std::vector<double> seconds;
+  for (int i = 0; i < repeats; ++i) {
+    const double started = cpu_seconds();
+    run_tile(problem, model, dt, setting.steps, [](int, const physics::TileOutputs&) {});
+    seconds.push_back(cpu_seconds() - started);
+  }
+  outcome->setting = setting;
+  outcome->ns_per_node = 1e9 * median(seconds) / kLanes;
+  outcome->ns_per_node_step = outcome->ns_per_node / setting.steps;
+  outcome->state_bytes = shard::Shard::bytes_per_node(model);
+  const auto& layout = model.layout();
+  outcome->solves_per_step =
+      static_cast<double>(layout.num_vertices + layout.num_hard_vertices + layout.num_heat_modes) *
+      (setting.sdirk2 ? 2 : 1);
+  outcome->first_order_share = static_cast<double>(first_order) / setting.steps;
+  outcome->divided_share = static_cast<double>(divided) / setting.steps;
+  if (failed) outcome->failure = "the solver gave no answer";
+  return answer;
+}
+
+Result sweep(const Problem& problem, const SweepOptions& options) {
+  Result result{.problem = &problem, .reference = problem.reference(problem), .outcomes = {}};
+  if (!result.reference.temperature) result.reference = by_extrapolation(problem, options.quick);
+  const double range = melting_range(problem);
+
+  std::vector<Setting> methods;
+  const std::span<const GridChoice> grids =
+      options.quick ? std::span<const GridChoice>(kQuickGrids) : std::span<const GridChoice>(kGrids);
+  for (const bool sdirk2 : {false, true}) {
+    for (const auto& [cells, grading] : grids)
+      methods.push_back({.cells = cells, .grading = grading, .sdirk2 = sdirk2});
+    for (const double accuracy : kAccuracies) methods.push_back({.sdirk2 = sdirk2, .accuracy = accuracy});
+  }
+  const std::span<const int> steps = options.quick ? std::span<const int>(kQuickSteps) : std::span<const int>(kSteps);
+  for (Setting setting : methods) {
+    for (const int count : steps) {
+      setting.steps = count;
+      try {
+        Outcome outcome;
+        set_errors(run(problem, setting, &outcome, options.repeats), result.reference, range, outcome);
+        if (!std::isfinite(outcome.temperature_error)) outcome.failure = "not a number";
+        result.outcomes.push_back(outcome);
+      } catch (const wire::Error&) {
+        break;  // this scene does not have the option: its rules said so
+      }
+    }
+  }
+  mark_front(result.outcomes);
+  return result;
+}
+
+const Outcome* cheapest(const Result& result, double tolerance) {
+  const Outcome* best = nullptr;
+  for (const Outcome& one : result.outcomes) {
+    if (!one.failure.empty() || one.temperature_error > tolerance) continue;
+    if (best == nullptr || one.ns_per_node < best->ns_per_node) best = &one;
+  }
+  return best;
+}
+
+double message_ns(const Problem& problem, const Setting& setting) {
+  constexpr std::size_t kNodes = 1000;
+  constexpr int kRounds = 60;
+  server::Embedded server;
+  std::vector<std::uint64_t> ids(kNodes);
+  std::iota(ids.begin(), ids.end(), 1);
+  Client client({.endpoint = server.endpoint(), .context = server.context()});
+  Session session = client.open(scene_with(problem, setting), ids);
+  Batch request = session.request();
+  const bool forced = problem.scene.strategy == wire::Strategy::kForceDriven;
+  std::ranges::fill(request.f64(Field::kVelocityJump), problem.velocity_jump);
+  std::ranges::fill(request.f64(Field::kPressure), problem.pressure);
+  if (forced) {
+    std::ranges::fill(request.f64(Field::kMassMinus), problem.mass);
+    std::ranges::fill(request.f64(Field::kMassPlus), problem.mass);
+  }
+  std::vector<double> spent;
+  for (int i = 0; i < kRounds; ++i) {
+    const StepResult& result = session.advance(request, {.dt_s = problem.end / setting.steps});
+    spent.push_back(static_cast<double>(result.round_trip().count()) - static_cast<double>(result.upscale().solver_ns));
+  }
+  return median(spent) / static_cast<double>(kNodes);
+}
+
+}  // namespace shearbus::study
