@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 
 #include "tests/support/random_physics.hpp"
@@ -212,6 +213,26 @@ TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   }
   EXPECT_GT(rig.second_stress(0), 0.9 * before);
   EXPECT_LT(rig.stress(), 1e-3 * before);
+}
+
+// The least numbers there are have no digits to make a direction of; the stress of the host's own shear has it anyway.
+TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven));
+  options.plastic_layer = true;
+  Rig scalar(options);
+  options.tangential_components = 2;
+  Rig plane(options);
+  const double least = std::numeric_limits<double>::denorm_min();
+  for (Rig* rig : {&scalar, &plane}) {
+    rig->set_all(least, 11.2e9);
+    std::fill_n(rig->inputs.soft_plastic_rate, kLanes, 1e5);
+  }
+  std::fill_n(plane.second.velocity_jump, kLanes, least);
+  scalar.step(1e-9);
+  plane.step(1e-9);
+  ASSERT_GT(scalar.outputs.shear_stress[0], 1e6);
+  EXPECT_DOUBLE_EQ(std::hypot(plane.outputs.shear_stress[0], plane.second_outputs.shear_stress[0]),
+                   scalar.outputs.shear_stress[0]);
 }
 
 TEST(PhysicsTwoComponentsPath, OneComponentPaysNothing) {
