@@ -12,6 +12,7 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "tests/study/precision.hpp"
+#include "tests/study/stability_report.hpp"
 
 namespace {
 
@@ -63,7 +64,7 @@ int precision(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("What accuracy costs.");
+  CLI::App app("What accuracy costs, and what holds at the extremes.");
   app.require_subcommand(1);
   CLI::App* command = app.add_subcommand(
       "precision", "Error against run time: the fixed problems, or SCENE under a fixed jump and pressure");
@@ -78,13 +79,15 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   command->add_flag("--quick", options.sweep.quick, "few settings: to see that it runs");
   command->add_flag("!--no-plot", options.plot, "write no picture");
+  StabilityOptions stability;
+  const CLI::App* stability_command = add_stability(app, stability);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
   try {
-    return precision(options);
+    return *stability_command ? run_stability(stability) : precision(options);
   } catch (const std::exception& error) {
     fmt::print(stderr, "shearbus-study: {}\n", error.what());
     return kExitFault;

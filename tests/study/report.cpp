@@ -9,35 +9,10 @@
 #include <fstream>
 #include <string>
 
+#include "tests/study/machine.hpp"
 #include "tests/study/precision.hpp"
 
 namespace shearbus::study {
-namespace {
-
-std::string number(double value) {
-  return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("null");
-}
-
-std::string processor() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);)
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown";
-}
-
-std::string commit() {
-  std::string text;
-  if (FILE* pipe = ::popen("git -C \"" SHEARBUS_SOURCE_DIR "\" describe --always --dirty 2>/dev/null", "r")) {
-    char line[128];
-    if (std::fgets(line, sizeof line, pipe) != nullptr) text = line;
-    ::pclose(pipe);
-  }
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  return text.empty() ? "unknown" : text;
-}
-
-}  // namespace
-
 std::string table(const Result& result) {
   std::string text = fmt::format("\n{}\n  reference: {} (T0 to {:.1e} of what it has to melting)\n",
                                  result.problem->title, result.reference.method, result.reference.uncertainty);

@@ -18,6 +18,7 @@ inline void random_state(Draw& draw, Rig& rig) {
   const Grid& grid = rig.model.grid();
   const HeatGrid& heat = rig.heat_grid();
   const double T_melt = options.soft.melting_temperature;
+  if (layout.heat_modes != TileLayout::kAbsent) return;  // modes are what a history has left of itself
   for (int l = 0; l < kLanes; ++l) {
     const auto set = [&](std::size_t part, int row, double value) {
       rig.committed[part + static_cast<std::size_t>(row * kLanes + l)] = value;
