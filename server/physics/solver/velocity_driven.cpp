@@ -136,7 +136,10 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     }
   }
   if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
-    lane.done = true;
+    // Started from just below its bound: whether that is the answer, and what slips beyond it, it must say itself.
+    const bool unseen_bound = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
+    if (unseen_bound) lane.a = lane.hi;
+    lane.done = !unseen_bound;
     return;
   }
   // 2. Newton: on F itself, nearly straight over the strain of one step. Where the flow is beyond all the step could
