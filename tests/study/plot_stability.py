@@ -49,7 +49,7 @@ def main():
                    fontsize=7)
     figure.tight_layout()
     out = options.out or options.study.with_suffix(".png")
-    figure.savefig(out, dpi=110)
+    figure.savefig(out, dpi=72)
     print(f"written: {out}")
 
 

@@ -96,8 +96,11 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // A divided step takes up to 2 + 4 + ... + 64 substeps, a second-order one two stages and perhaps the first order's.
   const int solves = (divided ? 127 : 1) * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
-  return {
-      .layer_sums = 160 * solves, .limit_values = 60 * kLanes * solves, .newton_steps = 20000, .guarded_steps = kLanes};
+  // Beside a flowing layer two searches, to stick and to slip, of at most 300 values each: seldom more than 100 in all.
+  return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
+          .limit_values = 60 * kLanes * solves,
+          .newton_steps = 20000,
+          .guarded_steps = kLanes};
 }
 
 void require_effort(const SearchEffort& step, const Rig& rig) {
