@@ -40,7 +40,7 @@ void expect_agreement(const Rig& rig, const std::vector<double>& ep_old, const r
   double strain = strain_scale(soft);
   for (double ep : twin_state.plastic_strain) strain = std::max(strain, ep);
   double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * flow_exponent(soft));
-  if (flows) noise += kSqrt3 * flow_grain(rig, ep_old, l, dt) / dt;
+  if (flows) noise += kSqrt3 * flow_grain(rig, ep_old, rig.stress(l), l, dt) / dt;
   ASSERT_NEAR(out.sliding_velocity[l], twin.sliding_velocity, (1e-8 + eps) * size + noise);
   const double driven = dt * (std::abs(rig.inputs.stress_minus[l]) / rig.inputs.mass_minus[l] +
                               std::abs(rig.inputs.stress_plus[l]) / rig.inputs.mass_plus[l]);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 
 #include "tests/support/random_physics.hpp"
@@ -12,39 +13,7 @@
 namespace shearbus::testing {
 namespace {
 
-// A rig whose slip has two components.
-class PlaneRig : public Rig {
- public:
-  explicit PlaneRig(const ModelOptions& options) : Rig(options) {}
-
-  void step(double dt) {
-    operators = model.operators(dt);
-    model.advance(*operators, inputs, second, committed.data(), trial.data(), outputs, second_outputs);
-    std::swap(committed, trial);
-  }
-  double second_stress(int lane) const { return committed[model.layout().second_stress + lane]; }
-
-  SecondInputs second;
-  SecondOutputs second_outputs{};
-};
-
-// Inputs of scalar draws, each vector turned by an angle of its own.
-void random_vectors(Draw& draw, PlaneRig& rig, bool extreme) {
-  random_inputs(draw, rig, extreme);
-  const auto turn = [&](double& first, double& second) {
-    const double angle = draw.chance(0.5) ? draw.uniform(-0.1, 0.1) : draw.uniform(-M_PI, M_PI);
-    const double length = first;
-    first = length * std::cos(angle);
-    second = length * std::sin(angle);
-  };
-  for (int l = 0; l < kLanes; ++l) {
-    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
-    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
-    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
-  }
-}
-
-void copy_turned(const PlaneRig& from, double angle, PlaneRig& to) {
+void copy_turned(const Rig& from, double angle, Rig& to) {
   to.inputs = from.inputs;
   const double c = std::cos(angle), s = std::sin(angle);
   const auto turn = [&](const double* x, const double* y, double* x_turned, double* y_turned) {
@@ -71,7 +40,7 @@ TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
   double worst = 0.0;
   for (int scene = 0; scene < 60; ++scene) {
     const ModelOptions options = random_two_component_options(draw, GetParam(), false);
-    PlaneRig rig(options), turned(options);
+    Rig rig(options), turned(options);
     for (int n = 0; n < 15; ++n) {
       random_vectors(draw, rig, false);
       const double angle = draw.uniform(-M_PI, M_PI);
@@ -140,7 +109,7 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
     ModelOptions line = plane;
     line.tangential_components = 1;
     Rig scalar(line);
-    PlaneRig first(plane), second(plane);
+    Rig first(plane), second(plane);
     for (int n = 0; n < 15; ++n) {
       random_inputs(draw, scalar, extreme);
       first.inputs = second.inputs = scalar.inputs;
@@ -167,7 +136,7 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
         ASSERT_NEAR(second.second_outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
         ASSERT_EQ(second.second_outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
         ASSERT_EQ(second.outputs.shear_stress[l], 0.0);
-        for (const PlaneRig* rig : {&first, &second}) {
+        for (const Rig* rig : {&first, &second}) {
           ASSERT_EQ(rig->outputs.interface_temperature[l], want.interface_temperature[l]);
           ASSERT_EQ(rig->outputs.friction_heat[l], want.friction_heat[l]);
           ASSERT_EQ(rig->outputs.regime[l], want.regime[l]);
@@ -192,7 +161,7 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
       ModelOptions options = random_two_component_options(draw, strategy, false);
       options.grid.cells = draw.integer(1, 12);
       if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
-      PlaneRig rig(options);
+      Rig rig(options);
       for (int n = 0; n < 8; ++n) {
         random_vectors(draw, rig, false);
         const double dt = random_dt(draw, false);
@@ -234,7 +203,7 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
 TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   ModelOptions options = graded(paper_options());
   options.tangential_components = 2;
-  PlaneRig rig(options);
+  Rig rig(options);
   rig.set_all(100.0, 11.2e9);
   for (int n = 0; n < 50; ++n) rig.step(1e-9);
   EXPECT_EQ(rig.second_stress(0), 0.0);
@@ -251,6 +220,26 @@ TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   }
   EXPECT_GT(rig.second_stress(0), 0.9 * before);
   EXPECT_LT(rig.stress(), 1e-3 * before);
+}
+
+// The least numbers there are have no digits to make a direction of; the stress of the host's own shear has it anyway.
+TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven));
+  options.plastic_layer = true;
+  Rig scalar(options);
+  options.tangential_components = 2;
+  Rig plane(options);
+  const double least = std::numeric_limits<double>::denorm_min();
+  for (Rig* rig : {&scalar, &plane}) {
+    rig->set_all(least, 11.2e9);
+    std::fill_n(rig->inputs.soft_plastic_rate, kLanes, 1e5);
+  }
+  std::fill_n(plane.second.velocity_jump, kLanes, least);
+  scalar.step(1e-9);
+  plane.step(1e-9);
+  ASSERT_GT(scalar.outputs.shear_stress[0], 1e6);
+  EXPECT_DOUBLE_EQ(std::hypot(plane.outputs.shear_stress[0], plane.second_outputs.shear_stress[0]),
+                   scalar.outputs.shear_stress[0]);
 }
 
 TEST(PhysicsTwoComponentsPath, OneComponentPaysNothing) {
@@ -270,7 +259,7 @@ TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
     options.drive = Drive::kLayerShear;
     Rig scalar(options);
     options.tangential_components = 2;
-    PlaneRig plane(options);
+    Rig plane(options);
     const double c = 0.6, s = 0.8;
     for (int step = 0; step < 10; ++step) {
       random_inputs(draw, scalar, false);

@@ -12,6 +12,7 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "tests/study/precision.hpp"
+#include "tests/study/stability_report.hpp"
 #include "tests/study/tolerance.hpp"
 
 namespace {
@@ -78,7 +79,7 @@ int tolerance(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("What accuracy costs.");
+  CLI::App app("What accuracy costs, and what holds at the extremes.");
   app.require_subcommand(1);
   const auto add = [&](const char* name, const char* what) {
     CLI::App* command = app.add_subcommand(name, what);
@@ -101,12 +102,15 @@ int main(int argc, char** argv) {
   const CLI::App* of_precision =
       add("precision", "Error against run time: the fixed problems, or SCENE under a fixed jump and pressure");
   add("tolerance", "Error delivered against error requested, of scenes with a tolerance");
+  StabilityOptions stability;
+  const CLI::App* of_stability = add_stability(app, stability);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
   try {
+    if (of_stability->parsed()) return run_stability(stability);
     return of_precision->parsed() ? precision(options) : tolerance(options);
   } catch (const std::exception& error) {
     fmt::print(stderr, "shearbus-study: {}\n", error.what());

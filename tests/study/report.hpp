@@ -6,7 +6,8 @@
 
 namespace shearbus::study {
 
-std::string number(double value);                // as JSON has it; null: none
+std::string number(double value);  // as JSON has it; null: none
+std::string quoted(const std::string& text);
 std::string provenance(std::string_view study);  // keys of a JSON object: study, version, commit, date, processor
 
 }  // namespace shearbus::study

@@ -46,7 +46,10 @@ inline ModelOptions graded(ModelOptions options, int cells = 60, double grading 
 class Rig {
  public:
   explicit Rig(const ModelOptions& options, std::uint32_t active = 0xff)
-      : model(options), committed(model.layout().doubles), trial(model.layout().doubles) {
+      : model(options),
+        committed(model.layout().doubles),
+        trial(model.layout().doubles),
+        heat_grid_(make_heat_grid(model)) {
     double temperature[kLanes];
     for (double& T : temperature) T = options.initial_temperature;
     start(temperature);
@@ -66,8 +69,12 @@ class Rig {
   // One accepted step of every active lane.
   void step(double dt) {
     if (!operators || operators->dt() != dt) operators = model.operators(dt);
-    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
-    std::swap(committed, trial);
+    if (model.options().tangential_components == 2) {
+      model.advance(*operators, inputs, second, committed.data(), trial.data(), outputs, second_outputs);
+    } else {
+      model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
+    }
+    std::swap(committed, trial);  // from now on `trial` is the state before
   }
 
   void set_all(double velocity_jump, double pressure) {
@@ -87,26 +94,23 @@ class Rig {
   }
   double junction_strain(int lane = 0) const { return committed[model.layout().junction_strain + lane]; }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
+  double second_stress(int lane = 0) const { return committed[model.layout().second_stress + lane]; }
 
-  HeatGrid heat_grid() const {
-    const ModelOptions& o = model.options();
-    if (!o.hard_grid) return HeatGrid(model.grid(), o.grid.far_boundary);
-    return HeatGrid(model.grid(), o.grid.far_boundary, Grid(*o.hard_grid), o.hard_grid->far_boundary);
-  }
+  const HeatGrid& heat_grid() const { return heat_grid_; }
 
   // (k/alpha) integral (T - reference) over all that conducts, with the weights of the conduction.
-  double stored_heat(double reference, int lane = 0) const {
+  double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
+  double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
     if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
       // Without a profile: of a slab, whose mode of rate 0 is its mean temperature.
-      const double* rows = committed.data() + layout.heat_modes + lane;
+      const double* rows = tile.data() + layout.heat_modes + lane;
       const ModelOptions& o = model.options();
       return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
     }
-    const HeatGrid grid = heat_grid();
-    const double* rows = committed.data() + model.layout().first_temperature();
+    const double* rows = tile.data() + model.layout().first_temperature();
     double sum = 0.0;
-    for (int i = 0; i < grid.num_vertices(); ++i) {
-      sum += grid.capacity(i, model.options().soft, model.options().hard) * (rows[i * kLanes + lane] - reference);
+    for (int i = 0; i < heat_grid_.num_vertices(); ++i) {
+      sum += heat_grid_.capacity(i, model.options().soft, model.options().hard) * (rows[i * kLanes + lane] - reference);
     }
     return sum;
   }
@@ -118,9 +122,12 @@ class Rig {
   }
 
   // sqrt(3) integral(ep) over the layer: the slip it has carried  [m]
-  double plastic_slip(int lane = 0) const {
+  double plastic_slip(int lane = 0) const { return plastic_slip_of(committed, lane); }
+  double plastic_slip_of(const std::vector<double>& tile, int lane) const {
     double sum = 0.0;
-    for (int i = 0; i < model.grid().num_vertices(); ++i) sum += model.grid().weight[i] * ep(i, lane);
+    for (int i = 0; i < model.grid().num_vertices(); ++i) {
+      sum += model.grid().weight[i] * tile[model.layout().plastic_strain + i * kLanes + lane];
+    }
     return kSqrt3 * sum;
   }
 
@@ -163,7 +170,18 @@ class Rig {
   std::shared_ptr<const StepOperators> operators;
   TileInputs inputs;
   TileOutputs outputs{};
+  SecondInputs second;  // where slip has two components
+  SecondOutputs second_outputs{};
   std::vector<double> committed, trial;
+
+ private:
+  static HeatGrid make_heat_grid(const Model& model) {
+    const ModelOptions& o = model.options();
+    if (!o.hard_grid) return HeatGrid(model.grid(), o.grid.far_boundary);
+    return HeatGrid(model.grid(), o.grid.far_boundary, Grid(*o.hard_grid), o.hard_grid->far_boundary);
+  }
+
+  HeatGrid heat_grid_;
 };
 
 }  // namespace shearbus::testing

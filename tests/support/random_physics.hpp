@@ -58,7 +58,7 @@ inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 // By how much the flow of a layer that has been stepped differs under stresses and temperatures that differ in their
 // last digits, integral(dep) [m]: near melting, and where strain follows a high power of the stress, no answer is told
 // closer.
-inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, int lane, double dt) {
+inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt) {
   if (!hardens(rig.model.options().soft)) return 0.0;
   const Grid& grid = rig.model.grid();
   const double P = rig.inputs.pressure[lane];
@@ -71,7 +71,7 @@ inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, int 
       ep[i * kLanes + lane] = ep_old[i];
     }
     FlowLoad load;
-    set_load(soft, P, std::abs(rig.stress(lane)) * scale, 0.0, lane, load);
+    set_load(soft, P, std::abs(stress) * scale, 0.0, lane, load);
     return flow_of_lane({&soft, &grid, no_response.data(), T.data(), ep.data(), 0, dt}, load, lane, nullptr);
   };
   return flow(1.0 + kDigits) - flow(1.0 - kDigits);
@@ -207,6 +207,22 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     }
     in.stress_minus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
     in.stress_plus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+  }
+}
+
+// Inputs of scalar draws, each vector turned by an angle of its own.
+inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
+  random_inputs(draw, rig, extreme);
+  const auto turn = [&](double& first, double& second) {
+    const double angle = draw.chance(0.5) ? draw.uniform(-0.1, 0.1) : draw.uniform(-M_PI, M_PI);
+    const double length = first;
+    first = length * std::cos(angle);
+    second = length * std::sin(angle);
+  };
+  for (int l = 0; l < kLanes; ++l) {
+    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
+    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
+    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
   }
 }
 

@@ -45,7 +45,7 @@ inline WaveStep wave_step(const Rig& rig, int lane, const Material& soft_at_pres
 
 // What the next step of the lane starts from.
 inline void fill_fields(const Rig& rig, int lane, WaveFields& fields) {
-  const HeatGrid grid = rig.heat_grid();
+  const HeatGrid& grid = rig.heat_grid();
   std::vector<double> T(rig.committed.size());
   const std::size_t first = rig.model.layout().first_temperature();
   conduct(rig.operators->heat(), grid.num_vertices(), rig.committed.data() + first, T.data());

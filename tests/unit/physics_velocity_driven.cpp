@@ -194,5 +194,24 @@ TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   }
 }
 
+// A stress that starts within a last digit of mu P, as of a rounded direction, slips beyond it all the same.
+TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
+  ModelOptions options = graded(paper_options());
+  options.friction_coefficient = 0.01;
+  Rig rig(options);
+  rig.set_all(1e-3, 11.2e9);
+  const double bound = 0.01 * 11.2e9;
+  for (int l = 0; l < kLanes; ++l) {
+    double start = bound;
+    for (int ulps = 0; ulps < l; ++ulps) start = std::nextafter(start, 0.0);
+    rig.committed[rig.model.layout().shear_stress + l] = start;
+  }
+  rig.step(1e-9);
+  for (int l = 0; l < kLanes; ++l) {
+    EXPECT_EQ(rig.outputs.regime[l], Regime::kCoulomb) << l;
+    EXPECT_NEAR(rig.outputs.sliding_velocity[l], 1e-3, 1e-8) << l;
+  }
+}
+
 }  // namespace
 }  // namespace shearbus::testing

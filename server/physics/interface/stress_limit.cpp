@@ -19,6 +19,7 @@ struct Carried {
   double slope;
 };
 Carried carried(const StressLimit& limit, const FrictionHeating& heating, double a) {
+  if (limit.effort != nullptr) ++limit.effort->limit_values;
   const double slip = heating.slip(a);
   const StressLimit::Value s = limit.at(heating.temperature(a), slip);
   if (slip <= 0.0) return {s, 0.0};
@@ -45,6 +46,7 @@ double StressLimit::steepest(double coldest, double hottest, double most_slip) c
 }
 
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a) {
+  if (limit.effort != nullptr) ++limit.effort->limit_values;
   return limit.at(heating.temperature(a), heating.slip(a)).stress - a;
 }
 
@@ -117,6 +119,7 @@ constexpr double kArrived = 1e-12;  // relative residual below which a zero is o
 // answer.
 double carried_where(const StressLimit& limit, const FrictionHeating& heating, double a) {
   const double T0 = heating.temperature(a);
+  if (limit.effort != nullptr) ++limit.effort->limit_values;
   if (!limit.junctions.options) return limit.at(T0).stress;
   return slip_stress(limit, {T0, 0.0, heating.c, heating.b}, std::numeric_limits<double>::infinity(), a);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "server/physics/interface/junctions.hpp"
+#include "server/physics/interface/search_effort.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::physics {
@@ -14,6 +15,7 @@ struct StressLimit {
   const Material* soft;
   Junctions junctions = {};
   double offset = 0.0;  // added to the lesser of the two  [Pa]
+  SearchEffort* effort = nullptr;
 
   struct Value {
     double stress;  // [Pa]
@@ -30,7 +32,7 @@ struct StressLimit {
   }
 
   // The same under this friction.
-  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, offset}; }
+  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, offset, effort}; }
 
   // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
   double steepest(double coldest, double hottest, double most_slip) const;

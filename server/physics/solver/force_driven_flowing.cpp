@@ -19,6 +19,7 @@ FlowingStart start_of(const Problem& problem, const Material& soft, const TileIn
   FlowingStart start{};
   start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
                  &soft};
+  start.limit.effort = inputs.effort;
   start.ceiling = strength_ceiling(soft) / kSqrt3;
   start.hardens = hardens(soft);
   start.first_weight = problem.grid.weight[0];
@@ -49,6 +50,7 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
     if (!start.hardens) return 0.0;
     FlowLoad load;
     set_load(soft, inputs.pressure[lane], step.stress(), step.flux(), lane, load);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
     return flow_of_lane(flow, load, lane, strain_new);
   };
   FlowingSlip step(start);
@@ -108,6 +110,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
     if (all_done) break;
     if (may_flow) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done()) continue;
       lanes[l].take(sum.slip[l]);

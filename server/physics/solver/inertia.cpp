@@ -63,6 +63,10 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
   if (committed[layout.regime + l] == static_cast<double>(Regime::kOpen)) std::fill_n(fields.velocity, n, jump);
 
   const WaveAnswer answer = advance_waves(step, fields);
+  if (inputs.effort != nullptr) {
+    inputs.effort->newton_steps += answer.iterations;
+    inputs.effort->guarded_steps += answer.guarded ? 1 : 0;
+  }
 
   double slip = answer.interface_slip;
   bool slips = slip != 0.0;

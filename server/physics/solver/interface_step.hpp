@@ -19,7 +19,9 @@ class InterfaceStep {
         problem_(problem),
         yield_{std::numeric_limits<double>::infinity(), problem.options.interface.yield_strength / kSqrt3,
                inputs.pressure[lane], &soft},
-        forcing_(forcing_of(inputs, lane)) {}
+        forcing_(forcing_of(inputs, lane)) {
+    yield_.effort = inputs.effort;
+  }
 
   // The lane as it was before the step.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {

@@ -220,6 +220,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     StagedLane& lane = lanes[l];
     lane.limit = {law.friction_coefficient * inputs.pressure[l], law.yield_strength / kSqrt3, inputs.pressure[l],
                   &soft[l]};
+    lane.limit.effort = inputs.effort;
     lane.forcing = forcing_of(inputs, l);
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;

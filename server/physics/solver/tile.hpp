@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "server/physics/interface/search_effort.hpp"
+
 namespace shearbus::physics {
 
 inline constexpr int kLanes = 8;
@@ -53,6 +55,7 @@ struct TileLayout {
 // What the host says of one step. Lanes that are not active hold anything finite and are left alone.
 struct TileInputs {
   const double* stress_before = nullptr;              // [kLanes], in place of the committed shear stress  [Pa]
+  SearchEffort* effort = nullptr;                     // added to where it is given
   std::uint32_t active = 0;                           // bit i: lane i takes the step
   alignas(64) double velocity_jump[kLanes] = {};      // [V], of n-1/2 when force-driven  [m/s]
   alignas(64) double pressure[kLanes] = {};           // P, compression positive          [Pa]

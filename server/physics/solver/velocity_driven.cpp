@@ -73,7 +73,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   // Upper ends. Elastic: nothing yields.
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
-  const StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
+  StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
+  limit.effort = inputs.effort;
   const int hottest_ad = heated.hottest(0.0);
   state.hottest = hottest_ad;
   const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
@@ -137,7 +138,10 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     }
   }
   if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
-    lane.done = true;
+    // Started from just below its bound: whether that is the answer, and what slips beyond it, it must say itself.
+    const bool unseen_bound = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
+    if (unseen_bound) lane.a = lane.hi;
+    lane.done = !unseen_bound;
     return;
   }
   // 2. Newton: on F itself, nearly straight over the strain of one step. Where the flow is beyond all the step could
@@ -177,6 +181,7 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
     for (const Lane& lane : lanes) all_done = all_done && lane.done;
     if (all_done) break;
     flow_under(flow, load, num_rows, strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
     bool all_from_above = true;
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done) continue;

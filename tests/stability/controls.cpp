@@ -1,0 +1,23 @@
+// Solvers that are wrong must be seen to fail under the invariants the campaign is judged by.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "tests/study/stability_controls.hpp"
+
+namespace shearbus::study::stability {
+namespace {
+
+TEST(Controls, EveryWrongSolverIsSeenToFailAndTheModelIsNot) {
+  for (const Control& control : run_controls()) {
+    const ControlOutcome& wrong = control.wrong;
+    std::printf("%s: %d of %d steps broken, %s, hottest %.1f K\n", wrong.name.c_str(), wrong.broken, wrong.steps,
+                wrong.rings ? "rings" : "does not ring", wrong.hottest);
+    EXPECT_TRUE(control.seen()) << wrong.name << ": broken " << wrong.broken << " rings " << wrong.rings << " "
+                                << wrong.first << "; model " << control.model.broken << " " << control.model.first
+                                << " rings " << control.model.rings;
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::study::stability

@@ -1,0 +1,17 @@
+// What makes no sense is refused with a reason.
+#include <gtest/gtest.h>
+
+#include "tests/study/stability_refusals.hpp"
+
+namespace shearbus::study::stability {
+namespace {
+
+TEST(Refused, WhatMakesNoSenseIsRefusedAndNamed) {
+  for (const Refusal& refusal : run_refusals()) {
+    EXPECT_TRUE(refusal.seen()) << refusal.name << ": expected " << refusal.field << ", named \"" << refusal.named
+                                << "\": " << refusal.text;
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::study::stability

@@ -1,0 +1,89 @@
+// Random states and histories, every step held to the invariants.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "tests/support/invariants.hpp"
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+
+// Any state a node may be in, reached or not: temperatures that fall away from the interface on either side, strain as
+// it comes, a stress left from a higher pressure.
+inline void random_state(Draw& draw, Rig& rig) {
+  const TileLayout& layout = rig.model.layout();
+  const ModelOptions& options = rig.model.options();
+  const Grid& grid = rig.model.grid();
+  const HeatGrid& heat = rig.heat_grid();
+  const double T_melt = options.soft.melting_temperature;
+  if (layout.heat_modes != TileLayout::kAbsent) return;  // modes are what a history has left of itself
+  for (int l = 0; l < kLanes; ++l) {
+    const auto set = [&](std::size_t part, int row, double value) {
+      rig.committed[part + static_cast<std::size_t>(row * kLanes + l)] = value;
+    };
+    const double far = draw.uniform(1.0, 1200.0);
+    const double hottest =
+        draw.chance(0.3) ? std::max(far, T_melt - draw.log_uniform(1e-9, 100.0)) : draw.uniform(far, T_melt);
+    const double depth = options.grid.thickness * draw.log_uniform(1e-3, 10.0);
+    double z = 0.0;
+    set(layout.first_temperature(), heat.interface, hottest);
+    for (int i = heat.interface + 1; i < heat.num_vertices(); ++i) {
+      z += heat.width[static_cast<std::size_t>(i - 1)];
+      set(layout.first_temperature(), i, far + (hottest - far) * std::exp(-z / depth));
+    }
+    z = 0.0;
+    for (int i = heat.interface - 1; i >= 0; --i) {
+      z += heat.width[static_cast<std::size_t>(i)];
+      set(layout.first_temperature(), i, far + (hottest - far) * std::exp(-z / depth));
+    }
+    const double stress = draw.chance(0.2) ? 0.0 : draw.sign() * draw.log_uniform(1.0, 1e10);
+    const bool wavy = options.inertia;
+    for (std::size_t i = 0; i < layout.num_stress_vertices; ++i) {
+      set(layout.shear_stress, static_cast<int>(i), wavy ? draw.uniform(-1.0, 1.0) * stress : stress);
+    }
+    for (std::size_t i = 0; i < layout.num_velocity_cells; ++i) {
+      set(layout.layer_velocity, static_cast<int>(i), draw.uniform(-1.0, 1.0) * 1e3);
+    }
+    if (layout.second_stress != TileLayout::kAbsent) set(layout.second_stress, 0, draw.uniform(-1.0, 1.0) * stress);
+    const double strain = draw.log_uniform(1e-6, 1e3);
+    for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
+      set(layout.plastic_strain, static_cast<int>(i), draw.chance(0.2) ? 0.0 : draw.uniform(0.0, 1.0) * strain);
+    }
+    if (layout.heat_shape != TileLayout::kAbsent) {
+      for (int i = 0; i < grid.num_vertices(); ++i) set(layout.heat_shape, i, 0.0);
+      set(layout.heat_shape, draw.integer(0, grid.num_vertices() - 1), *options.taylor_quinney_factor);
+    }
+    set(layout.regime, 0, draw.integer(0, 4));
+    if (layout.sticking != TileLayout::kAbsent) set(layout.sticking, 0, draw.chance(0.5) ? 1.0 : 0.0);
+    if (layout.junction_strain != TileLayout::kAbsent) set(layout.junction_strain, 0, draw.log_uniform(1e-6, 1e3));
+  }
+}
+
+// `after_step`: what else is asked of a step.
+template <class AfterStep>
+void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figures, const AfterStep& after_step) {
+  const ModelOptions& options = rig.model.options();
+  const bool plane = options.tangential_components == 2;
+  const bool closed_loop = draw.chance(0.5) && options.strategy == Strategy::kForceDriven;
+  for (int step = 0; step < steps; ++step) {
+    plane ? random_vectors(draw, rig, extreme) : random_inputs(draw, rig, extreme);
+    if (closed_loop && step > 0) {
+      std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
+      std::copy_n(rig.second_outputs.velocity_jump_new, kLanes, rig.second.velocity_jump);
+    }
+    const double dt = random_dt(draw, extreme);
+    rig.step(dt);
+    after_step();
+    for (int l = 0; l < kLanes; ++l) {
+      try {
+        require_invariants(rig, l, dt, figures);
+      } catch (const Broken& broken) {
+        throw Broken(fmt::format("step {}, lane {}, dt {:.3g} s: {}", step, l, dt, broken.what()));
+      }
+    }
+  }
+}
+
+}  // namespace shearbus::testing
