@@ -35,6 +35,10 @@ std::vector<Case> cases() {
   all.back().options.junctions = {.contact_fraction = 0.5, .height = 1e-6, .metal = forced().soft};
   all.push_back({"PlasticLayer", two_sided(forced())});
   all.back().options.plastic_layer = true;
+  all.push_back({"Weakening", forced()});
+  all.back().options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+  all.back().options.interface.friction_coefficient_fast = 0.02;
+  all.back().options.interface.velocity_decay = 0.05;
   all.push_back({"UnderPressure", forced()});
   all.back().options.soft.melting_curve = MeltingCurve::kLindemann;
   all.push_back({"LayerShear", graded(paper_options())});

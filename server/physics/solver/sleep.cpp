@@ -62,7 +62,7 @@ class Woken {
  private:
   static constexpr std::size_t kOtherRows = 9;
   // Temperatures, strain, heat shape, shadow.
-  std::array<double, (4 * kMaxBasisVertices + kOtherRows) * kLanes> states_;
+  std::array<double, (std::size_t{4} * kMaxBasisVertices + kOtherRows) * kLanes> states_;
 };
 
 [[gnu::noinline]] void advance_woken(const Problem& problem, const StepOperators& operators, AdvanceTile awake,
