@@ -143,6 +143,13 @@ constexpr std::array kCatalog = {
         "table A.1 at 300 K (k 57.5, c 140)",
         with(metal(16690, {69.0, 770, 1.10, 10, 0.10, 1.45e-11, 1.3e-4, 4340}, 57.5, 140), {3410, 1.200, 1.67, 1.3})},
     CatalogEntry{
+        "steel_4340",
+        "strength and T_melt: the set for 4340 of the Uintah code (University of Utah), after Steinberg; it prints "
+        "Y_max "
+        "0.25 GPa, below its Y0, which is read as 2.5 GPa, as in Steinberg's Vascomax 250, whose beta and n it has; "
+        "density, c: Johnson, Cook 1983; k: ASM typical value at 100 C (44.5)",
+        metal(7830, {81.8, 1150, 2.5, 2.0, 0.50, 2.06e-11, 1.6e-4, 2310}, 44.5, 477)},
+    CatalogEntry{
         "copper_ofhc_jc",
         "strength, density, c, T_melt: Johnson, Cook 1983; G0: Steinberg's tables, OFHC; k: Incropera table A.1, "
         "pure copper at 300 K (401)",
@@ -173,8 +180,7 @@ constexpr std::array kCatalog = {
     CatalogEntry{
         "steel_4340_jc",
         "strength, density, c, T_melt: Johnson, Cook 1983; G0: E/(2 (1 + nu)) of 200 GPa and 0.29; k: ASM typical "
-        "value at 100 C (44.5); 4340 is here by this law only: Steinberg's set has its Y_max printed below its Y0 in "
-        "the copy at hand",
+        "value at 100 C (44.5)",
         metal(7830, 77.5, {792, 510, 0.26, 0.014, 1.03, 1793}, 44.5, 477)},
 };
 
