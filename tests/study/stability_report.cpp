@@ -218,12 +218,21 @@ CLI::App* add_stability(CLI::App& program, StabilityOptions& options) {
       ->capture_default_str();
   command->add_option("--seed", options.seed, "first seed of the random scenes; a broken one is told by its seed")
       ->capture_default_str();
+  command->add_flag("--only-random", options.only_random, "nothing but these, and no picture");
   command->add_flag("!--no-plot", options.plot, "write no picture");
   return command;
 }
 
 int run_stability(const StabilityOptions& options) {
   Campaign campaign;
+  if (options.only_random) {
+    campaign.random = run_random(options.random_steps, options.seed);
+    print_random(campaign);
+    StabilityOptions plain = options;
+    plain.plot = false;
+    write(campaign, plain);
+    return sound(campaign) ? 0 : 1;
+  }
   campaign.physics = all_physics();
   for (Row& row : all_rows())
     if (options.row.empty() || options.row == row.name) campaign.rows.push_back(std::move(row));

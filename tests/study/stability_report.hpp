@@ -16,6 +16,7 @@ struct StabilityOptions {
   std::string row;  // only this one; empty: all, and refusals and controls
   long random_steps = 200000;
   std::uint64_t seed = 1;
+  bool only_random = false;  // no rows, refusals and controls
   bool plot = true;
 };
 
