@@ -113,6 +113,8 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
 TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   wire::Scene everything = cone();
   everything.hydro->end_time_s = 12e-6;
+  everything.layer = {
+      .thickness_m = 100e-6, .cells = 80, .grading = 1.06, .far_boundary = wire::FarBoundary::kHalfSpace};
   wire::Scene sparing = everything;
   everything.junctions = wire::Junctions{.contact_fraction = 1.0, .height_m = 1e-6, .hardening_coefficient = 0.0};
   sparing.layer.sleep = true;
