@@ -175,7 +175,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   const double V = in.velocity_jump;
   const bool layer_shear = options.drive == Drive::kLayerShear;
   const double w = layer_shear ? V : h * in.soft_shear_rate;
-  const auto& [T_ad, B] = heat;
+  const Profile &T_ad = heat.T_ad, &B = heat.B;
 
   NodeOutputs out;
   out.velocity_jump_new = V;
@@ -373,7 +373,8 @@ NodeOutputs velocity_driven_sdirk2(const ModelOptions& options, double dt, const
 
 NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
-  const auto [T_ad, B] = heat_of_step(options, dt, state, profile_of(state));
+  const Heat heat = heat_of_step(options, dt, state, profile_of(state));
+  const Profile &T_ad = heat.T_ad, &B = heat.B;
   const double beta_T = conducted_share(options);
 
   // DLP (61).
