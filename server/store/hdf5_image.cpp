@@ -184,6 +184,7 @@ Extent extent_of(const Handle& dataset, const std::string& name) {
   check_room(dataset, space, name);
   hsize_t extent[2] = {0, 0};
   H5Sget_simple_extent_dims(space.get(), extent, nullptr);
+  if (rank == 2 && extent[1] == 0) throw Hdf5Error("find columns in table " + name);  // it would pass for a list
   return {extent[0], extent[1]};
 }
 
