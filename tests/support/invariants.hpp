@@ -207,16 +207,19 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
           limit(strength.upper, a.T0 * (1 - kDigits)) * (1 + 1e-10)};
 }
 
-// Bodies of almost no mass reach jumps of which the last digit, as heat, melts the interface, or stresses that are less
-// than what the last digit of T0 makes of its strength: nothing is resolved there.
+// What the last digit of the jumps, as heat, makes of T0 [K]: nothing, but for bodies of almost no mass.
+inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
+  const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
+  return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;
+}
+
+// Bodies of almost no mass reach jumps of which the last digit melts the interface, or stresses that are less than what
+// the last digit of T0 makes of its strength: nothing is resolved there.
 inline bool is_resolved(const ModelOptions& options, const Answered& a, double size) {
   constexpr double kGrain = 1e-9;  // [K]
   constexpr double kShare = 1e-3;  // of the stress
-  const double s = std::abs(a.stress);
-  const double flux = std::numeric_limits<double>::epsilon() * size * s;
   const Limits limit = interface_limits(options, a, size);
-  return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity <= kGrain &&
-         limit.upper - limit.lower <= kShare * s;
+  return heat_grain(options, a, size) <= kGrain && limit.upper - limit.lower <= kShare * std::abs(a.stress);
 }
 
 // 2 and DLP (61): the jump obeys the momentum of the bodies, the interface its law.
@@ -310,8 +313,9 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
   return ep;
 }
 
-// 2, 5: the layer never carries more than its flow stress, and exactly that where it flowed; strain never falls.
-inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, Figures& figures) {
+// 2, 5: the layer never carries more than its flow stress, and exactly that where it flowed; strain never falls. Its
+// temperatures are known to `grain` [K] beside their last digits.
+inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
   const Material soft = at_pressure(options.soft, a.pressure);
@@ -321,20 +325,23 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const double ep = rig.ep(i, lane), ep_old = rig.trial[layout.plastic_strain + i * kLanes + lane];
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
-    // The rate of the step, as well as a difference of strains tells it.
-    const double dep = ep - ep_old, noise = 4e-16 * ep;
+    // The rate of the step, as well as a difference of strains tells it; slower than Johnson and Cook's r0 the stress
+    // tells strains by their hardening alone, to its last digits.
+    const double dep = ep - ep_old;
+    const double slope = is_johnson_cook(soft) && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt) : 0.0;
+    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * hardened_strength(soft, ep) / slope : 0.0);
     const double T = rig.T(i, lane);
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
-    const double most = limit(T * (1 - kDigits), dep + noise);
+    const double most = limit(T * (1 - kDigits) - grain, dep + noise);
     require(carried <= most * (1 + 1e-10), "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i,
             carried, most, T, ep);
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // Strain resolves to an ulp of itself; a smaller step of it moved the limit by less than it can show.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
-    const double least = limit(T * (1 + kDigits), dep - noise);
+    const double least = limit(T * (1 + kDigits) + grain, dep - noise);
     require(carried >= least * (1 - 1e-10),
             "vertex {} flows under {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {} from {}", i, carried, least, T,
             ep, ep_old);
@@ -370,9 +377,10 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   ++figures.flowing;
   if (!is_resolved(options, a, size)) return;
   ++figures.flowing_resolved;
-  require_complementary_flow(rig, a, lane, figures);
+  const double grain = heat_grain(options, a, size);
+  require_complementary_flow(rig, a, lane, grain, figures);
   double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
-                     kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt) / a.dt;
+                     kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
   if (a.sticks) {
     require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");
@@ -392,7 +400,7 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
   const Answered a = answered(rig, lane, dt);
   require_sound(rig, a, lane, figures);
   if (options.strategy == Strategy::kVelocityDriven) {
-    require_complementary_flow(rig, a, lane, figures);
+    require_complementary_flow(rig, a, lane, 0.0, figures);
     if (!options.inertia) require_slip_balance(rig, a, lane);
   } else {
     require_interface_law(options, a, figures);

@@ -57,24 +57,25 @@ inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
 // By how much the flow of a layer that has been stepped differs under stresses and temperatures that differ in their
 // last digits, integral(dep) [m]: near melting, and where strain follows a high power of the stress, no answer is told
-// closer.
-inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt) {
+// closer. Temperatures are known to `grain` [K] beside that.
+inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
+                         double grain = 0.0) {
   if (!hardens(rig.model.options().soft)) return 0.0;
   const Grid& grid = rig.model.grid();
   const double P = rig.inputs.pressure[lane];
   const Material soft = at_pressure(rig.model.options().soft, P);
   const std::vector<double> no_response(grid.num_vertices(), 0.0);
-  const auto flow = [&](double scale) {
+  const auto flow = [&](double scale, double shift) {
     std::vector<double> T(grid.num_vertices() * kLanes), ep(T.size());
     for (int i = 0; i < grid.num_vertices(); ++i) {
-      T[i * kLanes + lane] = rig.T(i, lane) * scale;
+      T[i * kLanes + lane] = rig.T(i, lane) * scale + shift;
       ep[i * kLanes + lane] = ep_old[i];
     }
     FlowLoad load;
     set_load(soft, P, std::abs(stress) * scale, 0.0, lane, load);
     return flow_of_lane({&soft, &grid, no_response.data(), T.data(), ep.data(), 0, dt}, load, lane, nullptr);
   };
-  return flow(1.0 + kDigits) - flow(1.0 - kDigits);
+  return flow(1.0 + kDigits, grain) - flow(1.0 - kDigits, -grain);
 }
 
 inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) {
