@@ -1,15 +1,11 @@
 #!/usr/bin/python3
 """Error against run time from precision.json: one panel per problem, one line per grid and method over the step length, the
 efficient front in black, first and second order as slopes of reference.   plot_precision.py precision.json [--out FILE.png]"""
-import argparse
-import json
-import pathlib
-
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
-from PIL import Image  # noqa: E402
+from pictures import arguments, save_small  # noqa: E402
 
 STYLES = {("backward_euler", False): ("tab:orange", "-"), ("sdirk2", False): ("tab:blue", "-"),
           ("backward_euler", True): ("tab:red", "--"), ("sdirk2", True): ("tab:green", "--")}
@@ -45,11 +41,7 @@ def panel(axes, problem):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("study", type=pathlib.Path)
-    parser.add_argument("--out", type=pathlib.Path)
-    options = parser.parse_args()
-    study = json.loads(options.study.read_text())
+    study, out = arguments(__doc__)
     problems = study["problems"]
     columns = min(3, len(problems))
     rows = -(-len(problems) // columns)
@@ -66,10 +58,7 @@ def main():
     (flat[-1] if len(flat) > len(problems) else flat[0]).legend(handles=keys, fontsize=6, loc="center" if len(flat) > len(problems) else "lower left", ncol=2)
     figure.suptitle(f"Error against run time, {study['date']}, {study['processor']}", fontsize=8)
     figure.tight_layout()
-    out = options.out or options.study.with_suffix(".png")
-    figure.savefig(out, dpi=110)
-    Image.open(out).convert("P", palette=Image.Palette.ADAPTIVE, colors=48).save(out, optimize=True)  # a third of the size
-    print(f"written: {out}")
+    save_small(figure, out)
 
 
 if __name__ == "__main__":

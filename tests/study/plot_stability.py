@@ -1,15 +1,12 @@
 #!/usr/bin/python3
 """The envelope from stability.json: rows by physics. Colour: what the most laborious step of eight nodes asked for; number: share
 of the heat a molten interface would take; a cross: broken; blank: not about it.   plot_stability.py stability.json [--out FILE.png]"""
-import argparse
-import json
-import pathlib
-
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.colors import LogNorm  # noqa: E402
+from pictures import arguments  # noqa: E402
 
 
 def effort(cell):
@@ -17,11 +14,7 @@ def effort(cell):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("study", type=pathlib.Path)
-    parser.add_argument("--out", type=pathlib.Path)
-    options = parser.parse_args()
-    study = json.loads(options.study.read_text())
+    study, out = arguments(__doc__)
     rows = [row["name"] for row in study["rows"]]
     physics = study["physics"]
     cells = {(cell["row"], cell["physics"]): cell for cell in study["cells"]}
@@ -48,7 +41,6 @@ def main():
     axes.set_title(f"Stability: {held} of {asked} held ({study['date']}). Numbers: share of the heat a molten interface would take",
                    fontsize=7)
     figure.tight_layout()
-    out = options.out or options.study.with_suffix(".png")
     figure.savefig(out, dpi=72)
     print(f"written: {out}")
 

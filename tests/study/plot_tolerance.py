@@ -1,26 +1,18 @@
 #!/usr/bin/python3
 """Error delivered against error requested from tolerance.json, one line per problem and number of the host's steps; below the diagonal
 the request is kept. Left: the error of T0; right: what it costs.   plot_tolerance.py tolerance.json [--out FILE.png]"""
-import argparse
-import json
-import pathlib
-
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
-from PIL import Image  # noqa: E402
+from pictures import arguments, save_small  # noqa: E402
 
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
 DASHES = (":", "--", "-")
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("study", type=pathlib.Path)
-    parser.add_argument("--out", type=pathlib.Path)
-    options = parser.parse_args()
-    study = json.loads(options.study.read_text())
+    study, out = arguments(__doc__)
     figure, (errors, costs) = plt.subplots(1, 2, figsize=(8.0, 3.6))
     for problem, colour in zip(study["problems"], COLOURS):
         by_steps = {}
@@ -45,10 +37,7 @@ def main():
     costs.legend(*errors.get_legend_handles_labels(), fontsize=5, loc="upper left")
     figure.suptitle(f"Tolerances, {study['date']}, {study['processor']}", fontsize=8)
     figure.tight_layout()
-    out = options.out or options.study.with_suffix(".png")
-    figure.savefig(out, dpi=110)
-    Image.open(out).convert("P", palette=Image.Palette.ADAPTIVE, colors=48).save(out, optimize=True)  # a third of the size
-    print(f"written: {out}")
+    save_small(figure, out)
 
 
 if __name__ == "__main__":

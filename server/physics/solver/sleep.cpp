@@ -108,10 +108,8 @@ void count_rest(const Problem& problem, const double* committed, double* trial, 
   const double steps = rested(problem, outputs, lane) ? before + 1.0 : 0.0;
   trial[layout.resting + lane] = steps;
   trial[layout.resting + kLanes + lane] = 0.0;
-  if (layout.shadowed != TileLayout::kAbsent) {  // the last parts of a tile, which no solver knows
-    for (std::size_t i = layout.shadowed + static_cast<std::size_t>(lane); i < layout.doubles; i += kLanes)
-      trial[i] = committed[i];
-  }
+  if (layout.shadowed != TileLayout::kAbsent)  // the last parts of a tile, which no solver knows
+    copy_lane(committed + layout.shadowed, trial + layout.shadowed, layout.doubles - layout.shadowed, lane);
   if (steps < problem.steps_before_sleep) return;
   if (layout.shadowed != TileLayout::kAbsent && trial[layout.shadowed + lane] != 0.0)
     profile_of(problem, trial, lane, trial + layout.shadow_temperature);
@@ -141,8 +139,7 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
     to_profile(*problem.basis, living(layout, tile, lane), lane, rows, temperature);
     return;
   }
-  for (std::ptrdiff_t i = 0; i < problem.heat_grid.num_vertices(); ++i)
-    temperature[i * kLanes + lane] = rows[i * kLanes + lane];
+  copy_lane(rows, temperature, static_cast<std::size_t>(problem.heat_grid.num_vertices()) * kLanes, lane);
 }
 
 void advance_with_sleep(const Problem& problem, const StepOperators& operators, AdvanceTile awake,
@@ -201,7 +198,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   for (int l = 0; l < kLanes; ++l) {
     if (!(resting >> l & 1u)) continue;
     if (solved != 0) {
-      for (std::size_t i = static_cast<std::size_t>(l); i < layout.doubles; i += kLanes) trial[i] = committed[i];
+      copy_lane(committed, trial, layout.doubles, l);
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
