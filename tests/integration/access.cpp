@@ -273,9 +273,7 @@ TEST_F(Keys, ProgramsMakeAndUseKeys) {
                                  "--authorized-keys", scratch_ / "host.public"});
   ASSERT_TRUE(server.ready()) << server.log();
   EXPECT_THAT(server.log(), HasSubstr(wire::read_public_key(scratch_ / "bus.public")));
-  const std::string log = server.log();
-  const std::size_t at = log.find("tcp://127.0.0.1:", log.find("listening on"));
-  const std::string endpoint = log.substr(at, log.find('\n', at) - at);
+  const std::string endpoint = server.tcp_endpoint();
   const std::vector<std::string> keys = {
       "--server", endpoint, "--server-key", scratch_ / "bus.public", "--key", scratch_ / "host.secret"};
   const auto with_keys = [&](std::vector<std::string> arguments) {

@@ -33,12 +33,6 @@ void step(Session& session, int number) {
   session.advance(support::step_columns(Strategy::kForceDriven, kNodes, number), {.dt_s = 1e-9});
 }
 
-std::string tcp_endpoint(const ServerProcess& server) {
-  const std::string log = server.log();
-  const std::size_t at = log.find("tcp://127.0.0.1:", log.find("listening on"));
-  return log.substr(at, log.find('\n', at) - at);
-}
-
 // As many silent connections as this machine lets a process have, up to ten thousand.
 std::size_t silent_connections() {
   rlimit limit{};
@@ -63,7 +57,7 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
       arguments.emplace_back("--insecure-plaintext");
     ServerProcess server(arguments);
     ASSERT_TRUE(server.ready()) << server.log();
-    const std::string tcp = tcp_endpoint(server);
+    const std::string tcp = server.tcp_endpoint();
     Client watcher({.endpoint = scratch.ipc()});
     Session session = watcher.open(support::force_scene(), kNodes);
     const std::uint64_t files_before = watcher.server_status().open_files;

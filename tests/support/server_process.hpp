@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <fstream>
 #include <optional>
@@ -78,25 +79,45 @@ class ServerProcess {
  public:
   // `launcher`: a command that becomes the server, such as "/usr/bin/env NAME=VALUE".
   explicit ServerProcess(std::vector<std::string> arguments, const std::vector<std::string>& launcher = {})
-      : log_(scratch_.path() / "log") {
+      : log_(scratch_.path() / "log"),
+        endpoints_(std::max<std::ptrdiff_t>(1, std::ranges::count(arguments, "--bind"))) {
     arguments.insert(arguments.begin(), SHEARBUS_BINARY_DIR "/bin/shearbus-server");
     arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     process_.emplace(std::move(arguments), log_.string());
   }
+  // Listening on every endpoint it was given.
   bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) const {
     const auto end = std::chrono::steady_clock::now() + time;
     while (std::chrono::steady_clock::now() < end) {
-      if (log().find("listening on") != std::string::npos) return true;
+      if (listening() >= endpoints_) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     return false;
+  }
+  // Where it listens on TCP, its port found by the kernel; empty where nowhere.
+  std::string tcp_endpoint() const {
+    const std::string text = log();
+    const std::string line = "listening on tcp://";
+    const std::size_t at = text.find(line);
+    if (at == std::string::npos) return "";
+    const std::size_t begin = at + line.size() - std::string("tcp://").size();
+    return text.substr(begin, text.find('\n', begin) - begin);
   }
   std::string log() const { return text_of(log_); }
   Process& process() { return *process_; }
 
  private:
+  std::ptrdiff_t listening() const {
+    std::istringstream lines(log());
+    std::ptrdiff_t count = 0;
+    for (std::string line; std::getline(lines, line) && !lines.eof();)  // only lines that were ended
+      if (line.find("listening on ") != std::string::npos) ++count;
+    return count;
+  }
+
   ScratchDirectory scratch_;
   std::filesystem::path log_;
+  std::ptrdiff_t endpoints_;
   std::optional<Process> process_;
 };
 
