@@ -67,11 +67,11 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
   }
   if (options.sleep) {
     layout.resting = layout.doubles;
-    layout.doubles += 2 * kLanes;
+    layout.doubles += std::size_t{2} * kLanes;
   }
   if (options.sleep && layout.plastic_strain != TileLayout::kAbsent) {
     layout.weakest = layout.doubles;
-    layout.doubles += 2 * kLanes;
+    layout.doubles += std::size_t{2} * kLanes;
   }
   return layout;
 }
