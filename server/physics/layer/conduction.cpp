@@ -170,56 +170,45 @@ namespace {
 
 // The vertices of one body behind z = 0.
 struct Arm {
-  std::ptrdiff_t outermost;
-  std::ptrdiff_t outwards;  // to the next vertex: 1 or -1
+  std::ptrdiff_t heated;     // the outermost that is above the far temperature in any lane; z = 0 if none is
+  std::ptrdiff_t outermost;  // of all
+  std::ptrdiff_t outwards;   // to the next vertex: 1 or -1
 };
 
-// A step without flux. The sweeps work on the temperature above that of the colder end, the coldest there is: a uniform
-// layer stays uniform to the last bit and no vertex falls below the coldest by rounding. An arm is eliminated from its
-// outermost vertex that differs from that temperature in any lane on, since from zeros come zeros, and solved for
-// outwards until no lane changes any more, since what arrives only falls: the same bits as those of sweeps from end to
-// end.
+// The sweeps of a step without flux, over the old temperatures, in place. They work on the temperature above `far`,
+// that of the colder end, the coldest there is: a uniform layer stays uniform to the last bit and no vertex falls below
+// the coldest by rounding.
 template <int kWidth>
 class Sweeps {
  public:
-  Sweeps(const HeatOperator& heat, int num_vertices, const double* before, double* after)
-      : heat_(heat),
-        before_(before),
-        after_(after),
-        far_(min(load<kWidth>(before), load<kWidth>(before + std::ptrdiff_t{num_vertices - 1} * kLanes))) {}
+  Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
+      : heat_(heat), far_(far), T_(temperature) {}
 
-  // Leaves `t` as the vertex next to z = 0 has it; returns where it began, z = 0 where nothing is heated.
-  std::ptrdiff_t eliminate(Arm arm, Row<kWidth>& t) const {
-    std::ptrdiff_t i = arm.outermost;
-    for (; i != heat_.interface; i -= arm.outwards) {
-      const Row<kWidth> T = old(i);
-      if (any_of(T != far_)) break;
-      put(i, T);
-    }
-    const std::ptrdiff_t heated = i;
-    t = 0.0;
-    for (; i != heat_.interface; i -= arm.outwards) {
-      t = (old(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * t;
+  // From the outermost heated vertex on: from zeros come zeros. The last one is that next to z = 0.
+  Row<kWidth> eliminate(Arm arm) const {
+    Row<kWidth> t = 0.0;
+    for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
+      t = (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * t;
       put(i, t);
     }
-    return heated;
+    return t;
   }
 
   // z = 0, from what both arms bring it.
   Row<kWidth> meet(const Row<kWidth>& from_soft, const Row<kWidth>& from_hard) const {
     const std::ptrdiff_t i = heat_.interface;
     const Row<kWidth> t =
-        (old(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * from_soft + heat_.inward_hard * from_hard;
+        (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * from_soft + heat_.inward_hard * from_hard;
     put(i, far_ + t);
     return t;
   }
 
-  // `t`: of z = 0.
-  void substitute(Arm arm, std::ptrdiff_t heated, Row<kWidth> t) const {
+  // From `t`, that of z = 0, until no lane changes any more: what arrives behind the heated vertices only falls.
+  void substitute(Arm arm, Row<kWidth> t) const {
     std::ptrdiff_t i = heat_.interface;
-    while (i != heated) {
+    while (i != arm.heated) {
       i += arm.outwards;
-      t = load<kWidth>(after_ + i * kLanes) + heat_.outward[i] * t;
+      t = at(i) + heat_.outward[i] * t;
       put(i, far_ + t);
     }
     for (bool felt = true; felt && i != arm.outermost;) {
@@ -231,30 +220,43 @@ class Sweeps {
   }
 
  private:
-  Row<kWidth> old(std::ptrdiff_t i) const { return load<kWidth>(before_ + i * kLanes); }
-  void put(std::ptrdiff_t i, const Row<kWidth>& row) const { store(row, after_ + i * kLanes); }
+  Row<kWidth> at(std::ptrdiff_t i) const { return load<kWidth>(T_ + i * kLanes); }
+  void put(std::ptrdiff_t i, const Row<kWidth>& row) const { store(row, T_ + i * kLanes); }
 
   const HeatOperator& heat_;
-  const double* before_;
-  double* after_;
   Row<kWidth> far_;
+  double* T_;
 };
 
 template <int kWidth>
 void sweep(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
-  const Sweeps<kWidth> sweeps(heat, num_vertices, before, after);
-  const Arm soft{num_vertices - 1, 1}, hard{0, -1};
-  Row<kWidth> in_soft, in_hard;
-  const std::ptrdiff_t heated = sweeps.eliminate(soft, in_soft);
-  const std::ptrdiff_t heated_hard = sweeps.eliminate(hard, in_hard);
-  const Row<kWidth> t = sweeps.meet(in_soft, in_hard);
-  sweeps.substitute(soft, heated, t);
-  sweeps.substitute(hard, heated_hard, t);
+  const std::ptrdiff_t interface = heat.interface;
+  const std::ptrdiff_t last = num_vertices - 1;
+  const Row<kWidth> far = min(load<kWidth>(before), load<kWidth>(before + last * kLanes));
+
+  // 1. The old temperatures, and how far heat has come. From the front on: read from the far ends, the states of more
+  // nodes than the cache holds come a quarter more slowly.
+  Arm soft{interface, last, 1}, hard{interface, 0, -1};
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    const Row<kWidth> T = load<kWidth>(before + i * kLanes);
+    store(T, after + i * kLanes);
+    if (all_of(T == far)) continue;
+    hard.heated = std::min(hard.heated, i);
+    soft.heated = std::max(soft.heated, i);
+  }
+
+  // 2. The same bits as those of sweeps from end to end.
+  const Sweeps<kWidth> sweeps(heat, far, after);
+  const Row<kWidth> from_soft = sweeps.eliminate(soft);
+  const Row<kWidth> from_hard = sweeps.eliminate(hard);
+  const Row<kWidth> t = sweeps.meet(from_soft, from_hard);
+  sweeps.substitute(soft, t);
+  sweeps.substitute(hard, t);
 }
 
 }  // namespace
 
-void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
+[[gnu::flatten]] void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
   sweep<kLanes>(heat, num_vertices, before, after);
 }
 
