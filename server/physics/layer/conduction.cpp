@@ -182,7 +182,7 @@ template <int kWidth>
 class Sweeps {
  public:
   Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
-      : heat_(heat), far_(far), T_(temperature) {}
+      : far_(far), heat_(heat), T_(temperature) {}
 
   // From the outermost heated vertex on: from zeros come zeros. The last one is that next to z = 0.
   Row<kWidth> eliminate(Arm arm) const {
@@ -197,7 +197,7 @@ class Sweeps {
   // z = 0, from what both arms bring it.
   Row<kWidth> meet(const Row<kWidth>& from_soft, const Row<kWidth>& from_hard) const {
     const std::ptrdiff_t i = heat_.interface;
-    const Row<kWidth> t =
+    Row<kWidth> t =
         (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * from_soft + heat_.inward_hard * from_hard;
     put(i, far_ + t);
     return t;
@@ -223,8 +223,8 @@ class Sweeps {
   Row<kWidth> at(std::ptrdiff_t i) const { return load<kWidth>(T_ + i * kLanes); }
   void put(std::ptrdiff_t i, const Row<kWidth>& row) const { store(row, T_ + i * kLanes); }
 
-  const HeatOperator& heat_;
   Row<kWidth> far_;
+  const HeatOperator& heat_;
   double* T_;
 };
 
