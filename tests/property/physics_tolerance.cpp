@@ -62,7 +62,7 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
       // Jumps are differences: their rounding is a change, too, tenfold where there is a kink.
       const double response =
-          options.modes ? rig.operators->modes().front().response : rig.operators->heat().layer_response()[0];
+          options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =
           300.0 * response * std::abs(twin.shear_stress) * 1e-13 * (driven + std::abs(rig.inputs.velocity_jump[l]));
       EXPECT_NEAR(rig.outputs.error_estimate[l], twin.error_estimate,

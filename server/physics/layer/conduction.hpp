@@ -36,9 +36,10 @@ struct HeatGrid {
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
-//   t[i] = (old[i] + a[i] t[i-1] + c[i] t[i+1]) / (1 + a[i] + c[i]),   a = alpha dt / (weight * width before), c after
-// Every coefficient is positive and no difference is taken, so neither is anything cancelled: the elimination is
-// accurate to rounding for any dt and grading.
+//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   a = alpha dt / (weight * width before), c after
+// Eliminated from both far ends towards z = 0, solved for from z = 0 outwards: where nothing is above the far
+// temperature yet there is nothing to eliminate, and what arrives there only dies away. Every coefficient is positive
+// and no difference is taken, so neither is anything cancelled: accurate to rounding for any dt and grading.
 struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
@@ -49,10 +50,11 @@ struct HeatOperator {
 
   double dt;                        // [s]
   int interface;                    // the vertex at z = 0
-  std::span<double> forward;        // a[i] / pivot[i]
   std::span<double> inverse_pivot;  // 1 / pivot[i]
-  std::span<double> backward;       // c[i] / pivot[i]
-  std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+  std::span<double> inward;    // what the elimination carries on to vertex i from its outer neighbour, over pivot[i]
+  std::span<double> outward;   // t[i] / t[i's inner neighbour] where nothing was; at z = 0 none
+  double inward_hard;          // as `inward`: to z = 0 from the hard body; there `inward` is from the soft one
+  std::span<double> response;  // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 
@@ -60,18 +62,11 @@ struct HeatOperator {
   std::unique_ptr<double[]> memory_;  // one block: a step length costs few allocations
 };
 
-// What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices, and how the
-// temperature they make dies away behind the last of them. The rows behind are folded into the last vertex's pivot
-// (again without a difference), so that a response is held at the layer's vertices only.
+// What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices.
 struct SpreadHeat {
-  SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int layer_vertices, const Material& soft,
-             const Material& hard);
+  SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  int layer_vertices;
-  std::vector<double> gain;     // dt / capacity of each vertex of the layer: rise per source          [K m2/W]
-  std::vector<double> outward;  // t[i] / t[i-1] behind the layer
-  double last_forward;          // as HeatOperator's, of the layer's last vertex with the rows behind folded in
-  double last_inverse_pivot;
+  std::vector<double> gain;  // dt / capacity of each vertex of the layer: rise per source  [K m2/W]
 };
 
 // Temperature after a step from 0 K with 1 W/m2 shared over the layer as `shape` says, [vertex][lane] of the layer.
@@ -81,15 +76,15 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
-// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same. Where every
-// lane is uniform nothing is solved: the sweeps would give the same bits.
+// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same. Vertices that
+// have the far temperature, and to which nothing comes in this step that would change a bit, are not solved.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // The same for one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
-// T = T_ad + q B, DLP (35), all lanes. Vertices where q B is below half an ulp of the coldest temperature are not
-// touched: it would not change a bit of theirs.
+// T = T_ad + q B, DLP (35), all lanes or one. Vertices where q B is below half an ulp of the coldest temperature are
+// not touched: it would not change a bit of theirs.
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
 

@@ -162,7 +162,7 @@ void advance_controlled(const Problem& problem, const StepOperators& operators, 
   const double allowed = kSubstepShare * *problem.options.tolerance;
   Scratch& scratch = scratch_of(layout.doubles);
   advance_once(problem, operators, inputs, committed, trial, outputs);
-  const double response = problem.modes ? operators.modes().front().response : operators.heat().layer_response()[0];
+  const double response = problem.modes ? operators.modes().response : operators.heat().layer_response()[0];
   TileOutputs coarser = outputs;
   TileInputs open = inputs;
   for (int times = 1; open.active != 0; ++times) {
