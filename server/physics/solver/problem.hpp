@@ -82,6 +82,9 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
 void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                         const double* committed, double* trial, TileOutputs& outputs);
 
+// How often a step of a model with a tolerance may be halved.
+int most_times_halved(double dt);
+
 // What a model with a tolerance is made of, in a sentence. `modes`: how many there are.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -52,12 +53,20 @@ class StepOperators {
   std::span<const ModeOperator> modes() const { return modes_; }  // of dt, dt/2, ..., where there is no profile
   int max_halvings() const { return static_cast<int>(shorter_.size()); }
 
-  // Where the error of a step is controlled: those of its halves, quarters, ...
-  void add_halved(std::unique_ptr<const StepOperators> operators) { halved_.push_back(std::move(operators)); }
-  const StepOperators& halved(int times) const {
-    return times == 0 ? *this : *halved_[static_cast<std::size_t>(times) - 1];
+  // Where the error of a step is controlled: those of its halves, quarters, ... Each is made when a step first asks for
+  // it; several threads may ask at once.
+  using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;
+  void allow_halving(int most_times, MakeHalved make) {
+    make_halved_ = std::move(make);
+    while (most_times-- > 0) halved_.emplace_back();
   }
-  int times_halved() const { return static_cast<int>(halved_.size()); }
+  const StepOperators& halved(int times) const {
+    if (times == 0) return *this;
+    Halved& halved = halved_[static_cast<std::size_t>(times) - 1];
+    std::call_once(halved.made, [&] { halved.operators = make_halved_(times); });
+    return *halved.operators;
+  }
+  int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   double dt() const { return dt_; }
   const double* decay() const { return decay_.data(); }  // of the modes in which sleepers' heat is held
@@ -82,6 +91,10 @@ class StepOperators {
     HeatOperator heat;
     std::once_flag made;
   };
+  struct Halved {
+    std::unique_ptr<const StepOperators> operators;
+    std::once_flag made;
+  };
 
   double dt_;
   Bodies bodies_;
@@ -89,7 +102,8 @@ class StepOperators {
   mutable std::deque<Shorter> shorter_;
   std::vector<double> decay_;
   std::vector<ModeOperator> modes_;
-  std::vector<std::unique_ptr<const StepOperators>> halved_;
+  mutable std::deque<Halved> halved_;
+  MakeHalved make_halved_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;
