@@ -12,6 +12,7 @@
 
 #include "proto/wire/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
+#include "server/explain.hpp"
 
 namespace shearbus::hydro {
 
@@ -92,8 +93,8 @@ class InterfaceLaw {
   virtual std::string cannot_keep() const { return {}; }
   // The run is over: what was kept may go.
   virtual void close() {}
-  // What the run was spared, once it is closed, as lines of its summary: label and text.
-  virtual std::vector<std::pair<std::string, std::string>> spared() const { return {}; }
+  // What the run was spared, once it is closed.
+  virtual server::Spared spared() const { return {}; }
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.

@@ -243,7 +243,7 @@ void SubgridLaw::close() {
   impl_->kept = false;
 }
 
-std::vector<std::pair<std::string, std::string>> SubgridLaw::spared() const {
+server::Spared SubgridLaw::spared() const {
   return server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
 }
 

@@ -178,6 +178,7 @@ std::string Summary::json() const {
   field("heat_into_soft_body_j_per_m2", number(heat_));
   field("heat_partition", number(heat_share_));
   if (!energy_.empty()) field("layer_energy", energy_.json());
+  if (!spared_.empty()) field("spared", spared_);
   field("momentum_residual", number(momentum_residual_));
   field("energy_residual", number(energy_residual_));
   field("flagged_node_steps", number(flagged_));

@@ -290,31 +290,45 @@ std::string Explanation::text(std::size_t nodes) const {
   return out + fmt::format("  everything on       {}\n", fmt::join(together, ", "));
 }
 
-std::string Explanation::left_out() const {
+std::vector<std::string> Explanation::left_out() const {
   std::vector<std::string> names;
   for (const ScenePart& part : parts)
     if (!part.on && std::ranges::find(together, part.name) != together.end() && part.name != kLedger)
       names.push_back(part.name);
-  if (names.empty()) names.emplace_back("nothing");
-  return fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step", fmt::join(names, ", "),
-                     cost.bytes_per_node, everything.bytes_per_node, microseconds(cost.slipping_s),
-                     microseconds(everything.slipping_s));
+  return names;
 }
 
-std::vector<std::pair<std::string, std::string>> spared(const wire::Scene& effective, const wire::SessionClosed& totals,
-                                                        bool here) {
-  std::vector<std::pair<std::string, std::string>> lines;
-  if (here) lines.emplace_back("left out", explain(effective, false).left_out());
-  if (!effective.layer.sleep || totals.node_steps == 0) return lines;
-  lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved for heat",
-                                           100.0 * static_cast<double>(totals.asleep_node_steps) /
-                                               static_cast<double>(totals.node_steps)));
-  if (effective.layer.shadow_share > 0.0)
-    lines.emplace_back(
+Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here) {
+  const Explanation told = explain(effective, false);
+  const std::vector<std::string> names = told.left_out();
+  Spared out;
+  out.lines.emplace_back(
+      "left out",
+      fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step{}",
+                  names.empty() ? "nothing" : fmt::format("{}", fmt::join(names, ", ")), told.cost.bytes_per_node,
+                  told.everything.bytes_per_node, microseconds(told.cost.slipping_s),
+                  microseconds(told.everything.slipping_s), here ? "" : " on this machine"));
+  out.json = fmt::format(R"({{"left_out": [{}{}{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
+                         R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
+                         names.empty() ? "" : "\"", fmt::join(names, "\", \""), names.empty() ? "" : "\"",
+                         told.cost.bytes_per_node, told.everything.bytes_per_node, told.cost.slipping_s,
+                         told.everything.slipping_s);
+  if (effective.layer.sleep && totals.node_steps > 0) {
+    const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
+    out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved for heat", 100.0 * share));
+    out.json += fmt::format(R"(, "share_asleep": {:.17g})", share);
+  }
+  if (effective.layer.shadow_share > 0.0 && totals.node_steps > 0) {
+    out.lines.emplace_back(
         "solved beside",
         fmt::format("{} node-steps of those asleep: T0 apart by at most {:.1e} K, s by {:.1e} Pa",
                     totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa));
-  return lines;
+    out.json += fmt::format(
+        R"(, "shadowed_node_steps": {}, "shadow_temperature_error_k": {:.17g}, "shadow_stress_error_pa": {:.17g})",
+        totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa);
+  }
+  out.json += "}";
+  return out;
 }
 
 }  // namespace shearbus::server

@@ -67,10 +67,10 @@ TEST(Explain, TimesAreMeasured) {
 
 TEST(Explain, ARunIsToldWhatSlept) {
   wire::Scene scene = support::force_scene();
-  EXPECT_TRUE(spared(scene, {.node_steps = 10}, false).empty());
+  EXPECT_EQ(spared(scene, {.node_steps = 10}, false).lines.size(), 1U);
   scene.layer.sleep = true;
   scene.layer.shadow_share = 0.5;
-  const auto lines = spared(
+  const auto [lines, json] = spared(
       scene,
       {.node_steps = 200, .asleep_node_steps = 50, .shadowed_node_steps = 20, .shadow_temperature_error_k = 3e-11},
       true);
@@ -79,6 +79,7 @@ TEST(Explain, ARunIsToldWhatSlept) {
   EXPECT_THAT(lines[1].second, HasSubstr("25.0 %"));
   EXPECT_THAT(lines[2].second, HasSubstr("20 node-steps"));
   EXPECT_THAT(lines[2].second, HasSubstr("3.0e-11 K"));
+  EXPECT_THAT(json, HasSubstr(R"("share_asleep": 0.25, "shadowed_node_steps": 20)"));
 }
 
 }  // namespace
