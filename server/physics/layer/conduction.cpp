@@ -10,18 +10,27 @@ namespace shearbus::physics {
 
 HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.width) {
   if (far_boundary == FarBoundary::kHalfSpace) {
+    const double ratio = grid.matched ? std::max(grid.grading, kLeastMatchedGrading) : kExtensionGrading;
     const double thickness = grid.vertex.back();
     double depth = thickness;
     while (depth < kExtensionDepth * thickness) {
-      width.push_back(width.back() * kExtensionGrading);
+      width.push_back(width.back() * ratio);
       depth += width.back();
     }
   }
   weight = grid.weight;
-  if (width.size() == grid.width.size()) return;
-  weight.pop_back();
-  for (std::size_t i = grid.width.size(); i < width.size(); ++i) weight.push_back(std::sqrt(width[i - 1] * width[i]));
-  weight.push_back(0.5 * width.back());
+  if (width.size() > grid.width.size()) {
+    weight.pop_back();
+    for (std::size_t i = grid.width.size(); i < width.size(); ++i) {
+      weight.push_back(grid.matched ? 0.5 * (width[i - 1] + width[i]) : std::sqrt(width[i - 1] * width[i]));
+    }
+    weight.push_back(0.5 * width.back());
+  }
+  if (!grid.matched) return;
+  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; cells longer by this to heat undo
+  // it.
+  const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
+  for (double& cell : width) cell *= stretch;
 }
 
 HeatGrid::HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary)

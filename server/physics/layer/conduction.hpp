@@ -15,11 +15,13 @@ namespace shearbus::physics {
 // begins with the layer's last cell and widens by kExtensionGrading up to kExtensionDepth thicknesses, where it is
 // insulated. Its vertices hold the geometric mean of their two cells: on geometric cells that makes the response of the
 // discrete half-space that of the real one (arithmetic means leave it (ln grading)^2/16 too stiff, at all times), so
-// few wide cells will do. Where the hard body conducts too, its vertices come first, the outermost leading: one line of
-// cells through z = 0.
+// few wide cells will do. A matched grid goes on as it is graded, and its cells are as much longer to heat as makes up
+// for its arithmetic means. Where the hard body conducts too, its vertices come first, the outermost leading: one line
+// of cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
+  static constexpr double kLeastMatchedGrading = 1.001;  // of a matched grid's extension
 
   HeatGrid(const Grid& soft, FarBoundary far_boundary);
   HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary);
@@ -30,7 +32,7 @@ struct HeatGrid {
   double capacity(int vertex, const Material& soft, const Material& hard) const;
 
   int interface = 0;           // the vertex at z = 0
-  std::vector<double> width;   // of each cell                                   [m]
+  std::vector<double> width;   // of each cell, as heat sees it                  [m]
   std::vector<double> weight;  // of each vertex: the length whose heat it holds; at z = 0 that in the soft body [m]
   double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -57,12 +58,20 @@ class StepOperators {
   }
   int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one is empty
 
-  // Where the error of a step is controlled: those of its halves, quarters, ...
-  void add_halved(std::unique_ptr<const StepOperators> operators) { halved_.push_back(std::move(operators)); }
-  const StepOperators& halved(int times) const {
-    return times == 0 ? *this : *halved_[static_cast<std::size_t>(times) - 1];
+  // Where the error of a step is controlled: those of its halves, quarters, ... Each is made when a step first asks for
+  // it; several threads may ask at once.
+  using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;
+  void allow_halving(int most_times, MakeHalved make) {
+    make_halved_ = std::move(make);
+    while (most_times-- > 0) halved_.emplace_back();
   }
-  int times_halved() const { return static_cast<int>(halved_.size()); }
+  const StepOperators& halved(int times) const {
+    if (times == 0) return *this;
+    Halved& halved = halved_[static_cast<std::size_t>(times) - 1];
+    std::call_once(halved.made, [&] { halved.operators = make_halved_(times); });
+    return *halved.operators;
+  }
+  int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   // Of the model that a shadow is solved with, where its own are not these.
   void set_full(std::shared_ptr<const StepOperators> operators) { full_ = std::move(operators); }
@@ -93,6 +102,10 @@ class StepOperators {
     Heat heat;
     std::once_flag made;
   };
+  struct Halved {
+    std::unique_ptr<const StepOperators> operators;
+    std::once_flag made;
+  };
 
   double dt_;
   Bodies bodies_;
@@ -102,7 +115,8 @@ class StepOperators {
   const HeatModes* all_modes_ = nullptr;
   std::optional<ModeOperator> modes_;
   mutable std::deque<Shorter<ModeOperator>> shorter_modes_;
-  std::vector<std::unique_ptr<const StepOperators>> halved_;
+  mutable std::deque<Halved> halved_;
+  MakeHalved make_halved_;
   std::shared_ptr<const StepOperators> full_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
