@@ -15,6 +15,7 @@
 
 #include "proto/wire/status.hpp"
 #include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 
@@ -333,11 +334,12 @@ Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, b
                   names.empty() ? "nothing" : fmt::format("{}", fmt::join(names, ", ")), told.cost.bytes_per_node,
                   told.everything.bytes_per_node, microseconds(told.cost.slipping_s),
                   microseconds(told.everything.slipping_s), here ? "" : " on this machine"));
-  out.json = fmt::format(R"({{"left_out": [{}{}{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
+  std::vector<std::string> quoted(names.size());
+  std::ranges::transform(names, quoted.begin(), wire::json_string);
+  out.json = fmt::format(R"({{"left_out": [{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
                          R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
-                         names.empty() ? "" : "\"", fmt::join(names, "\", \""), names.empty() ? "" : "\"",
-                         told.cost.bytes_per_node, told.everything.bytes_per_node, told.cost.slipping_s,
-                         told.everything.slipping_s);
+                         fmt::join(quoted, ", "), told.cost.bytes_per_node, told.everything.bytes_per_node,
+                         told.cost.slipping_s, told.everything.slipping_s);
   if (effective.layer.sleep && totals.node_steps > 0) {
     const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
     out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * share));

@@ -94,6 +94,7 @@ TEST(Explain, ARunIsToldWhatSlept) {
   EXPECT_THAT(lines[1].second, HasSubstr("25.0 %"));
   EXPECT_THAT(lines[2].second, HasSubstr("20 node-steps"));
   EXPECT_THAT(lines[2].second, HasSubstr("3.0e-11 K"));
+  EXPECT_THAT(json, HasSubstr(R"("left_out": ["hard_layer", )"));
   EXPECT_THAT(json, HasSubstr(R"("share_asleep": 0.25, "shadowed_node_steps": 20)"));
 }
 
