@@ -76,7 +76,7 @@ constexpr std::array kSwitches = {
            [](wire::Scene& s, bool on) {
              s.soft.melting_curve = on ? wire::MeltingCurve::kLindemann : wire::MeltingCurve::kConstant;
            }},
-    Switch{"layer.heat = profile", "the temperature across the layer, not of the interface alone",
+    Switch{"layer.heat = \"profile\"", "the temperature across the layer, not of the interface alone",
            [](const wire::Scene& s) { return s.layer.heat == wire::Heat::kProfile; },
            [](wire::Scene& s, bool on) {
              s.layer.heat = on ? wire::Heat::kProfile : wire::Heat::kModes;

@@ -55,7 +55,7 @@ TEST(Explain, AShadowIsPaidFor) {
   EXPECT_EQ(shadow.bytes_per_node, static_cast<std::int64_t>(with.cost.bytes_per_node) -
                                        static_cast<std::int64_t>(without.cost.bytes_per_node));
   EXPECT_GT(shadow.slipping_s, 0.0);
-  EXPECT_TRUE(part(with, "layer.heat = profile").excluded.empty());
+  EXPECT_TRUE(part(with, "layer.heat = \"profile\"").excluded.empty());
 }
 
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
