@@ -67,6 +67,7 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
     inputs.effort->newton_steps += answer.iterations;
     inputs.effort->guarded_steps += answer.guarded ? 1 : 0;
   }
+  if (!answer.found) return keep_lane(problem, inputs, committed, trial, l, outputs);
 
   double slip = answer.interface_slip;
   bool slips = slip != 0.0;

@@ -128,7 +128,7 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
 
 class Waves {
  public:
-  Waves(const WaveStep& step, WaveFields& fields)
+  Waves(const WaveStep& step, WaveFields& fields, int evaluations)
       : step_(step),
         fields_(fields),
         num_cells_(step.grid->num_cells()),
@@ -136,7 +136,8 @@ class Waves {
         law_{step.soft->hardening_exponent, step.soft->yield_strength_max / kSqrt3,
              1.0 + step.soft->pressure_coefficient * step.pressure +
                  step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
-             step.soft->temperature_coefficient, step.soft->melting_temperature} {
+             step.soft->temperature_coefficient, step.soft->melting_temperature},
+        evaluations_left_(evaluations) {
     const Material& soft = *step.soft;
     const int padded = (num_cells_ / kPacket + 1) * kPacket;
     for (int i = 0; i < padded; ++i) {
@@ -153,6 +154,7 @@ class Waves {
 
   WaveAnswer advance(int newton_steps) {
     if (!descend({}, newton_steps, false)) search();
+    answer_.found = evaluations_left_ > 0;
     finish();
     return answer_;
   }
@@ -184,6 +186,7 @@ class Waves {
 
   // Stresses and slopes at the iterate, T = T_ad + q B with a q that is given.
   void evaluate_at(double flux) {
+    --evaluations_left_;
     answer_.flux = flux;
     for (int i = 0; i <= num_cells_; ++i) rows_.T[i] = fields_.T_ad[i] + flux * step_.response[i];
     return_to_yield(law_, num_cells_ + 1, rows_, fields_.stress);
@@ -340,7 +343,7 @@ class Waves {
   // finds where it is small. `surely`: each step lowers the energy, which two slopes then have to show.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
-    for (int iteration = 0; iteration < max_steps; ++iteration) {
+    for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
       newton_direction();
       if (!std::isfinite(largest_step())) return false;
       const bool last = small_step();
@@ -383,7 +386,7 @@ class Waves {
     const auto made = [&] { return share * fields_.stress[0]; };  // q of the stress at z = 0
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
-    while (heats && hi - lo > unfelt) {
+    while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
       const double flux = 0.5 * (lo + hi);
       descend(flux, kGuardedSteps, true);
       (made() > flux ? lo : hi) = flux;
@@ -415,6 +418,7 @@ class Waves {
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
   WaveAnswer answer_;
+  int evaluations_left_;
   bool held_ = false;             // mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // the last return there  [Pa]
   double flux_slope_ = 0.0;       // dq / dt[0]             [W/(m2 Pa)]
@@ -426,8 +430,8 @@ class Waves {
 
 }  // namespace
 
-WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps) {
-  return Waves(step, fields).advance(newton_steps);
+WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps, int evaluations) {
+  return Waves(step, fields, evaluations).advance(newton_steps);
 }
 
 }  // namespace shearbus::physics

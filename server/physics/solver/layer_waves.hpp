@@ -43,10 +43,14 @@ struct WaveAnswer {
   double interface_slip = 0.0;  // v[-1], signed                          [m/s]
   int iterations = 0;           // Newton steps taken
   bool guarded = false;         // plain Newton did not arrive: bisection in q, line search in v
+  bool found = true;            // or given up: the fields mean nothing
 };
 
-// Newton on all fields at once; where it has not arrived after `newton_steps`, the search that cannot fail.
+// Newton on all fields at once; where it has not arrived after `newton_steps`, the search that cannot fail, but may
+// take for ever: it is given up after `evaluations` of the fields' balance.
 inline constexpr int kWaveNewtonSteps = 60;
-WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps);
+inline constexpr int kWaveEvaluations = 200'000;
+WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
+                         int evaluations = kWaveEvaluations);
 
 }  // namespace shearbus::physics
