@@ -114,7 +114,7 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
   write_text(out / "summary.json", summary.json());
   fmt::print("{}", summary.text());
   law.close();
-  const server::Spared spared = law.spared();
+  const Spared spared = law.spared();
   for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
   summary.spared(spared.json);
   write_text(out / "summary.json", summary.json());

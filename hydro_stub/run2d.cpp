@@ -202,7 +202,7 @@ class Run {
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();
-    const server::Spared spared = law_.spared();
+    const Spared spared = law_.spared();
     for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
     summary.spared = spared.json;
     write_text(options_.out / "summary.json", summary.json());
