@@ -42,7 +42,7 @@ void precision(const Options& options) {
     for (Outcome& one : result.outcomes)
       if (one.efficient) one.message_ns = message_ns(problem, one.setting);
     fmt::print("{}{}", table(result), recommendation(result));
-    std::fflush(stdout);
+    static_cast<void>(std::fflush(stdout));
   }
   write_study(options, "precision", json(results, options.sweep.repeats));
 }

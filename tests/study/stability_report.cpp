@@ -79,7 +79,7 @@ void print_row(const Row& row, const std::vector<Outcome>& outcomes) {
   all.reserve(outcomes.size());
   for (const Outcome& one : outcomes) all.push_back(&one);
   print_line(row.name, worst_of(all));
-  std::fflush(stdout);
+  static_cast<void>(std::fflush(stdout));
 }
 
 void print_physics(const Campaign& c) {
@@ -306,7 +306,7 @@ int run_stability(const StabilityOptions& options) {
       campaign.controls = run_controls();
       print_controls(campaign);
     }
-    std::fflush(stdout);
+    static_cast<void>(std::fflush(stdout));
     campaign.random = random_of(campaign, options);
     print_random(campaign);
   }

@@ -316,10 +316,8 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
 }
 
 inline std::vector<double> strain_before(const Rig& rig, int lane) {
-  std::vector<double> ep;
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    ep.push_back(rig.trial[rig.model.layout().plastic_strain + i * kLanes + lane]);
-  }
+  std::vector<double> ep(static_cast<std::size_t>(rig.model.grid().num_vertices()));
+  for (std::size_t i = 0; i < ep.size(); ++i) ep[i] = rig.ep_of(rig.trial, static_cast<int>(i), lane);
   return ep;
 }
 
@@ -331,8 +329,8 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
   const Material soft = at_pressure(options.soft, a.pressure);
   for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
     const double carried =
-        options.inertia ? std::abs(rig.committed[layout.shear_stress + i * kLanes + lane]) : std::abs(a.stress);
-    const double ep = rig.ep(i, lane), ep_old = rig.trial[layout.plastic_strain + i * kLanes + lane];
+        options.inertia ? std::abs(rig.committed[place(layout.shear_stress, i, lane)]) : std::abs(a.stress);
+    const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
     // The rate of the step, or at most that of its last part, as well as a difference of strains tells it; slower than

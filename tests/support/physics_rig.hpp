@@ -51,6 +51,11 @@ inline double shortest_step(const ModelOptions& options) {
   return options.modes ? std::max(controlled, options.modes->shortest_step) : controlled;
 }
 
+// Of a row's value in a tile; rows before z = 0 are negative.
+inline std::size_t place(std::size_t part, int row, int lane) {
+  return part + static_cast<std::size_t>(std::ptrdiff_t{row} * kLanes + lane);
+}
+
 class Rig {
  public:
   explicit Rig(const ModelOptions& options, std::uint32_t active = 0xff)
@@ -94,12 +99,13 @@ class Rig {
   }
 
   // Of a lane that is awake. Negative vertices are the hard body's, where it conducts.
-  double T(int vertex, int lane = 0) const { return committed[model.layout().temperature + vertex * kLanes + lane]; }
-  double ep(int vertex, int lane = 0) const {
-    return committed[model.layout().plastic_strain + vertex * kLanes + lane];
+  double T(int vertex, int lane = 0) const { return committed[place(model.layout().temperature, vertex, lane)]; }
+  double ep(int vertex, int lane = 0) const { return ep_of(committed, vertex, lane); }
+  double ep_of(const std::vector<double>& tile, int vertex, int lane) const {
+    return tile[place(model.layout().plastic_strain, vertex, lane)];
   }
   double heat_shape(int vertex, int lane = 0) const {
-    return committed[model.layout().heat_shape + vertex * kLanes + lane];
+    return committed[place(model.layout().heat_shape, vertex, lane)];
   }
   double junction_strain(int lane = 0) const { return committed[model.layout().junction_strain + lane]; }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
@@ -156,7 +162,7 @@ class Rig {
   double plastic_slip_of(const std::vector<double>& tile, int lane) const {
     double sum = 0.0;
     for (int i = 0; i < model.grid().num_vertices(); ++i) {
-      sum += model.grid().weight[i] * tile[model.layout().plastic_strain + i * kLanes + lane];
+      sum += model.grid().weight[i] * ep_of(tile, i, lane);
     }
     return kSqrt3 * sum;
   }
