@@ -69,6 +69,12 @@ struct LawTime {
   std::chrono::nanoseconds cpu{0};      // of the host's own thread, spent on asking
 };
 
+// What a run was spared that did not ask for everything.
+struct Spared {
+  std::vector<std::pair<std::string, std::string>> lines;  // of its summary: label and text
+  std::string json;                                        // the same numbers, an object; or empty
+};
+
 class InterfaceLaw {
  public:
   virtual ~InterfaceLaw() = default;
@@ -92,8 +98,8 @@ class InterfaceLaw {
   virtual std::string cannot_keep() const { return {}; }
   // The run is over: what was kept may go.
   virtual void close() {}
-  // What the run was spared, once it is closed, as lines of its summary: label and text.
-  virtual std::vector<std::pair<std::string, std::string>> spared() const { return {}; }
+  // What the run was spared, once it is closed.
+  virtual Spared spared() const { return {}; }
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.

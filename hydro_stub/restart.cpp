@@ -46,7 +46,7 @@ wire::DumpReader newest_dump(const fs::path& run) {
 }
 
 fs::path server_directory(const fs::path& run) {
-  const fs::path directory = restart_directory(run) / "server";
+  fs::path directory = restart_directory(run) / "server";
   fs::create_directories(directory);
   return directory;
 }

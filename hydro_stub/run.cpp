@@ -114,7 +114,10 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
   write_text(out / "summary.json", summary.json());
   fmt::print("{}", summary.text());
   law.close();
-  for (const auto& [label, value] : law.spared()) fmt::print("  {:<24}{}\n", label, value);
+  const Spared spared = law.spared();
+  for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
+  summary.spared(spared.json);
+  write_text(out / "summary.json", summary.json());
 }
 
 namespace {

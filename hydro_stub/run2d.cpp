@@ -189,20 +189,23 @@ class Run {
       if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
-    const Summary2d summary{.scene = scene_.name,
-                            .interface_law = name(scene_.hydro->interface_law),
-                            .cycle = cycle_,
-                            .start = start_,
-                            .interface = interface_,
-                            .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
-                            .time = {.total = seconds(Clock::now() - begun_),
-                                     .output = seconds(output_),
-                                     .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
-                                     .law = law_.time_spent()}};
+    Summary2d summary{.scene = scene_.name,
+                      .interface_law = name(scene_.hydro->interface_law),
+                      .cycle = cycle_,
+                      .start = start_,
+                      .interface = interface_,
+                      .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
+                      .time = {.total = seconds(Clock::now() - begun_),
+                               .output = seconds(output_),
+                               .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
+                               .law = law_.time_spent()}};
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();
-    for (const auto& [label, value] : law_.spared()) fmt::print("  {:<24}{}\n", label, value);
+    const Spared spared = law_.spared();
+    for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
+    summary.spared = spared.json;
+    write_text(options_.out / "summary.json", summary.json());
     dumps_.remove();
   }
 

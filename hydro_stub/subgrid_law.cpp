@@ -243,8 +243,9 @@ void SubgridLaw::close() {
   impl_->kept = false;
 }
 
-std::vector<std::pair<std::string, std::string>> SubgridLaw::spared() const {
-  return server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
+Spared SubgridLaw::spared() const {
+  auto [lines, json] = server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
+  return {std::move(lines), std::move(json)};
 }
 
 }  // namespace shearbus::hydro

@@ -43,7 +43,7 @@ class SubgridLaw : public InterfaceLaw {
   std::string keep(const std::string& name) override;
   std::string cannot_keep() const override;
   void close() override;  // throws where that fails
-  std::vector<std::pair<std::string, std::string>> spared() const override;
+  Spared spared() const override;
 
   const std::string& server() const;                 // where it runs, for people
   const std::vector<std::string>& warnings() const;  // what the server has to say of the scene

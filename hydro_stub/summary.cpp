@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "proto/wire/text.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
@@ -21,19 +22,6 @@ double seconds(std::chrono::nanoseconds time) {
 // A residual against the magnitudes that were added up to it; 0 where nothing moved at all.
 double relative(double residual, double magnitude) {
   return magnitude > 0.0 ? std::abs(residual) / magnitude : std::abs(residual);
-}
-
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) < 0x20) {
-      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
 }
 
 }  // namespace
@@ -160,12 +148,12 @@ std::string Summary::json() const {
     out += fmt::format("  \"{}\": {}{}\n", key, value, last ? "" : ",");
   };
   const auto number = [](auto value) { return fmt::format("{}", value); };
-  field("scene", quoted(name_));
-  field("interface_law", quoted(interface_law_));
+  field("scene", wire::json_string(name_));
+  field("interface_law", wire::json_string(interface_law_));
   field("columns", number(columns_));
   field("steps", number(steps_));
   field("dt_s", number(dt_));
-  field("dt_limit", quoted(dt_reason_));
+  field("dt_limit", wire::json_string(dt_reason_));
   field("end_time_s", number(end_time_));
   field("peak_interface_temperature_k", number(peak_.value));
   field("peak_node", number(peak_.node));
@@ -178,6 +166,7 @@ std::string Summary::json() const {
   field("heat_into_soft_body_j_per_m2", number(heat_));
   field("heat_partition", number(heat_share_));
   if (!energy_.empty()) field("layer_energy", energy_.json());
+  if (!spared_.empty()) field("spared", spared_);
   field("momentum_residual", number(momentum_residual_));
   field("energy_residual", number(energy_residual_));
   field("flagged_node_steps", number(flagged_));

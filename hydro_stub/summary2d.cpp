@@ -115,6 +115,7 @@ std::string Summary2d::json() const {
                         list.empty() ? "" : ",", c.what, c.units, number(c.exact), number(c.found));
   }
   if (!list.empty()) field("comparisons", "[" + list + "\n  ]");
+  if (!spared.empty()) field("spared", spared);
   field("energy_residual", number(energy));
   field("momentum_residual", number(momentum));
   out += fmt::format("  \"run_time_s\": {:.6g}\n}}\n", time.total);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <ctime>
 #include <functional>
 #include <limits>
@@ -14,6 +15,7 @@
 
 #include "proto/wire/status.hpp"
 #include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 
@@ -76,12 +78,12 @@ constexpr std::array kSwitches = {
            }},
     Switch{"layer.heat = \"profile\"", "the temperature across the layer, not of the interface alone",
            [](const wire::Scene& s) { return s.layer.heat == wire::Heat::kProfile; },
-           [](wire::Scene& s, bool on) { s.layer.heat = on ? wire::Heat::kProfile : wire::Heat::kModes; }},
-    Switch{"layer.sleep", "nodes at rest are not solved for heat", [](const wire::Scene& s) { return s.layer.sleep; },
            [](wire::Scene& s, bool on) {
-             s.layer.sleep = on;
-             if (!on) s.layer.shadow_share = 0.0;
+             s.layer.heat = on ? wire::Heat::kProfile : wire::Heat::kModes;
+             if (on) s.layer.modes.reset();
            }},
+    Switch{"layer.sleep", "nodes at rest are not solved", [](const wire::Scene& s) { return s.layer.sleep; },
+           [](wire::Scene& s, bool on) { s.layer.sleep = on; }},
 };
 constexpr const char* kLedger = "energy ledger";
 
@@ -132,6 +134,8 @@ class Bench {
     double temperature[kLanes];
     std::fill_n(temperature, kLanes, model_.options().initial_temperature);
     model_.initialise(states_[0].data(), temperature);
+    if (const std::size_t shadowed = model_.layout().shadowed; shadowed != physics::TileLayout::kAbsent)
+      std::fill_n(states_[0].begin() + static_cast<std::ptrdiff_t>(shadowed), kLanes, 1.0);
   }
   void step(double pressure, bool ledger) {
     for (int l = 0; l < kLanes; ++l) {
@@ -192,6 +196,15 @@ SceneCost cost_of(const wire::Scene& scene, const physics::ModelOptions& options
           .step_length_s = bench.step_length()};
 }
 
+// Of a scene and the same without its shadow: tiles without a sampled node are not stepped twice.
+SceneCost expected_cost(const SceneCost& shadowed, const SceneCost& plain, double share) {
+  const double of_tiles = 1.0 - std::pow(1.0 - share, kLanes);
+  return {.bytes_per_node = shadowed.bytes_per_node,
+          .slipping_s = std::lerp(plain.slipping_s, shadowed.slipping_s, of_tiles),
+          .resting_s = std::lerp(plain.resting_s, shadowed.resting_s, of_tiles),
+          .step_length_s = shadowed.step_length_s};
+}
+
 // The model of a scene, or why there is none.
 struct Tried {
   std::optional<physics::ModelOptions> options;
@@ -213,14 +226,19 @@ std::string microseconds(double seconds) {
 }  // namespace
 
 Explanation explain(const wire::Scene& scene, bool each_part) {
-  const service::SceneModel made = service::scene_model(scene);
-  Explanation told{
-      .scene = scene.name, .cost = cost_of(scene, made.options, false), .parts = {}, .everything = {}, .together = {}};
+  wire::Scene plain = scene;
+  plain.layer.shadow_share = 0.0;
+  const service::SceneModel made = service::scene_model(plain);
+  const SceneCost plain_cost = cost_of(plain, made.options, false);
+  Explanation told{.scene = scene.name, .cost = plain_cost, .parts = {}, .everything = {}, .together = {}};
+  const double share = scene.layer.shadow_share;
+  if (share > 0.0)
+    told.cost = expected_cost(cost_of(scene, service::scene_model(scene).options, false), plain_cost, share);
 
   // 1. Each part switched the other way, alone.
   for (const Switch& part : kSwitches) {
     ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    wire::Scene other = scene;
+    wire::Scene other = plain;
     part.set(other, !found.on);
     if (!each_part) {
       told.parts.push_back(std::move(found));
@@ -230,22 +248,28 @@ Explanation explain(const wire::Scene& scene, bool each_part) {
       found.excluded = model.refused;
     } else {
       const double sign = found.on ? 1.0 : -1.0;
-      const auto here = static_cast<std::int64_t>(told.cost.bytes_per_node);
+      const auto here = static_cast<std::int64_t>(plain_cost.bytes_per_node);
       const auto there = static_cast<std::int64_t>(bytes_per_node(other, *model.options, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (told.cost.slipping_s - Bench(*model.options).slipping(false));
+      found.slipping_s = sign * (plain_cost.slipping_s - Bench(*model.options).slipping(false));
     }
     told.parts.push_back(std::move(found));
   }
   told.parts.push_back({.name = kLedger,
                         .meaning = "where the energy of each node's step went, for requests that name its columns",
                         .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = each_part ? Bench(made.options).slipping(true) - told.cost.slipping_s : 0.0});
+                        .slipping_s = each_part ? Bench(made.options).slipping(true) - plain_cost.slipping_s : 0.0});
+  if (share > 0.0)
+    told.parts.push_back({.name = "layer.shadow_share",
+                          .on = true,
+                          .meaning = "a sample of the nodes is solved in full beside, and compared",
+                          .bytes_per_node = static_cast<std::int64_t>(told.cost.bytes_per_node) -
+                                            static_cast<std::int64_t>(plain_cost.bytes_per_node),
+                          .slipping_s = told.cost.slipping_s - plain_cost.slipping_s});
 
   // 2. Everything that goes together, taken on one by one; sleep only leaves out.
-  wire::Scene all = scene;
+  wire::Scene all = plain;
   all.layer.sleep = false;
-  all.layer.shadow_share = 0.0;
   for (const Switch& part : kSwitches) {
     if (part.name == std::string_view("layer.sleep")) continue;
     wire::Scene more = all;
@@ -290,31 +314,48 @@ std::string Explanation::text(std::size_t nodes) const {
   return out + fmt::format("  everything on       {}\n", fmt::join(together, ", "));
 }
 
-std::string Explanation::left_out() const {
+std::vector<std::string> Explanation::left_out() const {
   std::vector<std::string> names;
   for (const ScenePart& part : parts)
     if (!part.on && std::ranges::find(together, part.name) != together.end() && part.name != kLedger)
       names.push_back(part.name);
-  if (names.empty()) names.emplace_back("nothing");
-  return fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step", fmt::join(names, ", "),
-                     cost.bytes_per_node, everything.bytes_per_node, microseconds(cost.slipping_s),
-                     microseconds(everything.slipping_s));
+  return names;
 }
 
-std::vector<std::pair<std::string, std::string>> spared(const wire::Scene& effective, const wire::SessionClosed& totals,
-                                                        bool here) {
-  std::vector<std::pair<std::string, std::string>> lines;
-  if (here) lines.emplace_back("left out", explain(effective, false).left_out());
-  if (!effective.layer.sleep || totals.node_steps == 0) return lines;
-  lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved for heat",
-                                           100.0 * static_cast<double>(totals.asleep_node_steps) /
-                                               static_cast<double>(totals.node_steps)));
-  if (effective.layer.shadow_share > 0.0)
-    lines.emplace_back(
-        "solved beside",
-        fmt::format("{} node-steps of those asleep: T0 apart by at most {:.1e} K, s by {:.1e} Pa",
-                    totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa));
-  return lines;
+Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here) {
+  wire::Scene plain = effective;
+  plain.layer.shadow_share = 0.0;  // a check, not a part of the scene
+  const Explanation told = explain(plain, false);
+  const std::vector<std::string> names = told.left_out();
+  Spared out;
+  out.lines.emplace_back(
+      "left out",
+      fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step{}",
+                  names.empty() ? "nothing" : fmt::format("{}", fmt::join(names, ", ")), told.cost.bytes_per_node,
+                  told.everything.bytes_per_node, microseconds(told.cost.slipping_s),
+                  microseconds(told.everything.slipping_s), here ? "" : " on this machine"));
+  std::vector<std::string> quoted(names.size());
+  std::ranges::transform(names, quoted.begin(), wire::json_string);
+  out.json = fmt::format(R"({{"left_out": [{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
+                         R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
+                         fmt::join(quoted, ", "), told.cost.bytes_per_node, told.everything.bytes_per_node,
+                         told.cost.slipping_s, told.everything.slipping_s);
+  if (effective.layer.sleep && totals.node_steps > 0) {
+    const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
+    out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * share));
+    out.json += fmt::format(R"(, "share_asleep": {:.17g})", share);
+  }
+  if (effective.layer.shadow_share > 0.0 && totals.node_steps > 0) {
+    out.lines.emplace_back(
+        "solved in full beside",
+        fmt::format("{} node-steps: T0 apart by at most {:.1e} K, s by {:.1e} Pa", totals.shadowed_node_steps,
+                    totals.shadow_temperature_error_k, totals.shadow_stress_error_pa));
+    out.json += fmt::format(
+        R"(, "shadowed_node_steps": {}, "shadow_temperature_error_k": {:.17g}, "shadow_stress_error_pa": {:.17g})",
+        totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa);
+  }
+  out.json += "}";
+  return out;
 }
 
 }  // namespace shearbus::server

@@ -37,17 +37,20 @@ struct Explanation {
   std::vector<std::string> together;  // the names of those
 
   std::string text(std::size_t nodes = 0) const;  // 0: of one node
-  // What is off, and what that saves; a line for a summary.
-  std::string left_out() const;
+  // Parts that are off and would go together with what is on.
+  std::vector<std::string> left_out() const;
 };
 
 // `each_part`: with what every single part costs; else only which are on, and the cost of all. Throws wire::Error where
 // the scene is not in order.
 Explanation explain(const wire::Scene& scene, bool each_part = true);
 
-// What a run was spared, as lines of its summary: label and text. `here`: its layers were computed on this machine,
-// where what was left out can be measured.
-std::vector<std::pair<std::string, std::string>> spared(const wire::Scene& effective, const wire::SessionClosed& totals,
-                                                        bool here);
+// What a run was spared, for its summary.
+struct Spared {
+  std::vector<std::pair<std::string, std::string>> lines;  // label and text
+  std::string json;                                        // an object of the same numbers
+};
+// Times are measured on this machine; `here`: where the layers were computed as well.
+Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here);
 
 }  // namespace shearbus::server

@@ -14,6 +14,7 @@
 // symmetry is kept to second order only, as in every true-volume form.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "hydro_stub/lagrange/mesh.hpp"
@@ -21,12 +22,16 @@
 namespace shearbus::lagrange {
 
 struct Geometry {
-  explicit Geometry(int zones) : gradient_weight(4 * zones), hoop_weight(4 * zones), area(zones), volume(zones) {}
+  explicit Geometry(int num_zones) : Geometry(static_cast<std::size_t>(num_zones)) {}
 
   std::vector<Vec2> gradient_weight;  // b_i  [m2 or m3/m per radian: volume per length]
   std::vector<double> hoop_weight;    // h_i; 0 in plane symmetry
   std::vector<double> area;           // of the zone in the plane  [m2]
   std::vector<double> volume;         // [m3 per metre of depth, or per radian]
+
+ private:
+  explicit Geometry(std::size_t zones)
+      : gradient_weight(4 * zones), hoop_weight(4 * zones), area(zones), volume(zones) {}
 };
 
 // Velocity gradient of a zone, D_tt beside it.

@@ -242,12 +242,20 @@ class Together {
                             kMaxInertiaCells, scene_.layer().cells()));
   }
 
+  // A second state of the node, of a model that leaves nothing out.
+  void shadow() {
+    const bool chosen_modes = scene_.has_tolerance() && modes_know_all();
+    if (scene_.layer().shadow_share() > 0.0 && !scene_.layer().sleep() && scene_.layer().heat() != v1::HEAT_MODES &&
+        !chosen_modes && sound("layer.sleep", scene_.layer().has_sleep()) &&
+        sound("layer.heat", scene_.layer().heat() != 0))
+      add("layer.shadow_share",
+          "layer.shadow_share compares nodes with the same solved in full; without layer.sleep or layer.heat = "
+          "\"modes\" all of them are");
+  }
+
   // Modes of the heat, as many as vertices, and a contact that is at rest as a whole.
   void sleep() {
     const std::string path = "layer.sleep";
-    if (scene_.layer().shadow_share() > 0.0 && !scene_.layer().sleep())
-      add("layer.shadow_share",
-          "layer.shadow_share compares sleep with nodes that are solved; it needs layer.sleep = true");
     if (!scene_.layer().sleep()) return;
     if (scene_.layer().inertia())
       add(path, path + " cannot be combined with layer.inertia: waves cross the layer of a contact that rests");
@@ -298,7 +306,12 @@ class Together {
           "is not made for friction_law = \"velocity_weakening\", whose friction is found for the mean slip of a step");
   }
 
-  // Modes know the interface temperature and nothing inside.
+  // The interface temperature of one body, of which heat without a profile knows nothing inside.
+  bool modes_know_all() const {
+    return scene_.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene_.interface().plastic_layer() &&
+           !scene_.has_hard_layer();
+  }
+
   void modes() {
     const bool plastic_layer = scene_.interface().plastic_layer();
     if (scene_.layer().heat() == v1::HEAT_MODES) {
@@ -310,7 +323,7 @@ class Together {
             "layer.heat = \"modes\" keeps no temperature inside the layer, and strategy velocity_driven flows by it");
       if (scene_.has_hard_layer() || given_("hard_layer"))
         add("layer.heat", "layer.heat = \"modes\" follows one body: leave out [hard_layer], or keep the profile");
-    } else if (scene_.layer().has_modes() && sound("layer.heat", false)) {
+    } else if (scene_.layer().has_modes() && sound("layer.heat", scene_.layer().heat() != 0)) {
       add("layer.modes", "[layer.modes] is of layer.heat = \"modes\" only");
     }
     if (scene_.layer().heat() != v1::HEAT_MODES || !sound("layer.modes.shortest_step_s", true) ||
@@ -491,6 +504,7 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.plastic_heating();
   together.inertia();
   together.sleep();
+  together.shadow();
   together.components();
   together.time_integrator();
   together.tolerance();

@@ -14,6 +14,9 @@ bool is_utf8(std::string_view text);
 // it was).
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
 
+// `text` in quotes, as JSON writes it.
+std::string json_string(std::string_view text);
+
 // The candidate a typist may have meant: smallest edit distance (a swap of neighbours counts once), at most a third of
 // the longer word and at least one letter in common; empty where none is near.
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);

@@ -96,7 +96,7 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
       copy_lane(fresh.data(), tile_at(tile), doubles, lane, lane);
   }
   if (states != nullptr)
-    write_states(*states, model_.layout(), [&](std::size_t row) {
+    write_states(*states, model_, [&](std::size_t row) {
       const std::size_t slot = before + states->rows[row];
       return tile_at(slot / kLanes) + slot % kLanes;
     });

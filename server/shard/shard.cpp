@@ -244,8 +244,7 @@ StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active,
     if ((active >> lane & 1U) == 0) continue;
     if ((out.outcome[lane] & ~physics::kAsleep) != 0) ++count.flagged;
     if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
-    if ((out.outcome[lane] & physics::kAsleep) == 0) continue;
-    ++count.asleep;
+    if ((out.outcome[lane] & physics::kAsleep) != 0) ++count.asleep;
     if (shadowed == physics::TileLayout::kAbsent || state[shadowed + lane] == 0.0) continue;
     ++count.shadowed;
     count.shadow_temperature_error = std::max(count.shadow_temperature_error, out.shadow_temperature_error[lane]);

@@ -58,8 +58,8 @@ struct StepOutputs {
 struct StepCount {
   std::uint64_t flagged = 0;              // whose outcome is neither 0 nor asleep
   std::uint64_t failed = 0;               // of those: without an answer
-  std::uint64_t asleep = 0;               // at rest, not solved for heat
-  std::uint64_t shadowed = 0;             // of those: solved beside, and apart by at most
+  std::uint64_t asleep = 0;               // at rest, not solved
+  std::uint64_t shadowed = 0;             // solved in full beside, and apart by at most
   double shadow_temperature_error = 0.0;  // [K]
   double shadow_stress_error = 0.0;       // [Pa]
 

@@ -11,28 +11,37 @@ namespace shearbus::shard {
 
 using physics::kLanes;
 
-std::vector<StatePart> state_parts(const physics::TileLayout& layout) {
-  const StatePart known[] = {
-      {"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
-      {"heat_modes_k", "K", layout.heat_modes, layout.num_heat_modes},
-      {"temperature_k", "K", layout.temperature, layout.num_vertices},
-      {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
-      {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
-      {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
-      {"second_shear_stress_pa", "Pa", layout.second_stress, 1},
-      {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
-      {"regime", "1", layout.regime, 1},
-      {"sticking", "1", layout.sticking, 1},
-      {"junction_strain", "1", layout.junction_strain, 1},
-      {"resting", "1", layout.resting, 2},
-      {"shadowed", "1", layout.shadowed, 1},
-      {"shadow_temperature_k", "K", layout.shadow_temperature, layout.num_hard_vertices + layout.num_vertices}};
+std::vector<StatePart> state_parts(const physics::Model& model) {
+  const physics::TileLayout& layout = model.layout();
+  const auto second_row = [](std::size_t offset) {
+    return offset == physics::TileLayout::kAbsent ? offset : offset + kLanes;
+  };
+  const StatePart known[] = {{"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
+                             {"heat_modes_k", "K", layout.heat_modes, layout.num_heat_modes},
+                             {"temperature_k", "K", layout.temperature, layout.num_vertices},
+                             {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
+                             {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
+                             {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
+                             {"second_shear_stress_pa", "Pa", layout.second_stress, 1},
+                             {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
+                             {"regime", "1", layout.regime, 1},
+                             {"sticking", "1", layout.sticking, 1},
+                             {"junction_strain", "1", layout.junction_strain, 1},
+                             {"resting", "1", layout.resting, 2},
+                             {"hottest_at_rest_k", "K", layout.weakest, 1},
+                             {"least_strength_at_rest_pa", "Pa", second_row(layout.weakest), 1},
+                             {"shadowed", "1", layout.shadowed, 1}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {
     if (part.offset == physics::TileLayout::kAbsent) continue;
     parts.push_back(part);
     doubles += part.width * kLanes;
+  }
+  if (const physics::Model* full = model.full()) {
+    for (const StatePart& part : state_parts(*full))
+      parts.push_back({"shadow_" + part.name, part.units, layout.shadow + part.offset, part.width});
+    doubles += full->layout().doubles;
   }
   if (doubles != layout.doubles) throw std::logic_error("a tile has parts that no state column names");
   return parts;
@@ -44,7 +53,7 @@ std::uint32_t Shard::tile_of(std::uint32_t slot) {
 
 States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const {
   States states{.rows = std::move(rows), .columns = {}};
-  for (const StatePart& part : state_parts(model_.layout())) {
+  for (const StatePart& part : state_parts(model_)) {
     StateColumn column{.name = part.name, .units = part.units, .width = part.width, .values = {}};
     column.values.reserve(slots.size() * part.width);
     for (const std::uint32_t slot : slots) {
@@ -84,7 +93,7 @@ States Shard::trial_states() const {
 }
 
 void Shard::check_states(const States& states, std::size_t nodes) const {
-  const std::vector<StatePart> parts = state_parts(model_.layout());
+  const std::vector<StatePart> parts = state_parts(model_);
   if (states.columns.size() != parts.size())
     throw std::invalid_argument("states of " + std::to_string(states.columns.size()) + " columns; the model has " +
                                 std::to_string(parts.size()));
@@ -102,7 +111,7 @@ void Shard::check_states(const States& states, std::size_t nodes) const {
 }
 
 void Shard::put_states(const States& states, bool of_trial) {
-  write_states(states, model_.layout(), [&](std::size_t i) {
+  write_states(states, model_, [&](std::size_t i) {
     const std::uint32_t slot = nodes_.slot_of(states.rows[i]);
     const std::uint32_t tile = tile_of(slot);
     return buffer(tile, of_trial ? 1U - committed_[tile] : committed_[tile]) + slot % kLanes;

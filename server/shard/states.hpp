@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
 
 namespace shearbus::shard {
@@ -25,20 +26,20 @@ struct States {
 
 // A part of a tile that is a column of its states.
 struct StatePart {
-  const char* name;
+  std::string name;
   const char* units;
   std::size_t offset;  // in the tile
   std::size_t width;
 };
 
-// The parts of this layout, which together are all of it.
-std::vector<StatePart> state_parts(const physics::TileLayout& layout);
+// The parts of this model's tiles, which together are all of them.
+std::vector<StatePart> state_parts(const physics::Model& model);
 
-// Writes the rows of `states`, which has the parts of this layout; `state_of(i)` points at the lane of row i in its
+// Writes the rows of `states`, which has the parts of this model; `state_of(i)` points at the lane of row i in its
 // tile.
 template <typename StateOf>
-void write_states(const States& states, const physics::TileLayout& layout, const StateOf& state_of) {
-  const std::vector<StatePart> parts = state_parts(layout);
+void write_states(const States& states, const physics::Model& model, const StateOf& state_of) {
+  const std::vector<StatePart> parts = state_parts(model);
   for (std::size_t part = 0; part < parts.size(); ++part)
     for (std::size_t row = 0; row < states.rows.size(); ++row) {
       const std::size_t width = parts[part].width;

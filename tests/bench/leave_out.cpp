@@ -1,19 +1,24 @@
 // shearbus-bench-leave-out: what leaving out saves on a cone. The coarse cone is run once and what it asks of its
 // layers recorded; the requests then go through the model alone, with
 //
-//   everything   parts that are paid for and change no bit of the answer: contact through junctions that are everywhere
-//                and do not harden, a second direction without slip, the energy ledger
-//   scene        the scene as it is shipped
-//   sleep        the same, and nodes at rest sleep
+//   everything      parts that are paid for and change no bit of the answer: contact through junctions that are
+//                   everywhere and do not harden, a second direction without slip, the energy ledger
+//   scene           the scene, with a profile by backward Euler where the shipped one does without
+//   sleep           the same, and nodes at rest sleep
+//   plastic layer   the scene with a layer that flows, in a run of its own, without and with sleep
+//
+// and a tile that is stuck under a steady pull after it has slid, which a cone's nodes are not for long, is timed
+// alone.
 //
 // Times are sums over the run of each tile's step, the shortest of some runs; step lengths, nearly all of a cone's
-// steps have one of their own, apart. T0 and s are compared with those of the scene.
+// steps have one of their own, apart. T0 and s are compared with those of the same layer solved in full.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hydro_stub/cone_target.hpp"
@@ -53,7 +58,7 @@ class Recorder : public hydro::InterfaceLaw {
 struct Replayed {
   std::size_t state_doubles = 0;  // of a node
   double layers_s = 0.0, step_lengths_s = 0.0;
-  double asleep = 0.0;                      // share of node-steps
+  double asleep = 0.0, stuck = 0.0;         // shares of node-steps: asleep, asleep in a closed contact
   std::vector<double> temperature, stress;  // of every node-step
 };
 
@@ -74,7 +79,7 @@ Replayed replay(const std::vector<hydro::InterfaceInputs>& asked, const physics:
     double temperature[kLanes];
     std::fill_n(temperature, kLanes, options.initial_temperature);
     for (std::size_t tile = 0; tile < tiles; ++tile) model.initialise(&before[tile * doubles], temperature);
-    std::size_t asleep = 0;
+    std::size_t asleep = 0, stuck = 0;
     found.temperature.clear();
     found.stress.clear();
     for (std::size_t step = 0; step < asked.size(); ++step) {
@@ -113,7 +118,9 @@ Replayed replay(const std::vector<hydro::InterfaceInputs>& asked, const physics:
         double& shortest = layers[step * tiles + tile];
         shortest = std::min(shortest, since(started));
         for (std::size_t l = 0; l < kLanes && tile * kLanes + l < nodes; ++l) {
-          asleep += (outputs.outcome[l] & physics::kAsleep) != 0;
+          const bool sleeps = (outputs.outcome[l] & physics::kAsleep) != 0;
+          asleep += sleeps;
+          stuck += sleeps && outputs.regime[l] == physics::Regime::kStick;
           found.temperature.push_back(outputs.interface_temperature[l]);
           found.stress.push_back(outputs.shear_stress[l]);
         }
@@ -121,6 +128,7 @@ Replayed replay(const std::vector<hydro::InterfaceInputs>& asked, const physics:
       before.swap(after);
     }
     found.asleep = static_cast<double>(asleep) / static_cast<double>(found.stress.size());
+    found.stuck = static_cast<double>(stuck) / static_cast<double>(found.stress.size());
   }
   for (const double t : step_length) found.step_lengths_s += t;
   for (const double t : layers) found.layers_s += t;
@@ -133,12 +141,8 @@ double apart(const std::vector<double>& a, const std::vector<double>& b) {
   return most;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const wire::Scene scene =
-      wire::load_scene_file(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
-          .scene;
+// What the cone asks of the layers of a scene.
+std::vector<hydro::InterfaceInputs> recorded(const wire::Scene& scene) {
   const hydro::ConeTarget cone = hydro::make_cone_target(scene);
   lagrange::Bodies bodies = hydro::make_bodies(cone);
   const std::size_t nodes = hydro::interface_nodes(bodies);
@@ -147,30 +151,91 @@ int main(int argc, char** argv) {
   lagrange::Cycle cycle(std::move(bodies), &recorder);
   cycle.run_to(cone.end_time);
   law.close();
+  return std::move(recorder.asked);
+}
+
+struct Variant {
+  const char* name;
+  wire::Scene scene;
+  bool ledger;
+};
+
+// The first of the variants is what the others are compared with.
+void print_table(const std::vector<hydro::InterfaceInputs>& asked, const std::vector<Variant>& variants) {
+  std::printf("%zu nodes, %zu steps\n%-24s %10s %10s %12s %9s %9s %12s %12s\n", asked.front().pressure.size(),
+              asked.size(), "", "B of state", "layers ms", "lengths ms", "asleep %", "stuck %", "T0 apart K",
+              "s apart Pa");
+  Replayed first;
+  for (const Variant& variant : variants) {
+    Replayed found = replay(asked, service::scene_model(variant.scene).options, variant.ledger);
+    if (first.stress.empty()) first = found;
+    std::printf("%-24s %10zu %10.2f %12.2f %9.1f %9.1f %12.1e %12.1e\n", variant.name, 16 * found.state_doubles,
+                1e3 * found.layers_s, 1e3 * found.step_lengths_s, 100.0 * found.asleep, 100.0 * found.stuck,
+                apart(found.temperature, first.temperature), apart(found.stress, first.stress));
+  }
+}
+
+// Microseconds per node-step of a tile whose nodes have slid and are now stuck, the least of some runs.
+double stuck_tile(const physics::ModelOptions& options) {
+  constexpr int kSlides = 100, kLoads = 20, kSettles = 100, kTimed = 200;
+  constexpr double kStep = 2e-9, kPull = 20e6;
+  const physics::Model model(options);
+  const auto operators = model.operators(kStep);
+  std::vector<double> before(model.layout().doubles), after(before.size());
+  double shortest = std::numeric_limits<double>::infinity();
+  for (int run = 0; run < kRuns; ++run) {
+    double temperature[kLanes];
+    std::fill_n(temperature, kLanes, options.initial_temperature);
+    model.initialise(before.data(), temperature);
+    physics::TileInputs inputs;
+    inputs.active = (1U << kLanes) - 1;
+    physics::TileOutputs outputs;
+    Clock::time_point started;
+    for (int n = 0; n < kSlides + kSettles + kTimed; ++n) {
+      if (n == kSlides + kSettles) started = Clock::now();
+      for (int l = 0; l < kLanes; ++l) {
+        inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
+        inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;  // opens for a moment: what stress there was is gone
+        inputs.mass_minus[l] = inputs.mass_plus[l] = 1.0;
+        inputs.stress_minus[l] = inputs.stress_plus[l] = kPull;
+      }
+      model.advance(*operators, inputs, before.data(), after.data(), outputs);
+      before.swap(after);
+    }
+    shortest = std::min(shortest, since(started) / (kTimed * kLanes));
+  }
+  return 1e6 * shortest;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  wire::Scene scene =
+      wire::load_scene_file(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
+          .scene;
+  if (scene.layer.heat == wire::Heat::kModes)
+    scene.layer = {.thickness_m = 100e-6, .cells = 80, .grading = 1.06, .far_boundary = wire::FarBoundary::kHalfSpace};
 
   wire::Scene everything = scene, sleep = scene;
   everything.junctions = wire::Junctions{.contact_fraction = 1.0, .height_m = 1e-6, .hardening_coefficient = 0.0};
   everything.tangential_components = 2;
   sleep.layer.sleep = true;
-  struct Variant {
-    const char* name;
-    const wire::Scene& scene;
-    bool ledger;
-  };
-  const Variant variants[] = {{"scene", scene, false},
-                              {"everything", everything, true},
-                              {"scene, with the ledger", scene, true},
-                              {"sleep", sleep, false},
-                              {"sleep, with the ledger", sleep, true}};
-  std::printf("%zu nodes, %zu steps\n%-24s %10s %10s %12s %10s %12s %12s\n", nodes, recorder.asked.size(), "",
-              "B of state", "layers ms", "lengths ms", "asleep %", "T0 apart K", "s apart Pa");
-  Replayed shipped;
-  for (const Variant& variant : variants) {
-    Replayed found = replay(recorder.asked, service::scene_model(variant.scene).options, variant.ledger);
-    if (shipped.stress.empty()) shipped = found;
-    std::printf("%-24s %10zu %10.2f %12.2f %10.1f %12.1e %12.1e\n", variant.name, 16 * found.state_doubles,
-                1e3 * found.layers_s, 1e3 * found.step_lengths_s, 100.0 * found.asleep,
-                apart(found.temperature, shipped.temperature), apart(found.stress, shipped.stress));
+  print_table(recorded(scene), {{"scene", scene, false},
+                                {"everything", everything, true},
+                                {"scene, with the ledger", scene, true},
+                                {"sleep", sleep, false},
+                                {"sleep, with the ledger", sleep, true}});
+  scene.interface->plastic_layer = sleep.interface->plastic_layer = true;
+  print_table(recorded(scene), {{"plastic layer", scene, false}, {"plastic layer, sleep", sleep, false}});
+
+  std::printf("stuck, in us per node-step        solved     asleep\n");
+  physics::ModelOptions plastic = service::scene_model(scene).options, driven = plastic;
+  driven.strategy = physics::Strategy::kVelocityDriven;
+  driven.plastic_layer = false;
+  for (const auto& [name, layer] : {std::pair{"plastic layer", plastic}, std::pair{"velocity-driven", driven}}) {
+    physics::ModelOptions asleep = layer;
+    asleep.sleep = true;
+    std::printf("%-28s %11.2f %10.2f\n", name, stuck_tile(layer), stuck_tile(asleep));
   }
   return 0;
 }

@@ -242,7 +242,7 @@ TEST_F(LostReply, AServerThatStopsAnsweringIsNoticedWithinTheDeadline) {
   server_.stop();
   const auto started = std::chrono::steady_clock::now();
   EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);
-  EXPECT_LT(std::chrono::steady_clock::now() - started, 1500ms);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 5s);
 }
 
 }  // namespace

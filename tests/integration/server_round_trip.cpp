@@ -184,7 +184,7 @@ TEST(ClientErrors, NobodyThereIsSaidWithinTheDeadline) {
     }
     const auto took = std::chrono::steady_clock::now() - started;
     EXPECT_GE(took, std::chrono::milliseconds(300));
-    EXPECT_LT(took, std::chrono::milliseconds(2000));
+    EXPECT_LT(took, std::chrono::milliseconds(5000));
   }
 }
 

@@ -244,11 +244,7 @@ TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
 TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.sleep);
-  scene.layer.shadow_share = 0.1;
-  EXPECT_EQ(refusal_of(scene).field, "layer.shadow_share");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs layer.sleep = true"));
   scene.layer.sleep = true;
-  EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
   EXPECT_TRUE(scene_model(scene_model(scene).effective).options.sleep);
   scene.layer.grading = 1.0;
   scene.layer.cells = 451;
@@ -260,6 +256,33 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
   scene.layer.inertia = true;
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
+}
+
+TEST(SceneOptions, AShadowIsRefusedWhereNodesAreSolvedInFull) {
+  constexpr const char* kWhy = "without layer.sleep or layer.heat = \"modes\" all of them are";
+  for (wire::Scene scene : {support::velocity_scene(), support::force_scene()}) {
+    scene.layer.shadow_share = 0.1;
+    EXPECT_EQ(refusal_of(scene).field, "layer.shadow_share");
+    EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
+    scene.layer.sleep = true;
+    EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
+  }
+  wire::Scene scene = support::force_scene();
+  scene.layer.shadow_share = 0.1;
+  scene.layer.heat = wire::Heat::kModes;
+  EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
+  EXPECT_EQ(scene_model(scene_model(scene).effective).options.shadow_share, 0.1);
+  // With a tolerance, where that means modes.
+  scene.layer = {.thickness_m = scene.layer.thickness_m, .shadow_share = 0.1};
+  scene.tolerance = 1e-2;
+  const SceneModel made = scene_model(scene);
+  EXPECT_TRUE(made.options.modes.has_value());
+  EXPECT_EQ(made.options.shadow_share, 0.1);
+  scene.interface->plastic_layer = true;
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
+  scene.interface->plastic_layer = false;
+  scene.hard_layer.emplace();
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
 }
 
 TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {

@@ -41,10 +41,21 @@ class SavedStates : public ::testing::TestWithParam<int> {
       options.time_integrator = physics::TimeIntegrator::kSdirk2;
     }
     if (GetParam() == 8) options.modes.emplace();
-    if (GetParam() == 9) {
+    if (GetParam() == 9) options.strategy = physics::Strategy::kForceDriven;
+    if (GetParam() == 11) {
       options.strategy = physics::Strategy::kForceDriven;
+      options.interface = {0.3, 300e6};
+      options.plastic_layer = true;
+    }
+    if (GetParam() >= 9 && GetParam() <= 11) {
       options.sleep = true;
       options.shadow_share = 0.5;
+    }
+    if (GetParam() == 12) {
+      options.strategy = physics::Strategy::kForceDriven;
+      options.modes.emplace();
+      options.shadow_share = 0.5;
+      options.tangential_components = 2;
     }
     return options;
   }
@@ -58,7 +69,7 @@ Shard make_shard(const ModelOptions& options, TaskPool& pool) {
 
 // Both strategies are told all they may want. The far stresses hold the bodies near the layer's flow stress, so that
 // some of them stick while it flows, which the stress alone does not tell.
-std::vector<double> advance(Shard& shard, int steps) {
+std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
   std::vector<double> pull(kNodes), mass(kNodes, 2703 * 2.5e-6);
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
@@ -78,7 +89,7 @@ std::vector<double> advance(Shard& shard, int steps) {
                 .mass_minus = mass,
                 .mass_plus = mass},
                {.shear_stress = stress, .interface_temperature = temperature});
-    shard.commit();
+    if (commits) shard.commit();
   }
   stress.insert(stress.end(), temperature.begin(), temperature.end());
   return stress;
@@ -93,14 +104,63 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
   const std::vector<double> expected = advance(shard, 50);
   const std::vector<double> found = advance(restored, 50);
   EXPECT_EQ(std::memcmp(found.data(), expected.data(), expected.size() * sizeof(double)), 0);
+  const States here = shard.committed_states(), there = restored.committed_states();
+  for (std::size_t i = 0; i < here.columns.size(); ++i)
+    EXPECT_EQ(there.columns[i].values, here.columns[i].values) << here.columns[i].name;
+}
+
+// A shadow is part of its node: it moves with it, and what is forgotten of the node is forgotten of the shadow.
+TEST(SavedShadows, GoWithTheirNodes) {
+  TaskPool pool(1);
+  ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options(physics::Strategy::kForceDriven));
+  options.modes.emplace();
+  options.shadow_share = 0.5;
+  Shard stayed = make_shard(options, pool), giver = make_shard(options, pool);
+  Shard taker(physics::Model(options), std::vector<std::uint64_t>{100}, std::vector<double>{300.0}, pool);
+  advance(stayed, 60);
+  advance(giver, 60);
+  const auto values_of = [](const Shard& shard, std::uint32_t slot) {
+    std::vector<double> all;
+    for (const StateColumn& column : shard.states_of(std::vector{slot}, false).columns)
+      all.insert(all.end(), column.values.begin(), column.values.end());
+    return all;
+  };
+  const auto shadow_of = [&](std::uint64_t id) {
+    const std::vector<double> all = values_of(stayed, static_cast<std::uint32_t>(id));
+    const std::size_t own = stayed.model().layout().shadowed / physics::kLanes;
+    return std::pair{all[own], all[own + 1]};  // whether there is one, and its first temperature
+  };
+  // 1. Those that were drawn have heated, the others are as they were registered.
+  int drawn = 0;
+  for (std::uint64_t id = 0; id < kNodes; ++id) {
+    const auto [flag, temperature] = shadow_of(id);
+    drawn += flag != 0.0;
+    EXPECT_EQ(temperature > 300.0, flag != 0.0) << id;
+  }
+  EXPECT_GT(drawn, 1);
+  EXPECT_LT(drawn, static_cast<int>(kNodes) - 1);
+  // 2. To another shard.
+  const std::vector<std::uint32_t> slots = {2, 5, 7, 10};
+  const std::vector<std::uint64_t> ids(slots.begin(), slots.end());
+  const States moving = giver.states_of(slots, false);
+  taker.take(taker.adding(ids, std::vector<double>(ids.size(), 300.0), &moving));
+  for (std::uint32_t i = 0; i < slots.size(); ++i) EXPECT_EQ(values_of(taker, i + 1), values_of(stayed, slots[i]));
+  // 3. A trial that is rolled back.
+  advance(giver, 1, false);
+  giver.rollback();
+  advance(giver, 20);
+  advance(stayed, 20);
+  for (std::uint32_t slot = 0; slot < kNodes; ++slot) EXPECT_EQ(values_of(giver, slot), values_of(stayed, slot));
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided", "TwoSided",      "PlasticWorkHeats", "PlasticLayer",   "Junctions",
-                                    "Inertia",  "TwoComponents", "SecondOrder",      "WithoutProfile", "Sleep"};
+  constexpr const char* kNames[] = {"OneSided",       "TwoSided", "PlasticWorkHeats", "PlasticLayer",
+                                    "Junctions",      "Inertia",  "TwoComponents",    "SecondOrder",
+                                    "WithoutProfile", "Sleep",    "SleepDriven",      "SleepPlasticLayer",
+                                    "ShadowOfModes"};
   return kNames[model.param];
 }
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 10), name_of);
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 13), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

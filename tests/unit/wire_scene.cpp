@@ -271,7 +271,7 @@ class RandomScene {
       scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     scene.layer.sleep = flip() && !scene.layer.inertia && scene.layer.heat == Heat::kProfile &&
                         scene.layer.time_integrator == TimeIntegrator::kBackwardEuler;
-    if (scene.layer.sleep) scene.layer.shadow_share = number(1e-3, 1);
+    if (scene.layer.sleep || (scene.layer.heat == Heat::kModes && flip())) scene.layer.shadow_share = number(1e-3, 1);
     if (!scene.velocity_driven.taylor_quinney_factor && !scene.layer.inertia && random_() % 4 == 0) {
       scene.tolerance = number(1e-6, 0.1);
       scene.layer = {.thickness_m = scene.layer.thickness_m,
@@ -490,6 +490,11 @@ TEST(SceneReference, TellsOfEveryTable) {
     EXPECT_THAT(reference, HasSubstr(heading));
   EXPECT_THAT(reference, HasSubstr("| `thickness_m` | number | m | 2e-05 | above 0 and at most 1 m |"));
   EXPECT_THAT(reference, HasSubstr("| `end_time_s` | number | s | required |"));
+}
+
+TEST(JsonString, EscapesWhatWouldEndIt) {
+  EXPECT_EQ(json_string("layer.heat = \"modes\""), R"("layer.heat = \"modes\"")");
+  EXPECT_EQ(json_string("a\\b\n\x01"), R"("a\\b\u000a\u0001")");
 }
 
 TEST(Nearest, FindsASlipOfTheFingerOnly) {

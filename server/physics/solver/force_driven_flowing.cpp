@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "server/physics/solver/flowing_slip.hpp"
+#include "server/physics/solver/interface_step.hpp"
 #include "server/physics/solver/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -27,8 +28,7 @@ FlowingStart start_of(const Problem& problem, const Material& soft, const TileIn
   start.layer = {T_ad + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1};
   start.heat_partition = problem.heat_partition;
   start.dt = heat.dt;
-  start.forcing = forcing_of(inputs, lane);
-  start.forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_rate[lane];
+  start.forcing = forcing_of(problem, inputs, lane);
   start.before = before;
   return start;
 }
@@ -86,14 +86,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   for (int l = 0; l < kLanes; ++l) {
     const bool active = (inputs.active >> l & 1u) != 0;
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    before[l] = {stress_before(layout, inputs, committed, l),
-                 0.0,
-                 inputs.velocity_jump[l],
-                 0.0,
-                 static_cast<Regime>(static_cast<int>(committed[layout.regime + l])),
-                 committed[layout.sticking + l] != 0.0,
-                 true,
-                 false};
+    before[l] = InterfaceStep::before(layout, inputs, committed, l);
     if (pressure > 0.0) {
       may_flow = hardens(soft);
       lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l]));

@@ -90,7 +90,7 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
                       : answer.interface_slip != 0.0 ? Regime::kCoulomb
                       : melts                        ? Regime::kMelting
                                                      : Regime::kTresca;
-  outputs.outcome[l] = std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
+  outputs.outcome[l] = outside_domain(slip, jump);
 }
 
 }  // namespace

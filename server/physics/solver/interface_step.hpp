@@ -1,5 +1,5 @@
-// What the interface of one lane does in a step or substep of the simplified force-driven model, its heat apart
-// (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c).
+// What the interface of one lane does in a step or substep of a force-driven model whose layer does not flow, its heat
+// apart (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c).
 #pragma once
 
 #include <cmath>
@@ -11,6 +11,14 @@
 
 namespace shearbus::physics {
 
+// With the host's plastic shear beside a layer that may flow, DLP (64).
+inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
+  Forcing forcing = forcing_of(inputs, lane);
+  if (problem.options.plastic_layer)
+    forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_rate[lane];
+  return forcing;
+}
+
 class InterfaceStep {
  public:
   InterfaceStep(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
@@ -19,21 +27,22 @@ class InterfaceStep {
         problem_(problem),
         yield_{std::numeric_limits<double>::infinity(), problem.options.interface.yield_strength / kSqrt3,
                inputs.pressure[lane], &soft},
-        forcing_(forcing_of(inputs, lane)) {
+        forcing_(forcing_of(problem, inputs, lane)) {
     yield_.effort = inputs.effort;
   }
 
   // The lane as it was before the step.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-    return {stress_before(layout, inputs, committed, lane),
-            0.0,
-            inputs.velocity_jump[lane],
-            0.0,
-            previous,
-            previous == Regime::kStick,
-            true,
-            false};
+    return {
+        stress_before(layout, inputs, committed, lane),
+        0.0,
+        inputs.velocity_jump[lane],
+        0.0,
+        previous,
+        layout.sticking != TileLayout::kAbsent ? committed[layout.sticking + lane] != 0.0 : previous == Regime::kStick,
+        true,
+        false};
   }
 
   // A step of dt from `last`; B0 is the response of T0 to the flux, T_ad what T0 is without.

@@ -67,12 +67,11 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
   }
   if (options.sleep) {
     layout.resting = layout.doubles;
-    layout.doubles += 2 * kLanes;
+    layout.doubles += std::size_t{2} * kLanes;
   }
-  if (options.shadow_share > 0.0) {
-    layout.shadowed = layout.doubles;
-    layout.shadow_temperature = layout.shadowed + kLanes;
-    layout.doubles += (1 + layout.num_hard_vertices + layout.num_vertices) * kLanes;
+  if (options.sleep && layout.plastic_strain != TileLayout::kAbsent) {
+    layout.weakest = layout.doubles;
+    layout.doubles += std::size_t{2} * kLanes;
   }
   return layout;
 }
@@ -80,6 +79,14 @@ TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, c
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
+}
+
+// The model that a sample of the nodes is solved with beside: nobody sleeps, and the heat has its profile.
+ModelOptions in_full(ModelOptions options) {
+  options.shadow_share = 0.0;
+  options.sleep = false;
+  options.modes.reset();
+  return options;
 }
 
 std::string text_of(const char* format, double a, double b) {
@@ -107,7 +114,22 @@ Problem::Problem(const ModelOptions& model_options)
       heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
-  using Problem::Problem;
+  explicit Impl(const ModelOptions& model_options) : Problem(model_options), whole(layout) {
+    if (model_options.shadow_share <= 0.0) return;
+    full.emplace(in_full(model_options));
+    whole.shadowed = layout.doubles;
+    whole.shadow = whole.shadowed + kLanes;
+    whole.doubles = whole.shadow + full->layout().doubles;
+  }
+
+  // Brings the shadow of a tile from `committed` to `trial`, stepping the lanes that are sampled, and says how far
+  // their answers are from `outputs`. `second`: where slip has two components, else null.
+  void step_shadow(const StepOperators& operators, const TileInputs& inputs, const SecondInputs* second,
+                   const double* committed, double* trial, TileOutputs& outputs,
+                   const SecondOutputs* second_outputs) const;
+
+  TileLayout whole;           // with the shadow, of which no solver knows
+  std::optional<Model> full;  // that which solves it
 };
 
 Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
@@ -121,7 +143,10 @@ const Grid& Model::grid() const {
   return impl_->grid;
 }
 const TileLayout& Model::layout() const {
-  return impl_->layout;
+  return impl_->whole;
+}
+const Model* Model::full() const {
+  return impl_->full ? &*impl_->full : nullptr;
 }
 
 std::vector<std::string> Model::warnings() const {
@@ -185,8 +210,9 @@ double Model::interface_temperature(const double* tile, int lane) const {
 }
 
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
-  const TileLayout& layout = impl_->layout;
-  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
+  const TileLayout& layout = impl_->whole;
+  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen, nobody shadowed
+  if (impl_->full) impl_->full->initialise(tile + layout.shadow, temperature);
   if (layout.heat_modes != TileLayout::kAbsent) {
     std::copy_n(temperature, kLanes, tile + layout.heat_modes);
     std::copy_n(temperature, kLanes, tile + layout.temperature);
@@ -218,6 +244,7 @@ std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   for (int times = 1; options.tolerance && times <= kMaxHalvings; ++times) {
     operators->add_halved(operators_of(std::ldexp(dt, -times), times));
   }
+  if (impl_->full && impl_->modes) operators->set_full(impl_->full->operators(dt));
   return operators;
 }
 
@@ -260,9 +287,54 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   }
 }
 
+void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                   const double* committed, double* trial, TileOutputs& outputs) {
+  (problem.options.tolerance ? advance_controlled : advance_once)(problem, operators, inputs, committed, trial,
+                                                                  outputs);
+}
+
+void Model::Impl::step_shadow(const StepOperators& operators, const TileInputs& inputs, const SecondInputs* second,
+                              const double* committed, double* trial, TileOutputs& outputs,
+                              const SecondOutputs* second_outputs) const {
+  TileInputs sampled = inputs;
+  sampled.effort = nullptr;
+  sampled.active = 0;
+  for (int l = 0; l < kLanes; ++l) {
+    trial[whole.shadowed + l] = committed[whole.shadowed + l];
+    if (committed[whole.shadowed + l] != 0.0) sampled.active |= inputs.active & (1u << l);
+  }
+  const double* before = committed + whole.shadow;
+  double* after = trial + whole.shadow;
+  if (sampled.active == 0) {
+    std::copy_n(before, full->layout().doubles, after);
+    return;
+  }
+  TileOutputs in_full;
+  SecondOutputs second_in_full;
+  if (second != nullptr) {
+    full->advance(operators.full(), sampled, *second, before, after, in_full, second_in_full);
+  } else {
+    full->advance(operators.full(), sampled, before, after, in_full);
+  }
+  for (int l = 0; l < kLanes; ++l) {
+    if (!(sampled.active >> l & 1u)) continue;
+    const double across =
+        second != nullptr ? second_in_full.shear_stress[l] - second_outputs->shear_stress[l] : 0.0;  // [Pa]
+    outputs.shadow_temperature_error[l] = std::abs(in_full.interface_temperature[l] - outputs.interface_temperature[l]);
+    outputs.shadow_stress_error[l] = std::hypot(in_full.shear_stress[l] - outputs.shear_stress[l], across);
+  }
+}
+
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
-  (impl_->options.tolerance ? advance_controlled : advance_once)(*impl_, operators, inputs, committed, trial, outputs);
+  advance_along(*impl_, operators, inputs, committed, trial, outputs);
+  if (impl_->full) impl_->step_shadow(operators, inputs, nullptr, committed, trial, outputs, nullptr);
+}
+
+void Model::advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
+                    const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const {
+  advance_two_components(*impl_, operators, inputs, second, committed, trial, outputs, second_outputs);
+  if (impl_->full) impl_->step_shadow(operators, inputs, &second, committed, trial, outputs, &second_outputs);
 }
 
 void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,

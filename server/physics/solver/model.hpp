@@ -47,10 +47,12 @@ struct ModelOptions {
   // and the layer's mass is accelerated (DLP 36).
   bool inertia = false;
 
-  // Nodes at rest are not solved for heat (MODEL.md section 3b). Without inertia, at most kMaxBasisVertices that
-  // conduct.
+  // Nodes at rest are not solved (MODEL.md section 3b). Without inertia, modes and SDIRK2, at most kMaxBasisVertices
+  // that conduct.
   bool sleep = false;
-  double shadow_share = 0.0;  // of the nodes: solved beside their sleep; more than 0 doubles the heat's state
+  // Of the nodes: solved in full beside, without sleep and with a profile in place of modes, and compared. More than 0
+  // keeps two states per node.
+  double shadow_share = 0.0;
 
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
@@ -73,6 +75,7 @@ class Model {
   const ModelOptions& options() const;
   const Grid& grid() const;
   const TileLayout& layout() const;
+  const Model* full() const;  // that of the shadow, where there is one
 
   // Things a user should know about this combination, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;

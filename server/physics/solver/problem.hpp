@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -38,6 +40,10 @@ struct Problem {
 };
 
 inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an imposed jump by this much of it
+
+inline std::uint8_t outside_domain(double slip, double jump) {
+  return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
+}
 
 // The stress a lane's step starts from.
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
@@ -81,6 +87,13 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
                   const double* committed, double* trial, TileOutputs& outputs);
 void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                         const double* committed, double* trial, TileOutputs& outputs);
+
+// The one or the other, as the options say; and where slip has two components, along the direction of the trial stress.
+void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                   const double* committed, double* trial, TileOutputs& outputs);
+void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                            const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
+                            SecondOutputs& second_outputs);
 
 // What a model with a tolerance is made of, in a sentence. `modes`: how many there are.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);

@@ -7,44 +7,91 @@
 #include <optional>
 
 #include "server/physics/layer/heat_basis.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/elastic_trial.hpp"
 #include "server/physics/solver/interface_step.hpp"
 
 namespace shearbus::physics {
 namespace {
 
 constexpr int kLeastStepsBeforeSleep = 16;
+constexpr double kRoundingOfT = 1e-6;   // far above what a temperature in modes is off  [K]
+constexpr double kSurely = 1.0 - 1e-9;  // likewise a flow stress
 
 int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
 }
 
-// A strategy whose contact can stick without a profile to look at: the interface alone decides.
-bool can_stick_asleep(const ModelOptions& options) {
-  return options.strategy == Strategy::kForceDriven && !options.plastic_layer;
+// The layer of a lane that is no weaker anywhere: as hot as its hottest vertex, as little strained as its least
+// strained. Without source heat only evens out, and who does not flow does not harden, so that while it sleeps it stays
+// that.
+struct WeakestVertex {
+  double temperature;  // [K]
+  double strength;     // before softening, at rest: a rate only adds  [Pa]
+};
+
+WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
+  const TileLayout& layout = problem.layout;
+  const double* T = tile + layout.first_temperature() + lane;
+  const double* strain = tile + layout.plastic_strain + lane;
+  double hottest = T[0], least = strain[0];
+  for (std::ptrdiff_t i = 1; i < problem.heat_grid.num_vertices(); ++i) hottest = std::max(hottest, T[i * kLanes]);
+  for (std::ptrdiff_t i = 1; i < problem.grid.num_vertices(); ++i) least = std::min(least, strain[i * kLanes]);
+  return {hottest, hardened_strength(problem.options.soft, least)};
 }
 
-// The step of a lane that sleeps, where no heat comes with it; nothing where it has to wake.
+// Whether no vertex can flow under a stress magnitude, rounding included. `soft`: at the pressure.
+bool surely_rigid(const Material& soft, double pressure, double stress, const WeakestVertex& weakest) {
+  const double g = softening(soft, pressure, weakest.temperature + kRoundingOfT).g;
+  return kSqrt3 * stress <= kSurely * (weakest.strength * g);
+}
+
+// Interface slip, whose starting stress is that of a layer at yield.
+bool starts_at_yield(const Problem& problem, const TileInputs& inputs, int lane) {
+  return problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip &&
+         inputs.velocity_jump[lane] != 0.0;
+}
+
+std::optional<LaneStep> driven_at_rest(const Problem& problem, const TileInputs& inputs, const double* committed,
+                                       const Material& soft, double dt, int lane) {
+  const double jump = inputs.velocity_jump[lane];
+  const double pressure = inputs.pressure[lane];
+  if (pressure <= 0.0) return LaneStep{0.0, jump, jump, 0.0, Regime::kOpen, false, true, false};
+  const ElasticTrial trial =
+      elastic_trial(problem, soft, inputs, lane, dt, stress_before(problem.layout, inputs, committed, lane));
+  const std::optional<double> mu = problem.options.friction_coefficient;
+  if (trial.heats() || starts_at_yield(problem, inputs, lane) || (mu && *mu * pressure < std::abs(trial.stress)))
+    return std::nullopt;
+  const double slip = problem.options.drive == Drive::kLayerShear ? trial.direction * 0.0 : 0.0;
+  return LaneStep{trial.stress, slip, jump, 0.0, Regime::kStick, true, true, false};
+}
+
+// The step of a lane that sleeps, where no heat comes with it and the layer does not flow; nothing where it has to
+// wake.
 std::optional<LaneStep> step_at_rest(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                      const double* committed, const Material& soft, double T0, int lane) {
-  const double jump = inputs.velocity_jump[lane];
+  const TileLayout& layout = problem.layout;
+  std::optional<LaneStep> step;
   if (problem.options.strategy == Strategy::kVelocityDriven) {
-    if (inputs.pressure[lane] > 0.0) return std::nullopt;
-    return LaneStep{0.0, jump, jump, 0.0, Regime::kOpen, false, true, false};
+    step = driven_at_rest(problem, inputs, committed, soft, operators.dt(), lane);
+  } else {
+    const HeatOperator& heat = operators.heat();
+    step = InterfaceStep(problem, inputs, committed, soft, lane)
+               .from(InterfaceStep::before(layout, inputs, committed, lane), heat.dt, *heat.layer_response(), T0);
+    if (!step->unique || step->flux != 0.0 || !(step->regime == Regime::kOpen || step->sticks)) return std::nullopt;
   }
-  if (inputs.pressure[lane] > 0.0 && !can_stick_asleep(problem.options)) return std::nullopt;
-  const HeatOperator& heat = operators.heat();
-  const LaneStep step =
-      InterfaceStep(problem, inputs, committed, soft, lane)
-          .from(InterfaceStep::before(problem.layout, inputs, committed, lane), heat.dt, *heat.layer_response(), T0);
-  const bool rests = step.unique && step.flux == 0.0 && (step.regime == Regime::kOpen || step.sticks);
-  return rests ? std::optional(step) : std::nullopt;
+  if (step && step->regime != Regime::kOpen && layout.weakest != TileLayout::kAbsent) {
+    const WeakestVertex weakest{committed[layout.weakest + lane], committed[layout.weakest + kLanes + lane]};
+    if (!surely_rigid(soft, inputs.pressure[lane], std::abs(step->stress), weakest)) return std::nullopt;
+  }
+  return step;
 }
 
-// Whether the step that was solved brought no heat, in a way that step_at_rest could have told.
-bool rested(const Problem& problem, const TileOutputs& outputs, int lane) {
-  if (outputs.friction_heat[lane] != 0.0 || outputs.outcome[lane] != 0) return false;
+// Whether the step that was solved brought neither heat nor flow, in a way that step_at_rest could have told.
+bool rested(const Problem& problem, const TileInputs& inputs, const TileOutputs& outputs, int lane) {
+  if (outputs.friction_heat[lane] != 0.0 || (outputs.outcome[lane] & ~kOutsideDomain) != 0) return false;
   const Regime regime = outputs.regime[lane];
-  return regime == Regime::kOpen || (regime == Regime::kStick && can_stick_asleep(problem.options));
+  return regime == Regime::kOpen || (regime == Regime::kStick && !starts_at_yield(problem, inputs, lane));
 }
 
 // The committed states of a tile in which sleepers that wake have their temperatures again.
@@ -61,8 +108,8 @@ class Woken {
 
  private:
   static constexpr std::size_t kOtherRows = 9;
-  // Temperatures, strain, heat shape, shadow.
-  std::array<double, (std::size_t{4} * kMaxBasisVertices + kOtherRows) * kLanes> states_;
+  // Temperatures, strain, heat shape.
+  std::array<double, (std::size_t{3} * kMaxBasisVertices + kOtherRows) * kLanes> states_;
 };
 
 [[gnu::noinline]] void advance_woken(const Problem& problem, const StepOperators& operators, AdvanceTile awake,
@@ -72,8 +119,9 @@ class Woken {
   awake(problem, operators, inputs, woken.tile(problem, waking, committed), trial, outputs);
 }
 
-void write_sleeper(const TileLayout& layout, const double* committed, const LaneStep& step, double T0, int num_live,
+void write_sleeper(const Problem& problem, const double* committed, const LaneStep& step, double T0, int num_live,
                    int lane, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
   trial[layout.shear_stress + lane] = step.stress;
   trial[layout.regime + lane] = static_cast<double>(step.regime);
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + lane] = step.sticks ? 1.0 : 0.0;
@@ -86,34 +134,30 @@ void write_sleeper(const TileLayout& layout, const double* committed, const Lane
   outputs.friction_heat[lane] = 0.0;
   outputs.regime[lane] = step.regime;
   outputs.outcome[lane] = kAsleep;
+  if (problem.options.strategy == Strategy::kVelocityDriven)
+    outputs.outcome[lane] |= outside_domain(step.slip, step.jump_new);
 }
 
-// The lane solved for heat beside its sleep, from where it fell asleep on: how far apart they are by now.
-void step_shadow(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                 const double* committed, const Material& soft, int lane, double* trial, TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  double* temperature = trial + layout.shadow_temperature;
-  conduct_lane(operators.heat(), problem.heat_grid.num_vertices(), lane, temperature);
-  const double T0 = temperature[problem.heat_grid.interface * kLanes + lane];
-  outputs.shadow_temperature_error[lane] = std::abs(T0 - outputs.interface_temperature[lane]);
-  const auto step = step_at_rest(problem, operators, inputs, committed, soft, T0, lane);
-  // One that would have moved differs by all the stress there is.
-  outputs.shadow_stress_error[lane] = std::abs((step ? step->stress : 0.0) - outputs.shear_stress[lane]);
-}
-
-// Counts the steps at rest of a lane that was solved, and puts it to sleep after enough of them.
-void count_rest(const Problem& problem, const double* committed, double* trial, int lane, const TileOutputs& outputs) {
+// Counts the steps at rest of a lane that was solved, and puts it to sleep after enough of them. One of which it is not
+// certain that it would not flow is looked at again after as many.
+void count_rest(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
+                int lane, double* trial, const TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const double before = asleep(layout, committed, lane) ? 0.0 : committed[layout.resting + lane];
-  const double steps = rested(problem, outputs, lane) ? before + 1.0 : 0.0;
-  trial[layout.resting + lane] = steps;
-  trial[layout.resting + kLanes + lane] = 0.0;
-  if (layout.shadowed != TileLayout::kAbsent)  // the last parts of a tile, which no solver knows
-    copy_lane(committed + layout.shadowed, trial + layout.shadowed, layout.doubles - layout.shadowed, lane);
-  if (steps < problem.steps_before_sleep) return;
-  if (layout.shadowed != TileLayout::kAbsent && trial[layout.shadowed + lane] != 0.0)
-    profile_of(problem, trial, lane, trial + layout.shadow_temperature);
-  trial[layout.resting + kLanes + lane] = to_modes(*problem.basis, lane, trial + layout.first_temperature());
+  const double steps = rested(problem, inputs, outputs, lane) ? before + 1.0 : 0.0;
+  WeakestVertex weakest{};
+  bool sleeps = steps >= problem.steps_before_sleep;
+  if (sleeps && layout.weakest != TileLayout::kAbsent) {
+    weakest = weakest_vertex(problem, trial, lane);
+    sleeps = outputs.regime[lane] == Regime::kOpen ||
+             surely_rigid(soft, inputs.pressure[lane], std::abs(outputs.shear_stress[lane]), weakest);
+  }
+  trial[layout.resting + lane] = sleeps || steps < problem.steps_before_sleep ? steps : 0.0;
+  trial[layout.resting + kLanes + lane] =
+      sleeps ? to_modes(*problem.basis, lane, trial + layout.first_temperature()) : 0.0;
+  if (layout.weakest == TileLayout::kAbsent) return;
+  trial[layout.weakest + lane] = sleeps ? weakest.temperature : 0.0;
+  trial[layout.weakest + kLanes + lane] = sleeps ? weakest.strength : 0.0;
 }
 
 }  // namespace
@@ -184,7 +228,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       awake(problem, operators, others, committed, trial, outputs);
     }
     for (int l = 0; l < kLanes; ++l) {
-      if (solved >> l & 1u) count_rest(problem, committed, trial, l, outputs);
+      if (solved >> l & 1u) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
     }
   }
   if (resting == 0) return;
@@ -202,9 +246,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
-    write_sleeper(layout, committed, at_rest[l], T0[l], lives, l, trial, outputs);
-    if (layout.shadowed != TileLayout::kAbsent && committed[layout.shadowed + l] != 0.0)
-      step_shadow(problem, operators, inputs, committed, soft_at(l), l, trial, outputs);
+    write_sleeper(problem, committed, at_rest[l], T0[l], lives, l, trial, outputs);
   }
 }
 

@@ -59,6 +59,10 @@ class StepOperators {
   }
   int times_halved() const { return static_cast<int>(halved_.size()); }
 
+  // Of the model that a shadow is solved with, where its own are not these.
+  void set_full(std::shared_ptr<const StepOperators> operators) { full_ = std::move(operators); }
+  const StepOperators& full() const { return full_ ? *full_ : *this; }
+
   double dt() const { return dt_; }
   const double* decay() const { return decay_.data(); }  // of the modes in which sleepers' heat is held
   const SpreadHeat& spread() const { return *spread_; }
@@ -90,6 +94,7 @@ class StepOperators {
   std::vector<double> decay_;
   std::vector<ModeOperator> modes_;
   std::vector<std::unique_ptr<const StepOperators>> halved_;
+  std::shared_ptr<const StepOperators> full_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;

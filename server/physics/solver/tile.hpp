@@ -18,7 +18,7 @@ enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca 
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
-inline constexpr std::uint8_t kAsleep = 32;      // at rest: not solved for heat
+inline constexpr std::uint8_t kAsleep = 32;      // at rest: not solved
 inline constexpr std::uint8_t kFirstOrder = 64;  // a second-order step left its domain: backward Euler in its place
 inline constexpr std::uint8_t kFailed = 128;
 
@@ -43,9 +43,10 @@ struct TileLayout {
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t resting = kAbsent;           // [2][kLanes]  steps at rest; while asleep modes that live, else 0
-  std::size_t shadowed = kAbsent;          // [kLanes]  1 where sleep is compared with the node solved, else 0
-  std::size_t shadow_temperature = kAbsent;  // [all that conducts][kLanes]  K, solved while asleep
-  std::size_t doubles = 0;                   // of a tile, a multiple of kLanes
+  std::size_t weakest = kAbsent;  // [2][kLanes]  while asleep: K of the hottest vertex; Pa, the least hardened strength
+  std::size_t shadowed = kAbsent;  // [kLanes]  1 where the node is solved in full beside, else 0
+  std::size_t shadow = kAbsent;    // where the tile of the model in full begins, which solves it
+  std::size_t doubles = 0;         // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid (of a lane asleep those of HeatBasis), or
   // of HeatModes.
@@ -89,8 +90,8 @@ struct TileOutputs {
   alignas(64) double error_estimate[kLanes];         // of models with a tolerance only: see there   [1]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
-  double shadow_temperature_error[kLanes];  // |T0| apart from the node solved; of lanes asleep and shadowed  [K]
-  double shadow_stress_error[kLanes];       // likewise |s|                                                  [Pa]
+  double shadow_temperature_error[kLanes];  // of lanes that are shadowed: T0 apart from the node solved in full  [K]
+  double shadow_stress_error[kLanes];       // likewise s                                                    [Pa]
 };
 
 // Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/physics/solver/model.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -70,10 +69,12 @@ Vector direction_of(const Vector& trial, const Vector& otherwise) {
 
 }  // namespace
 
-void Model::advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
-                    const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const {
-  const TileLayout& layout = this->layout();
-  const bool forced = options().strategy == Strategy::kForceDriven;
+void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                            const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
+                            SecondOutputs& second_outputs) {
+  const TileLayout& layout = problem.layout;
+  const ModelOptions& options = problem.options;
+  const bool forced = options.strategy == Strategy::kForceDriven;
 
   // 1. The scalar problem along each lane's direction.
   TileInputs along = inputs;
@@ -83,7 +84,7 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
     if (!(inputs.active >> l & 1u)) continue;
     const LaneVectors lane = vectors_of(layout, inputs, second, committed, l);
     const Vector e =
-        direction_of(trial_of(options(), lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
+        direction_of(trial_of(options, lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
     direction[l] = e;
     stress_old[l] = dot(lane.stress_old, e);
     along.velocity_jump[l] = dot(lane.jump, e);
@@ -91,7 +92,7 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
     along.stress_plus[l] = dot(lane.stress_plus, e);
   }
   along.stress_before = stress_old;
-  advance(operators, along, committed, trial, outputs);
+  advance_along(problem, operators, along, committed, trial, outputs);
 
   // 2. Its answer as vectors.
   for (int l = 0; l < kLanes; ++l) {

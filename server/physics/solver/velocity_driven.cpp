@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/elastic_trial.hpp"
 #include "server/physics/solver/heated.hpp"
 #include "server/physics/solver/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -51,24 +52,18 @@ double starting_stress(const Problem& problem, double s_old, double jump, double
   return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
 }
 
-double driving_velocity(const Problem& problem, const TileInputs& inputs, int lane) {
-  if (problem.options.drive == Drive::kLayerShear) return inputs.velocity_jump[lane];
-  return problem.options.grid.thickness * inputs.soft_shear_rate[lane];
-}
-
 // Trial stress, direction, heating and the bracket of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
              const Heated& heated, double s_start, const double* strain) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
-  const double trial = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
+  const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, dt, s_start);
   Lane state;
-  const double jump = inputs.velocity_jump[lane];
-  state.direction = (trial != 0.0 ? trial : jump) < 0.0 ? -1.0 : 1.0;
-  if (trial == 0.0) return state;
+  state.direction = trial.direction;
+  if (trial.stress == 0.0) return state;
   state.loaded = true;
-  state.a_trial = std::abs(trial);
-  state.heating = problem.heat_partition * std::max(0.0, state.direction * jump);
+  state.a_trial = std::abs(trial.stress);
+  state.heating = trial.heating;
 
   // Upper ends. Elastic: nothing yields.
   state.hi = state.a_trial;
@@ -369,7 +364,6 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     const Answer answer = open ? Answer{jump, Regime::kOpen}
                                : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                            driving_velocity(problem, inputs, l), dt);
-    const bool carried = std::abs(answer.slip - jump) <= kOutsideDomainShare * std::abs(jump);
     outputs.shear_stress[l] = s;
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
@@ -380,7 +374,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
-    outputs.outcome[l] = carried ? 0 : kOutsideDomain;
+    outputs.outcome[l] = outside_domain(answer.slip, jump);
     trial[layout.shear_stress + l] = s;
     trial[layout.regime + l] = static_cast<double>(answer.regime);
   }

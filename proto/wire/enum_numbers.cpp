@@ -1,0 +1,85 @@
+// The C++ enums are the proto's, number by number: checked when this is compiled.
+#include "proto/wire/messages.hpp"
+#include "proto/wire/scene.hpp"
+#include "shearbus/v1/envelope.pb.h"
+
+namespace shearbus::wire {
+namespace {
+
+template <typename Ours, typename Theirs>
+constexpr bool same(Ours ours, Theirs theirs) {
+  return static_cast<long>(ours) == static_cast<long>(theirs);
+}
+static_assert(
+    same(Field::kNodeId, v1::FIELD_NODE_ID) && same(Field::kInitialTemperature, v1::FIELD_INITIAL_TEMPERATURE_K) &&
+    same(Field::kVelocityJump, v1::FIELD_VELOCITY_JUMP_M_PER_S) && same(Field::kPressure, v1::FIELD_PRESSURE_PA) &&
+    same(Field::kStressMinus, v1::FIELD_STRESS_MINUS_PA) && same(Field::kStressPlus, v1::FIELD_STRESS_PLUS_PA) &&
+    same(Field::kMassMinus, v1::FIELD_MASS_MINUS_KG_PER_M2) && same(Field::kMassPlus, v1::FIELD_MASS_PLUS_KG_PER_M2) &&
+    same(Field::kSoftShearRate, v1::FIELD_SOFT_SHEAR_RATE_PER_S) &&
+    same(Field::kSoftPlasticStrainRate, v1::FIELD_SOFT_PLASTIC_STRAIN_RATE_PER_S) &&
+    same(Field::kShearStress, v1::FIELD_SHEAR_STRESS_PA) &&
+    same(Field::kSlidingVelocity, v1::FIELD_SLIDING_VELOCITY_M_PER_S) &&
+    same(Field::kInterfaceTemperature, v1::FIELD_INTERFACE_TEMPERATURE_K) &&
+    same(Field::kVelocityJumpNew, v1::FIELD_VELOCITY_JUMP_NEW_M_PER_S) && same(Field::kRegime, v1::FIELD_REGIME) &&
+    same(Field::kOutcome, v1::FIELD_OUTCOME) && same(Field::kFrictionHeat, v1::FIELD_FRICTION_HEAT_J_PER_M2) &&
+    same(Field::kInterfaceWork, v1::FIELD_INTERFACE_WORK_J_PER_M2) &&
+    same(Field::kHeatToSoft, v1::FIELD_HEAT_TO_SOFT_J_PER_M2) &&
+    same(Field::kHeatToHard, v1::FIELD_HEAT_TO_HARD_J_PER_M2) &&
+    same(Field::kPlasticWork, v1::FIELD_PLASTIC_WORK_J_PER_M2) &&
+    same(Field::kStoredHeatSoft, v1::FIELD_STORED_HEAT_SOFT_J_PER_M2) &&
+    same(Field::kStoredHeatHard, v1::FIELD_STORED_HEAT_HARD_J_PER_M2) &&
+    same(Field::kElasticEnergy, v1::FIELD_ELASTIC_ENERGY_J_PER_M2) &&
+    same(Field::kHeatResidual, v1::FIELD_HEAT_RESIDUAL_J_PER_M2) &&
+    same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2) &&
+    same(Field::kErrorEstimate, v1::FIELD_ERROR_ESTIMATE));
+static_assert(same(Element::kFloat64, v1::ELEMENT_FLOAT64) && same(Element::kUint64, v1::ELEMENT_UINT64) &&
+              same(Element::kUint8, v1::ELEMENT_UINT8));
+static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL) &&
+              same(Policy::kAccept, v1::POLICY_ACCEPT) && same(Policy::kAllOrNothing, v1::POLICY_ALL_OR_NOTHING));
+static_assert(same(Regime::kOpen, v1::REGIME_OPEN) && same(Regime::kStick, v1::REGIME_STICK) &&
+              same(Regime::kCoulomb, v1::REGIME_COULOMB) && same(Regime::kTresca, v1::REGIME_TRESCA) &&
+              same(Regime::kMelting, v1::REGIME_MELTING));
+static_assert(same(kOutcomeOk, v1::OUTCOME_OK) && same(kSubstepped, v1::OUTCOME_SUBSTEPPED) &&
+              same(kMultipleRoots, v1::OUTCOME_MULTIPLE_ROOTS) && same(kOutsideDomain, v1::OUTCOME_OUTSIDE_DOMAIN) &&
+              same(kAsleep, v1::OUTCOME_ASLEEP) && same(kFirstOrder, v1::OUTCOME_FIRST_ORDER) &&
+              same(kFailed, v1::OUTCOME_FAILED));
+static_assert(same(Strategy::kVelocityDriven, v1::STRATEGY_VELOCITY_DRIVEN) &&
+              same(Strategy::kForceDriven, v1::STRATEGY_FORCE_DRIVEN) &&
+              same(FarBoundary::kInsulated, v1::FAR_BOUNDARY_INSULATED) &&
+              same(FarBoundary::kHalfSpace, v1::FAR_BOUNDARY_HALF_SPACE) &&
+              same(TimeIntegrator::kBackwardEuler, v1::TIME_INTEGRATOR_BACKWARD_EULER) &&
+              same(TimeIntegrator::kSdirk2, v1::TIME_INTEGRATOR_SDIRK2) && same(Heat::kProfile, v1::HEAT_PROFILE) &&
+              same(Heat::kModes, v1::HEAT_MODES) && same(Drive::kLayerShear, v1::DRIVE_LAYER_SHEAR) &&
+              same(Drive::kInterfaceSlip, v1::DRIVE_INTERFACE_SLIP) &&
+              same(InterfaceLaw::kSubgrid, v1::INTERFACE_LAW_SUBGRID) &&
+              same(InterfaceLaw::kCoulombTresca, v1::INTERFACE_LAW_COULOMB_TRESCA) &&
+              same(InterfaceLaw::kFreeSlip, v1::INTERFACE_LAW_FREE_SLIP) &&
+              same(InterfaceLaw::kStick, v1::INTERFACE_LAW_STICK) &&
+              same(InterfaceLaw::kConstant, v1::INTERFACE_LAW_CONSTANT) && same(Symmetry::kPlane, v1::SYMMETRY_PLANE) &&
+              same(Symmetry::kAxisymmetric, v1::SYMMETRY_AXISYMMETRIC) && same(Shell::kCylinder, v1::SHELL_CYLINDER) &&
+              same(Shell::kSphere, v1::SHELL_SPHERE) && same(GasTest::kNoh, v1::GAS_TEST_NOH) &&
+              same(GasTest::kSedov, v1::GAS_TEST_SEDOV) && same(GasTest::kSaltzman, v1::GAS_TEST_SALTZMAN) &&
+              same(FarEnd::kTransmitting, v1::FAR_END_TRANSMITTING) && same(FarEnd::kFree, v1::FAR_END_FREE));
+static_assert(same(Code::kOk, v1::CODE_OK) && same(Code::kBadFraming, v1::CODE_BAD_FRAMING) &&
+              same(Code::kMalformed, v1::CODE_MALFORMED) && same(Code::kVersion, v1::CODE_VERSION) &&
+              same(Code::kLimit, v1::CODE_LIMIT) && same(Code::kChecksum, v1::CODE_CHECKSUM) &&
+              same(Code::kShape, v1::CODE_SHAPE) && same(Code::kUnsupported, v1::CODE_UNSUPPORTED) &&
+              same(Code::kUnknownSession, v1::CODE_UNKNOWN_SESSION) &&
+              same(Code::kStaleSequence, v1::CODE_STALE_SEQUENCE) && same(Code::kSequenceGap, v1::CODE_SEQUENCE_GAP) &&
+              same(Code::kSequenceReused, v1::CODE_SEQUENCE_REUSED) && same(Code::kEpoch, v1::CODE_EPOCH) &&
+              same(Code::kNothingToCommit, v1::CODE_NOTHING_TO_COMMIT) &&
+              same(Code::kInvalidScene, v1::CODE_INVALID_SCENE) && same(Code::kInvalidValue, v1::CODE_INVALID_VALUE) &&
+              same(Code::kUnknownNode, v1::CODE_UNKNOWN_NODE) && same(Code::kDuplicateNode, v1::CODE_DUPLICATE_NODE) &&
+              same(Code::kShuttingDown, v1::CODE_SHUTTING_DOWN) && same(Code::kInternal, v1::CODE_INTERNAL) &&
+              same(Code::kResumeRefused, v1::CODE_RESUME_REFUSED) && same(Code::kSuperseded, v1::CODE_SUPERSEDED) &&
+              same(Code::kUnknownMark, v1::CODE_UNKNOWN_MARK) && same(Code::kNoSpace, v1::CODE_NO_SPACE) &&
+              same(Code::kTrialStands, v1::CODE_TRIAL_STANDS) &&
+              same(Code::kUnknownTransfer, v1::CODE_UNKNOWN_TRANSFER) && same(Code::kNodeOwned, v1::CODE_NODE_OWNED) &&
+              same(Code::kOtherScene, v1::CODE_OTHER_SCENE) && same(Code::kStepFailed, v1::CODE_STEP_FAILED) &&
+              same(Code::kNotPermitted, v1::CODE_NOT_PERMITTED) && same(Code::kDraining, v1::CODE_DRAINING) &&
+              same(Code::kCheckpointFailed, v1::CODE_CHECKPOINT_FAILED));
+static_assert(same(Top::kHottest, v1::TOP_HOTTEST) && same(Top::kFastest, v1::TOP_FASTEST) &&
+              same(Top::kMolten, v1::TOP_MOLTEN));
+
+}  // namespace
+}  // namespace shearbus::wire

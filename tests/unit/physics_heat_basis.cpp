@@ -1,0 +1,55 @@
+// Heat in the modes of its grid (server/physics/MODEL.md section 3b).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "server/physics/layer/heat_basis.hpp"
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+TEST(PhysicsHeatBasis, ModesAreTheStepsOfTheOperator) {
+  ModelOptions half_space = graded(paper_options());
+  half_space.grid.far_boundary = FarBoundary::kHalfSpace;
+  for (const ModelOptions& options : {half_space, two_sided(graded(paper_options())), paper_options()}) {
+    const HeatGrid grid = Rig(options).heat_grid();
+    const HeatBasis basis(grid, options.soft, options.hard);
+    const int n = grid.num_vertices();
+    const HeatOperator heat(grid, options.soft, options.hard, 3e-9);
+    std::vector<double> rows(static_cast<std::size_t>(n) * kLanes, 300.0);
+    double flux[kLanes] = {1e10, 1e9};
+    for (int m = 0; m < 30; ++m) {
+      add_flux(heat, n, flux, rows.data());
+      conduct(heat, n, rows.data(), rows.data());
+    }
+    std::vector<double> modes = rows, back = rows;
+    const int live = to_modes(basis, 0, modes.data());
+    to_profile(basis, live, 0, modes.data(), back.data());
+    double there_and_back = 0.0, stepped = 0.0, held = 0.0, kept = 0.0;
+    for (int i = 0; i < n; ++i)
+      there_and_back = std::max(there_and_back, std::abs(back[i * kLanes] - rows[i * kLanes]));
+    EXPECT_LT(there_and_back, 1e-9);
+    const std::vector<double> decay = basis.decay(3e-9);
+    for (int m = 0; m < 50; ++m) {
+      double T0[kLanes];
+      interface_later(basis, decay.data(), live, modes.data(), T0);
+      decay_modes(decay.data(), live, n, modes.data(), modes.data());
+      conduct(heat, n, rows.data(), rows.data());
+      stepped = std::max(stepped, std::abs(T0[0] - rows[grid.interface * kLanes]));
+    }
+    EXPECT_LT(stepped, 1e-9);
+    to_profile(basis, live, 0, modes.data(), back.data());
+    for (int i = 0; i < n; ++i) {
+      const double capacity = grid.capacity(i, options.soft, options.hard);
+      held += capacity * (rows[i * kLanes] - 300.0);
+      kept += capacity * (back[i * kLanes] - 300.0);
+    }
+    EXPECT_NEAR(kept / held, 1.0, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing
