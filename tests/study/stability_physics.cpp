@@ -98,6 +98,7 @@ std::vector<Physics> all_physics() {
           {"force, two-sided, tolerance", to_a_tolerance(two_sided(force))},
           {"force, sleep", sleeping(force)},
           {"force, two-sided, sleep", sleeping(two_sided(force))},
+          {"force, plastic layer, sleep", sleeping(plastic_layer)},
           {"force, all of it", in_two_directions(two_sided(under_pressure(plastic_layer)))}};
 }
 

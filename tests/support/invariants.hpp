@@ -327,6 +327,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
   const Material soft = at_pressure(options.soft, a.pressure);
+  const std::vector<double> profile = rig.layer_temperatures(lane);
   for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
     const double carried =
         options.inertia ? std::abs(rig.committed[place(layout.shear_stress, i, lane)]) : std::abs(a.stress);
@@ -338,7 +339,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const double dep = a.parts() * (ep - ep_old);
     const double slope = is_johnson_cook(soft) && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt) : 0.0;
     const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * hardened_strength(soft, ep) / slope : 0.0);
-    const double T = rig.T(i, lane);
+    const double T = profile[static_cast<std::size_t>(i)];
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
@@ -390,7 +391,7 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   ++figures.flowing;
   if (!is_resolved(options, a, size)) return;
   ++figures.flowing_resolved;
-  const double grain = heat_grain(options, a, size);
+  const double grain = heat_grain(options, a, size) + (rig.slept(lane) ? kSleeperGrain : 0.0);
   require_complementary_flow(rig, a, lane, grain, figures);
   double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
                      kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
@@ -413,7 +414,7 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
   const Answered a = answered(rig, lane, dt);
   require_sound(rig, a, lane, figures);
   if (options.strategy == Strategy::kVelocityDriven) {
-    require_complementary_flow(rig, a, lane, 0.0, figures);
+    require_complementary_flow(rig, a, lane, rig.slept(lane) ? kSleeperGrain : 0.0, figures);
     if (!options.inertia) require_slip_balance(rig, a, lane);
   } else {
     require_interface_law(options, a, figures);

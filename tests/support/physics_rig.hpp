@@ -129,6 +129,12 @@ class Rig {
     profile.resize(rows);
     return profile;
   }
+  // Of the layer alone and what is behind it, from z = 0 on.
+  std::vector<double> layer_temperatures(int lane) const {
+    std::vector<double> all = temperatures(committed, lane);
+    all.erase(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(model.layout().num_hard_vertices));
+    return all;
+  }
   // Before the last step or after it.
   bool slept(int lane) const {
     return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
