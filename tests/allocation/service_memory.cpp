@@ -261,6 +261,29 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
             << "), states changed: " << (HasFailure() ? "SOME" : "0") << "\n";
 }
 
+// Operators of substeps are made in the middle of a step, when one first asks for them.
+TEST(OutOfMemory, InAStepThatIsCutForItsToleranceChangesNothing) {
+  for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    Pair pair(false);
+    wire::Scene scene = support::scene_of(strategy);
+    scene.layer = {};
+    scene.tolerance = 1e-3;
+    const auto nodes = support::node_ids(kNodes);
+    pair.ask(ServiceHarness::opening(scene, nodes));
+    std::uint64_t sequence = 0;
+    double dt_s = 20e-9;
+    const auto step = [&] {
+      ++sequence;
+      wire::Request request =
+          ServiceHarness::step(sequence, support::step_columns(strategy, nodes, static_cast<int>(sequence)));
+      std::get<wire::Downscale>(request.body).dt_s = dt_s *= 1.001;
+      return request;
+    };
+    pair.fail_every_allocation(step, "advance with a tolerance and a new dt");
+    EXPECT_GT(pair.tally().refused, 30) << "operators of several substeps";
+  }
+}
+
 TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   Pair pair(true);
   wire::Scene scene = support::velocity_scene(6);

@@ -1,6 +1,8 @@
 // Cost of the layer solvers under the paper's conditions (100 m/s, 11.2 GPa, dt 1 ns), averaged over the first 1 us.
 // per_node_step is the CPU time of a tile's step divided by its lanes. grid:0 is the paper's 500 uniform cells, grid:1
-// 60 cells graded 1.08, grid:2 those with a half-space behind. BM_Operators is what a new step length costs, once.
+// 60 cells graded 1.08, grid:2 those with a half-space behind. BM_Conduct is the conduction of one step alone, per
+// node, of a layer that has been heated for so many steps. BM_Operators is what a new step length costs, once; grid:3:
+// of heat by modes.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -173,11 +175,34 @@ void BM_Ledger(benchmark::State& state) {
 }
 BENCHMARK(BM_Ledger)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMicrosecond);
 
+void BM_Conduct(benchmark::State& state) {
+  Rig rig(grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
+  const HeatGrid& grid = rig.heat_grid();
+  const HeatOperator heat(grid, rig.model.options().soft, 1e-9);
+  std::vector<double> T(rig.committed.begin(), rig.committed.begin() + grid.num_vertices() * kLanes), after = T;
+  double flux[kLanes];
+  for (int l = 0; l < kLanes; ++l) flux[l] = 1e10 * (1.0 + 0.01 * l);
+  for (int n = 0; n < state.range(1); ++n) {
+    conduct(heat, grid.num_vertices(), T.data(), T.data());
+    add_flux(heat, grid.num_vertices(), flux, T.data());
+  }
+  for (auto _ : state) {
+    conduct(heat, grid.num_vertices(), T.data(), after.data());
+    benchmark::DoNotOptimize(after.data());
+    benchmark::ClobberMemory();
+  }
+  state.counters["per_node_step"] =
+      benchmark::Counter(kLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(BM_Conduct)->ArgNames({"grid", "steps"})->ArgsProduct({{0, 1, 2}, {0, 1, 10, 100, 1000}});
+
 void BM_Operators(benchmark::State& state) {
-  const Model model(grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
+  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
+  if (state.range(0) == 3) options.modes = {.accuracy = 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};
+  const Model model(options);
   for (auto _ : state) benchmark::DoNotOptimize(model.operators(1e-9));
 }
-BENCHMARK(BM_Operators)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMicrosecond);
+BENCHMARK(BM_Operators)->ArgName("grid")->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace shearbus::testing

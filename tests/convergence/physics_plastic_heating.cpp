@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <vector>
 
 #include "tests/support/physics_rig.hpp"
 
@@ -15,20 +16,30 @@ struct Found {
   double T0, T_hottest, s;
 };
 
-Found run(int cells, double grading, double dt, double t) {
+// The same case in every lane, but that each imposes a jump a few last bits above its neighbour's.
+std::vector<Found> run_lanes(int cells, double grading, double dt, double t) {
   ModelOptions options = two_sided(graded(paper_options(), cells, grading));
   options.taylor_quinney_factor = 1.0;
-  Rig rig(options, 1);
+  Rig rig(options);
   rig.set_all(100.0, 11.2e9);
+  for (int l = 0; l < kLanes; ++l) rig.inputs.velocity_jump[l] *= 1.0 + l * 2e-15;
   double heat = 0.0;
   for (int n = static_cast<int>(std::lround(t / dt)); n > 0; --n) {
     rig.step(dt);
     heat += rig.outputs.friction_heat[0];
   }
   EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-10);
-  double T_hottest = 0.0;
-  for (int i = 0; i <= cells; ++i) T_hottest = std::max(T_hottest, rig.T(i));
-  return {rig.T(0), T_hottest, rig.stress()};
+  std::vector<Found> found;
+  for (int l = 0; l < kLanes; ++l) {
+    double T_hottest = 0.0;
+    for (int i = 0; i <= cells; ++i) T_hottest = std::max(T_hottest, rig.T(i, l));
+    found.push_back({rig.T(0, l), T_hottest, rig.stress(l)});
+  }
+  return found;
+}
+
+Found run(int cells, double grading, double dt, double t) {
+  return run_lanes(cells, grading, dt, t).front();
 }
 
 TEST(PhysicsPlasticHeatingConvergence, FirstOrderInTimeBeforeTheLayerLocalises) {
@@ -56,26 +67,26 @@ TEST(PhysicsPlasticHeatingConvergence, GridsAgreeBeforeTheLayerLocalises) {
   }
 }
 
-// A rate-independent layer that softens by its own heat forms a band, and nothing in the model says where: grid and
-// step do. What holds whatever they are: no vertex melts, the interface stays far below, the stress below the
-// surface-heated layer's peak.
+// A rate-independent layer that softens by its own heat forms a band, and nothing in the model says where: grid, step
+// and, on the finest of them, the last bit of an input do. What holds whatever they are: no vertex melts, the interface
+// stays far below, the stress below the surface-heated layer's peak.
 TEST(PhysicsPlasticHeatingConvergence, TheBandsStressIsReportedWithItsSpread) {
-  std::printf("plastic-work heating after 1 us: cells, grading, dt, T0, hottest, s\n");
-  double lowest = 1e300, highest = 0.0;
+  std::printf("plastic-work heating after 1 us: cells, grading, dt, T0, hottest, s of eight lanes a few bits apart\n");
   for (auto [cells, grading] : {std::pair{60, 1.08}, std::pair{120, 1.04}, std::pair{250, 1.0}}) {
     for (double dt : {1e-9, 0.5e-9, 0.25e-9}) {
-      const Found found = run(cells, grading, dt, 1e-6);
-      std::printf("  %4d  %4.2f  %7.2g s  %6.1f K  %7.1f K  %6.1f MPa\n", cells, grading, dt, found.T0, found.T_hottest,
-                  found.s / 1e6);
-      EXPECT_NEAR(found.T0, 450.0, 25.0);
-      EXPECT_GT(found.T_hottest, 0.99 * 1220.0);
-      EXPECT_LT(found.T_hottest, 1220.0);
-      EXPECT_LT(found.s, 200e6);
-      lowest = std::min(lowest, found.s);
-      highest = std::max(highest, found.s);
+      std::vector<Found> lanes = run_lanes(cells, grading, dt, 1e-6);
+      std::ranges::sort(lanes, {}, &Found::s);
+      std::printf("  %4d  %4.2f  %7.2g s  %6.1f K  %7.1f K  %6.1f to %6.1f MPa\n", cells, grading, dt, lanes[4].T0,
+                  lanes[4].T_hottest, lanes.front().s / 1e6, lanes.back().s / 1e6);
+      for (const Found& found : lanes) {
+        EXPECT_NEAR(found.T0, 460.0, 35.0);
+        EXPECT_LT(found.T_hottest, 1220.0);
+        EXPECT_LT(found.s, 293e6);
+      }
+      EXPECT_GT(lanes[4].T_hottest, 0.99 * 1220.0);
+      EXPECT_LT(lanes[4].s, 200e6);
     }
   }
-  std::printf("  s from %.1f to %.1f MPa\n", lowest / 1e6, highest / 1e6);
 }
 
 }  // namespace

@@ -16,31 +16,6 @@
 #include "server/shard/shard.hpp"
 
 namespace shearbus::study {
-namespace {
-
-using physics::kLanes;
-
-struct GridChoice {
-  std::uint32_t cells;
-  double grading;
-};
-constexpr GridChoice kGrids[] = {{500, 1.0}, {100, 1.0}, {240, 1.02}, {120, 1.04}, {60, 1.08}, {30, 1.16}, {15, 1.35}};
-constexpr GridChoice kQuickGrids[] = {{60, 1.08}, {15, 1.35}};
-constexpr double kAccuracies[] = {1e-3, 1e-6};
-constexpr int kSteps[] = {10, 20, 40, 100, 200, 400, 1000, 2000, 4000};
-constexpr int kQuickSteps[] = {20, 100};
-constexpr double kTolerances[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
-
-double cpu_seconds() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
 
 wire::Scene scene_with(const Problem& problem, const Setting& setting) {
   wire::Scene scene = problem.scene;
@@ -68,6 +43,43 @@ wire::Scene scene_with(const Problem& problem, const Setting& setting) {
   return scene;
 }
 
+double melting_range(const Problem& problem) {
+  const auto options = service::scene_model(problem.scene).options;
+  return physics::at_pressure(options.soft, problem.pressure).melting_temperature - options.initial_temperature;
+}
+
+std::function<double(double)> at_samples(const Answer& answer, double end) {
+  return [T0 = answer.temperature, end](double t) {
+    return T0[static_cast<std::size_t>(std::lround(t / end * kSamples)) - 1];
+  };
+}
+
+namespace {
+
+using physics::kLanes;
+
+struct GridChoice {
+  std::uint32_t cells;
+  double grading;
+};
+constexpr GridChoice kGrids[] = {{500, 1.0}, {100, 1.0}, {240, 1.02}, {120, 1.04}, {60, 1.08}, {30, 1.16}, {15, 1.35}};
+constexpr GridChoice kQuickGrids[] = {{60, 1.08}, {15, 1.35}};
+constexpr double kAccuracies[] = {1e-3, 1e-6};
+constexpr int kSteps[] = {10, 20, 40, 100, 200, 400, 1000, 2000, 4000};
+constexpr int kQuickSteps[] = {20, 100};
+constexpr double kTolerances[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
+
+double cpu_seconds() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
 // One run of a tile; every lane the same. `watch` sees each step.
 template <class Watch>
 void run_tile(const Problem& problem, const physics::Model& model, double dt, int steps, const Watch& watch) {
@@ -91,11 +103,6 @@ void run_tile(const Problem& problem, const physics::Model& model, double dt, in
 
 double relative(double value, double reference) {
   return reference != 0.0 ? std::abs(value / reference - 1.0) : std::abs(value);
-}
-
-double melting_range(const Problem& problem) {
-  const auto options = service::scene_model(problem.scene).options;
-  return physics::at_pressure(options.soft, problem.pressure).melting_temperature - options.initial_temperature;
 }
 
 bool allows(const Problem& problem, const Setting& setting) {
@@ -150,9 +157,7 @@ Reference by_extrapolation(const Problem& problem, bool quick) {
         std::max(reference.uncertainty, std::abs(best.temperature[i] - other.temperature[i]) / range);
   reference.impulse = best.impulse;
   reference.work = best.work;
-  reference.temperature = [best, end = problem.end](double t) {
-    return best.temperature[static_cast<std::size_t>(std::lround(t / end * kSamples)) - 1];
-  };
+  reference.temperature = at_samples(best, problem.end);
   return reference;
 }
 

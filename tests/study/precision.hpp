@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,10 @@ struct SweepOptions {
   int repeats = 5;
   bool quick = false;  // few settings, for tests
 };
+
+wire::Scene scene_with(const Problem& problem, const Setting& setting);
+double melting_range(const Problem& problem);  // T_melt - T_ref  [K]
+std::function<double(double)> at_samples(const Answer& answer, double end);
 
 Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int repeats);
 // Errors of an answer against a reference; those of the impulse and the work are relative.

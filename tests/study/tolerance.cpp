@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <span>
 
+#include "server/service/scene_model.hpp"
 #include "tests/study/report.hpp"
+#include "tests/support/fine_layer.hpp"
 
 namespace shearbus::study {
 namespace {
@@ -15,18 +18,68 @@ constexpr double kQuickRequests[] = {1e-2, 1e-4};
 constexpr int kSteps[] = {10, 100, 1000};
 constexpr int kQuickSteps[] = {20};
 
+// How finely a reference is solved.
+struct Fineness {
+  int substeps;     // of a whole run
+  int cells;        // where there are some: matched to the half-space, the first a few atoms wide
+  double accuracy;  // of modes
+};
+constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
+constexpr int kQuickCoarser = 4;
+constexpr double kFirstCells = 0.5e-9;  // these resolve [m]
+
+Answer solve_finely(const Problem& problem, int steps, const Fineness& fineness) {
+  const double dt = problem.end / steps;
+  const int substeps = std::max(1, fineness.substeps / steps);
+  physics::ModelOptions options = service::scene_model(problem.scene).options;
+  options.tolerance.reset();
+  if (options.modes) {
+    options.modes->accuracy = fineness.accuracy;
+  } else {
+    const double ratio = 1.0 + options.grid.thickness / kFirstCells;
+    for (physics::GridOptions* grid : {&options.grid, options.hard_grid ? &*options.hard_grid : nullptr}) {
+      if (grid == nullptr) continue;
+      grid->cells = fineness.cells;
+      grid->grading = std::pow(ratio, 1.0 / fineness.cells);
+    }
+  }
+  test::FineLayer layer(options, dt / substeps);
+  const auto host = problem.host(problem, dt);
+  Answer answer;
+  for (int n = 0; n < steps; ++n) {
+    physics::TileInputs inputs;
+    inputs.active = (1u << physics::kLanes) - 1u;
+    host->load(n * dt, dt, inputs);
+    physics::TileOutputs step{};
+    for (int j = 0; j < substeps; ++j) layer.advance(inputs, 1.0 / substeps, step);
+    host->take(step);
+    answer.impulse += std::abs(step.shear_stress[0]) * dt;
+    answer.work += step.friction_heat[0] / layer.conducted_share();
+    if ((n + 1) * kSamples % steps == 0) answer.temperature.push_back(step.interface_temperature[0]);
+  }
+  return answer;
+}
+
 // A host that takes part in the answer makes an error of its own, which no layer can mend: there the layer is held
-// against the strictest request in the same steps.
-Reference strictest_in(const Problem& problem, int steps) {
-  constexpr double strictest = kRequests[std::size(kRequests) - 1];
-  const Answer best = run(problem, {.steps = steps, .tolerance = strictest}, nullptr, 1);
-  Reference reference;
-  reference.temperature = [best, end = problem.end](double t) {
-    return best.temperature[static_cast<std::size_t>(std::lround(t / end * kSamples)) - 1];
+// against a finer one in the same steps of the host. That says how sure it is of itself, too.
+Reference solved_finely(const Problem& problem, int steps, bool quick) {
+  Problem strict = problem;
+  strict.scene = scene_with(problem, {.tolerance = kRequests[std::size(kRequests) - 1]});
+  const bool modes = service::scene_model(strict.scene).options.modes.has_value();
+  const auto coarser = [&](int times) {
+    const Fineness fine = modes ? kFineModes : kFineCells;
+    return solve_finely(strict, steps, {fine.substeps / times, fine.cells / times, fine.accuracy * times});
   };
-  reference.impulse = best.impulse;
-  reference.work = best.work;
-  reference.method = fmt::format("the same steps at {:.0e}", strictest);
+  const int times = quick ? kQuickCoarser : 1;
+  const Answer best = coarser(times), other = coarser(2 * times);
+  Reference reference{.temperature = at_samples(best, problem.end), .impulse = best.impulse, .work = best.work};
+  for (std::size_t i = 0; i < best.temperature.size(); ++i) {
+    const double apart = std::abs(best.temperature[i] - other.temperature[i]) / melting_range(problem);
+    reference.uncertainty = std::max(reference.uncertainty, apart);
+  }
+  reference.method = fmt::format("{} in {} substeps{}; {:.0e} from half as many", modes ? "modes" : "cells",
+                                 (modes ? kFineModes : kFineCells).substeps / times,
+                                 problem.coupled ? ", the same steps of the host" : "", reference.uncertainty);
   return reference;
 }
 
@@ -37,12 +90,13 @@ std::vector<Tracked> track_tolerances(const std::vector<Problem>& problems, cons
   const auto steps = options.quick ? std::span<const int>(kQuickSteps) : std::span<const int>(kSteps);
   std::vector<Tracked> all;
   for (const Problem& problem : problems) {
-    Reference reference = problem.coupled ? Reference{} : reference_of(problem, options.quick);
-    all.push_back({.problem = problem.name, .reference = reference.method, .outcomes = {}});
-    Tracked& tracked = all.back();
+    Reference reference = problem.reference(problem);
+    const bool known = reference.temperature && !problem.coupled;
+    Tracked& tracked =
+        all.emplace_back(Tracked{.problem = problem.name, .reference = reference.method, .outcomes = {}});
     for (const int count : steps) {
-      if (problem.coupled) {
-        reference = strictest_in(problem, count);
+      if (problem.coupled || (!known && count == steps.front())) {
+        reference = solved_finely(problem, count, options.quick);
         tracked.reference = reference.method;
       }
       for (const double request : requests) {

@@ -21,7 +21,7 @@ LIBRARIES = {  # library of the table -> what its headers look like
     "spdlog": r"spdlog/.*",
     "CLI11": r"CLI/.*",
 }
-STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
+STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|experimental/simd|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
 MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b|\bFIXM[E]\b")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 

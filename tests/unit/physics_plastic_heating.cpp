@@ -39,7 +39,7 @@ TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
       const HeatGrid grid(layer, far, Grid({6e-6, 40, 1.1, far}), far);
       for (double dt : {1e-12, 1e-9, 1e-5}) {
         const HeatOperator heat(grid, o.soft, o.hard, dt);
-        const SpreadHeat spread(grid, heat, layer.num_vertices(), o.soft, o.hard);
+        const SpreadHeat spread(grid, dt, layer.num_vertices(), o.soft, o.hard);
         std::vector<double> shape(layer.num_vertices() * kLanes, 0.0), response(shape.size());
         for (int i = 0; i < layer.num_vertices(); ++i) {
           shape[i * kLanes + 1] = layer.weight[i] / layer.vertex.back();

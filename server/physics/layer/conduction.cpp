@@ -3,24 +3,34 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <experimental/simd>
 #include <functional>
 
 namespace shearbus::physics {
 
 HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.width) {
   if (far_boundary == FarBoundary::kHalfSpace) {
+    const double ratio = grid.matched ? std::max(grid.grading, kLeastMatchedGrading) : kExtensionGrading;
     const double thickness = grid.vertex.back();
     double depth = thickness;
     while (depth < kExtensionDepth * thickness) {
-      width.push_back(width.back() * kExtensionGrading);
+      width.push_back(width.back() * ratio);
       depth += width.back();
     }
   }
   weight = grid.weight;
-  if (width.size() == grid.width.size()) return;
-  weight.pop_back();
-  for (std::size_t i = grid.width.size(); i < width.size(); ++i) weight.push_back(std::sqrt(width[i - 1] * width[i]));
-  weight.push_back(0.5 * width.back());
+  if (width.size() > grid.width.size()) {
+    weight.pop_back();
+    for (std::size_t i = grid.width.size(); i < width.size(); ++i) {
+      weight.push_back(grid.matched ? 0.5 * (width[i - 1] + width[i]) : std::sqrt(width[i - 1] * width[i]));
+    }
+    weight.push_back(0.5 * width.back());
+  }
+  if (!grid.matched) return;
+  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; cells longer by this to heat undo
+  // it.
+  const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
+  for (double& cell : width) cell *= stretch;
 }
 
 HeatGrid::HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary)
@@ -62,9 +72,9 @@ Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& ha
 HeatOperator::HeatOperator(const HeatGrid& grid, double step) : dt(step), interface(grid.interface) {
   const std::size_t n = grid.weight.size();
   memory_ = std::make_unique_for_overwrite<double[]>(4 * n);
-  forward = {memory_.get(), n};
-  inverse_pivot = {memory_.get() + n, n};
-  backward = {memory_.get() + 2 * n, n};
+  inverse_pivot = {memory_.get(), n};
+  inward = {memory_.get() + n, n};
+  outward = {memory_.get() + 2 * n, n};
   response = {memory_.get() + 3 * n, n};
 }
 
@@ -75,187 +85,222 @@ HeatOperator::HeatOperator(const HeatGrid& grid, const Material& soft, const Mat
 
 void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const Material& hard) {
   const std::size_t n = grid.weight.size();
+  const std::size_t first = static_cast<std::size_t>(interface);
 
-  // pivot = 1 + excess + c, with excess = a (1 + excess before) / (pivot before): the elimination's 1 + a + c - a
-  // c/pivot written without the difference.
-  double excess = 0.0;
-  double pivot_before = 1.0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto [a, c] = coupling(grid, soft, hard, dt, i);
-    excess = i == 0 ? 0.0 : a * (1.0 + excess) / pivot_before;
-    const double pivot = 1.0 + excess + c;
-    forward[i] = a / pivot;
+  // With kept = 1 - outward, what a vertex does not get back from the outer one: pivot = 1 + kept c + a, the
+  // elimination's 1 + a + c - c outward written without the difference.
+  const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
+    const double own = 1.0 + outer * kept_outside;
+    const double pivot = own + inner;
     inverse_pivot[i] = 1.0 / pivot;
-    backward[i] = c / pivot;
-    pivot_before = pivot;
+    inward[i] = outer / pivot;
+    outward[i] = inner / pivot;
+    return own / pivot;
+  };
+  double kept = 0.0, kept_hard = 0.0;
+  for (std::size_t i = n - 1; i > first; --i) {
+    const auto [a, c] = coupling(grid, soft, hard, dt, i);
+    kept = eliminate(i, c, a, kept);
   }
+  for (std::size_t i = 0; i < first; ++i) {
+    const auto [a, c] = coupling(grid, soft, hard, dt, i);
+    kept_hard = eliminate(i, a, c, kept_hard);
+  }
+  const auto [a, c] = coupling(grid, soft, hard, dt, first);
+  const double pivot = 1.0 + c * kept + a * kept_hard;
+  inverse_pivot[first] = 1.0 / pivot;
+  inward[first] = c / pivot;
+  inward_hard = a / pivot;
+  outward[first] = 0.0;
 
   // Unit flux enters the half cells at z = 0: DLP (31), corrected, for any first width.
-  const std::size_t first = static_cast<std::size_t>(interface);
   const double rise = first == 0 ? soft.diffusivity * dt / (grid.weight[0] * soft.conductivity)
                                  : dt / grid.capacity(interface, soft, hard);
-  std::ranges::fill(response, 0.0);
   response[first] = rise * inverse_pivot[first];
-  for (std::size_t i = first + 1; i < n; ++i) response[i] = forward[i] * response[i - 1];
-  for (std::size_t i = n - 1; i-- > 0;) response[i] += backward[i] * response[i + 1];
+  for (std::size_t i = first + 1; i < n; ++i) response[i] = outward[i] * response[i - 1];
+  for (std::size_t i = first; i-- > 0;) response[i] = outward[i] * response[i + 1];
 }
 
-SpreadHeat::SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int num_layer_vertices, const Material& soft,
-                       const Material& hard)
-    : layer_vertices(num_layer_vertices), gain(static_cast<std::size_t>(num_layer_vertices)) {
-  for (int i = 0; i < layer_vertices; ++i) gain[i] = heat.dt / grid.capacity(heat.interface + i, soft, hard);
-
-  // From the far end inwards, with kept = 1 - t[i+1]/t[i]: (1 + c kept + a) t[i] = a t[i-1].
-  const std::size_t last = static_cast<std::size_t>(heat.interface + layer_vertices) - 1;
-  outward.resize(grid.weight.size() - last - 1);
-  double kept = 0.0;
-  for (std::size_t i = grid.weight.size() - 1; i > last; --i) {
-    const auto [a, c] = coupling(grid, soft, hard, heat.dt, i);
-    const double own = 1.0 + c * kept;
-    outward[i - last - 1] = a / (own + a);
-    kept = own / (own + a);
-  }
-  // HeatOperator's elimination up to the layer's last vertex, whose c t[i+1] is c (1 - kept) t[i].
-  double excess = 0.0;
-  double pivot = 1.0;
-  for (std::size_t i = 0; i <= last; ++i) {
-    const auto [a, c] = coupling(grid, soft, hard, heat.dt, i);
-    excess = i == 0 ? 0.0 : a * (1.0 + excess) / pivot;
-    pivot = 1.0 + excess + (i < last ? c : c * kept);
-    last_forward = a / pivot;
-  }
-  last_inverse_pivot = 1.0 / pivot;
+SpreadHeat::SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft,
+                       const Material& hard) {
+  for (int i = 0; i < layer_vertices; ++i) gain.push_back(dt / grid.capacity(grid.interface + i, soft, hard));
 }
+
+namespace {
+
+// Values of kWidth lanes that are neighbours in their tile. By name and not by loops over lanes, which the compiler
+// takes one value at a time where the next vertex hangs on this one.
+template <int kWidth>
+using Row = std::experimental::fixed_size_simd<double, kWidth>;
+
+template <int kWidth = kLanes>
+Row<kWidth> load(const double* lanes) {
+  return Row<kWidth>(lanes, std::experimental::element_aligned);
+}
+
+template <class Row>
+void store(const Row& row, double* lanes) {
+  row.copy_to(lanes, std::experimental::element_aligned);
+}
+
+}  // namespace
 
 void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response) {
-  const double* forward = heat.forward.data() + heat.interface;
   const double* inverse_pivot = heat.inverse_pivot.data() + heat.interface;
-  const double* backward = heat.backward.data() + heat.interface;
-  const std::ptrdiff_t last = spread.layer_vertices - 1;
-  double t[kLanes] = {};
-  for (std::ptrdiff_t i = 0; i <= last; ++i) {
-    const double gained = spread.gain[i] * (i < last ? inverse_pivot[i] : spread.last_inverse_pivot);
-    const double carried = i < last ? forward[i] : spread.last_forward;
-    for (int l = 0; l < kLanes; ++l) {
-      t[l] = shape[i * kLanes + l] * gained + carried * t[l];
-      response[i * kLanes + l] = t[l];
-    }
+  const double* inward = heat.inward.data() + heat.interface;
+  const double* outward = heat.outward.data() + heat.interface;
+  const auto num_vertices = static_cast<std::ptrdiff_t>(spread.gain.size());
+  Row<kLanes> t = 0.0;
+  for (std::ptrdiff_t i = num_vertices; i-- > 0;) {
+    t = load(shape + i * kLanes) * (spread.gain[static_cast<std::size_t>(i)] * inverse_pivot[i]) + inward[i] * t;
+    store(t, response + i * kLanes);
   }
-  for (std::ptrdiff_t i = last; i-- > 0;) {
-    for (int l = 0; l < kLanes; ++l) {
-      t[l] = response[i * kLanes + l] + backward[i] * t[l];
-      response[i * kLanes + l] = t[l];
-    }
+  for (std::ptrdiff_t i = 1; i < num_vertices; ++i) {
+    t = load(response + i * kLanes) + outward[i] * t;
+    store(t, response + i * kLanes);
   }
 }
 
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature) {
   const std::ptrdiff_t interface = heat.interface;
-  const std::ptrdiff_t last = spread.layer_vertices - 1;
-  double* layer = temperature + interface * kLanes;
-  for (std::ptrdiff_t i = 0; i <= last; ++i) {
-    for (int l = 0; l < kLanes; ++l) layer[i * kLanes + l] += flux[l] * response[i * kLanes + l];
-  }
-  double t[kLanes];
-  for (int l = 0; l < kLanes; ++l) t[l] = flux[l] * response[l];
-  for (std::ptrdiff_t i = interface; i-- > 0;) {
-    for (int l = 0; l < kLanes; ++l) {
-      t[l] *= heat.backward[i];
-      temperature[i * kLanes + l] += t[l];
-    }
-  }
-  for (int l = 0; l < kLanes; ++l) t[l] = flux[l] * response[last * kLanes + l];
-  for (std::size_t j = 0; j < spread.outward.size(); ++j) {
-    double* row = layer + (last + 1 + static_cast<std::ptrdiff_t>(j)) * kLanes;
-    for (int l = 0; l < kLanes; ++l) {
-      t[l] *= spread.outward[j];
-      row[l] += t[l];
-    }
-  }
+  const std::ptrdiff_t end = interface + static_cast<std::ptrdiff_t>(spread.gain.size());
+  const auto add = [&](std::ptrdiff_t i, const Row<kLanes>& t) {
+    store(load(temperature + i * kLanes) + t, temperature + i * kLanes);
+  };
+  const Row<kLanes> q = load(flux);
+  Row<kLanes> t = q * load(response);
+  for (std::ptrdiff_t i = interface; i-- > 0;) add(i, t *= heat.outward[i]);
+  for (std::ptrdiff_t i = interface; i < end; ++i) add(i, t = q * load(response + (i - interface) * kLanes));
+  for (std::ptrdiff_t i = end; i < std::ssize(heat.outward); ++i) add(i, t *= heat.outward[i]);
 }
 
 namespace {
 
-bool is_uniform(int num_vertices, const double* temperature) {
-  for (std::ptrdiff_t i = 1; i < num_vertices; ++i) {
-    bool same = true;
-    for (int l = 0; l < kLanes; ++l) same = same && temperature[i * kLanes + l] == temperature[l];
-    if (!same) return false;
+// The vertices of one body behind z = 0.
+struct Arm {
+  std::ptrdiff_t heated;     // the outermost that is above the far temperature in any lane; z = 0 if none is
+  std::ptrdiff_t outermost;  // of all
+  std::ptrdiff_t outwards;   // to the next vertex: 1 or -1
+};
+
+// The sweeps of a step without flux, over the old temperatures, in place. They work on the temperature above `far`,
+// that of the colder end, the coldest there is: a uniform layer stays uniform to the last bit and no vertex falls below
+// the coldest by rounding.
+template <int kWidth>
+class Sweeps {
+ public:
+  Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
+      : far_(far), heat_(heat), T_(temperature) {}
+
+  // From the outermost heated vertex on: from zeros come zeros. The last one is that next to z = 0.
+  Row<kWidth> eliminate(Arm arm) const {
+    Row<kWidth> t = 0.0;
+    for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
+      t = (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * t;
+      put(i, t);
+    }
+    return t;
   }
-  return true;
+
+  // z = 0, from what both arms bring it.
+  Row<kWidth> meet(const Row<kWidth>& from_soft, const Row<kWidth>& from_hard) const {
+    const std::ptrdiff_t i = heat_.interface;
+    Row<kWidth> t =
+        (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * from_soft + heat_.inward_hard * from_hard;
+    put(i, far_ + t);
+    return t;
+  }
+
+  // From `t`, that of z = 0, until no lane changes any more: what arrives behind the heated vertices only falls.
+  void substitute(Arm arm, Row<kWidth> t) const {
+    std::ptrdiff_t i = heat_.interface;
+    while (i != arm.heated) {
+      i += arm.outwards;
+      t = at(i) + heat_.outward[i] * t;
+      put(i, far_ + t);
+    }
+    for (bool felt = true; felt && i != arm.outermost;) {
+      i += arm.outwards;
+      t *= heat_.outward[i];
+      felt = any_of(far_ + t != far_);
+      put(i, far_ + t);
+    }
+  }
+
+ private:
+  Row<kWidth> at(std::ptrdiff_t i) const { return load<kWidth>(T_ + i * kLanes); }
+  void put(std::ptrdiff_t i, const Row<kWidth>& row) const { store(row, T_ + i * kLanes); }
+
+  Row<kWidth> far_;
+  const HeatOperator& heat_;
+  double* T_;
+};
+
+template <int kWidth>
+void sweep(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
+  const std::ptrdiff_t interface = heat.interface;
+  const std::ptrdiff_t last = num_vertices - 1;
+  const Row<kWidth> far = min(load<kWidth>(before), load<kWidth>(before + last * kLanes));
+
+  // 1. The old temperatures, and how far heat has come. From the front on: read from the far ends, the states of more
+  // nodes than the cache holds come a quarter more slowly.
+  Arm soft{interface, last, 1}, hard{interface, 0, -1};
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    const Row<kWidth> T = load<kWidth>(before + i * kLanes);
+    store(T, after + i * kLanes);
+    if (all_of(T == far)) continue;
+    hard.heated = std::min(hard.heated, i);
+    soft.heated = std::max(soft.heated, i);
+  }
+
+  // 2. The same bits as those of sweeps from end to end.
+  const Sweeps<kWidth> sweeps(heat, far, after);
+  const Row<kWidth> from_soft = sweeps.eliminate(soft);
+  const Row<kWidth> from_hard = sweeps.eliminate(hard);
+  const Row<kWidth> t = sweeps.meet(from_soft, from_hard);
+  sweeps.substitute(soft, t);
+  sweeps.substitute(hard, t);
 }
 
 }  // namespace
 
-// Both sweeps work on the temperature above that of the colder end, the coldest there is: a uniform layer stays uniform
-// to the last bit and no vertex falls below the coldest by rounding.
-void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
-  if (is_uniform(num_vertices, before)) {
-    std::copy_n(before, std::ptrdiff_t{num_vertices} * kLanes, after);
-    return;
-  }
-  const double* forward = heat.forward.data();
-  const double* inverse_pivot = heat.inverse_pivot.data();
-  const double* backward = heat.backward.data();
-  const std::ptrdiff_t n = num_vertices;
-  double far[kLanes];
-  double t[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) far[l] = std::min(before[l], before[(n - 1) * kLanes + l]);
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    for (int l = 0; l < kLanes; ++l) {
-      t[l] = (before[i * kLanes + l] - far[l]) * inverse_pivot[i] + forward[i] * t[l];
-      after[i * kLanes + l] = t[l];
-    }
-  }
-  for (int l = 0; l < kLanes; ++l) after[(n - 1) * kLanes + l] = far[l] + t[l];
-  for (std::ptrdiff_t i = n - 1; i-- > 0;) {
-    for (int l = 0; l < kLanes; ++l) {
-      t[l] = after[i * kLanes + l] + backward[i] * t[l];
-      after[i * kLanes + l] = far[l] + t[l];
-    }
-  }
+[[gnu::flatten]] void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
+  sweep<kLanes>(heat, num_vertices, before, after);
 }
 
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature) {
-  const std::ptrdiff_t n = num_vertices;
-  double* T = temperature + lane;
-  const double far = std::min(T[0], T[(n - 1) * kLanes]);
-  double t = 0.0;
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    t = (T[i * kLanes] - far) * heat.inverse_pivot[i] + heat.forward[i] * t;
-    T[i * kLanes] = t;
-  }
-  T[(n - 1) * kLanes] = far + t;
-  for (std::ptrdiff_t i = n - 1; i-- > 0;) {
-    t = T[i * kLanes] + heat.backward[i] * t;
-    T[i * kLanes] = far + t;
+  sweep<1>(heat, num_vertices, temperature + lane, temperature + lane);
+}
+
+namespace {
+
+// B falls from z = 0 outwards. Half an ulp of T is more than 2^-54 T, and no vertex is half as warm as the ends are.
+template <int kWidth>
+void add(const HeatOperator& heat, int num_vertices, const Row<kWidth>& flux, double* temperature) {
+  const double strongest = hmax(abs(flux));
+  const double coldest =
+      hmin(min(load<kWidth>(temperature), load<kWidth>(temperature + std::ptrdiff_t{num_vertices - 1} * kLanes)));
+  const double felt = 0x1p-55 * coldest;
+  const auto unfelt = [&](double response) { return strongest * response < felt; };
+  const auto interface = heat.response.begin() + heat.interface;
+  const std::ptrdiff_t first = std::partition_point(heat.response.begin(), interface, unfelt) - heat.response.begin();
+  const std::ptrdiff_t end =
+      std::partition_point(interface, heat.response.end(), std::not_fn(unfelt)) - heat.response.begin();
+  for (std::ptrdiff_t i = first; i < end; ++i) {
+    double* T = temperature + i * kLanes;
+    store(load<kWidth>(T) + flux * heat.response[i], T);
   }
 }
 
+}  // namespace
+
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature) {
-  double strongest = 0.0;
-  double coldest = temperature[0];
-  for (int l = 0; l < kLanes; ++l) {
-    strongest = std::max(strongest, std::abs(flux[l]));
-    coldest = std::min({coldest, temperature[l], temperature[std::ptrdiff_t{num_vertices - 1} * kLanes + l]});
-  }
-  // B falls from z = 0 outwards. Half an ulp of T is more than 2^-54 T, and no vertex is half as warm as the ends are.
-  const double felt = 0x1p-55 * coldest;
-  const auto unfelt = [&](double response) { return strongest * response < felt; };
-  const std::ptrdiff_t first =
-      std::partition_point(heat.response.begin(), heat.response.begin() + heat.interface, unfelt) -
-      heat.response.begin();
-  const std::ptrdiff_t end = std::partition_point(heat.response.begin() + heat.interface,
-                                                  heat.response.begin() + num_vertices, std::not_fn(unfelt)) -
-                             heat.response.begin();
-  for (std::ptrdiff_t i = first; i < end; ++i) {
-    for (int l = 0; l < kLanes; ++l) temperature[i * kLanes + l] += flux[l] * heat.response[i];
-  }
+  add(heat, num_vertices, load(flux), temperature);
 }
 
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature) {
-  for (std::ptrdiff_t i = 0; i < num_vertices; ++i) temperature[i * kLanes + lane] += flux * heat.response[i];
+  add(heat, num_vertices, Row<1>(flux), temperature + lane);
 }
 
 }  // namespace shearbus::physics

@@ -15,11 +15,13 @@ namespace shearbus::physics {
 // begins with the layer's last cell and widens by kExtensionGrading up to kExtensionDepth thicknesses, where it is
 // insulated. Its vertices hold the geometric mean of their two cells: on geometric cells that makes the response of the
 // discrete half-space that of the real one (arithmetic means leave it (ln grading)^2/16 too stiff, at all times), so
-// few wide cells will do. Where the hard body conducts too, its vertices come first, the outermost leading: one line of
-// cells through z = 0.
+// few wide cells will do. A matched grid goes on as it is graded, and its cells are as much longer to heat as makes up
+// for its arithmetic means. Where the hard body conducts too, its vertices come first, the outermost leading: one line
+// of cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
+  static constexpr double kLeastMatchedGrading = 1.001;  // of a matched grid's extension
 
   HeatGrid(const Grid& soft, FarBoundary far_boundary);
   HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary);
@@ -30,15 +32,16 @@ struct HeatGrid {
   double capacity(int vertex, const Material& soft, const Material& hard) const;
 
   int interface = 0;           // the vertex at z = 0
-  std::vector<double> width;   // of each cell                                   [m]
+  std::vector<double> width;   // of each cell, as heat sees it                  [m]
   std::vector<double> weight;  // of each vertex: the length whose heat it holds; at z = 0 that in the soft body [m]
   double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
-//   t[i] = (old[i] + a[i] t[i-1] + c[i] t[i+1]) / (1 + a[i] + c[i]),   a = alpha dt / (weight * width before), c after
-// Every coefficient is positive and no difference is taken, so neither is anything cancelled: the elimination is
-// accurate to rounding for any dt and grading.
+//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   a = alpha dt / (weight * width before), c after
+// Eliminated from both far ends towards z = 0, solved for from z = 0 outwards: where nothing is above the far
+// temperature yet there is nothing to eliminate, and what arrives there only dies away. Every coefficient is positive
+// and no difference is taken, so neither is anything cancelled: accurate to rounding for any dt and grading.
 struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
@@ -49,10 +52,11 @@ struct HeatOperator {
 
   double dt;                        // [s]
   int interface;                    // the vertex at z = 0
-  std::span<double> forward;        // a[i] / pivot[i]
   std::span<double> inverse_pivot;  // 1 / pivot[i]
-  std::span<double> backward;       // c[i] / pivot[i]
-  std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+  std::span<double> inward;    // what the elimination carries on to vertex i from its outer neighbour, over pivot[i]
+  std::span<double> outward;   // t[i] / t[i's inner neighbour] where nothing was; at z = 0 none
+  double inward_hard;          // as `inward`: to z = 0 from the hard body; there `inward` is from the soft one
+  std::span<double> response;  // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 
@@ -60,18 +64,11 @@ struct HeatOperator {
   std::unique_ptr<double[]> memory_;  // one block: a step length costs few allocations
 };
 
-// What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices, and how the
-// temperature they make dies away behind the last of them. The rows behind are folded into the last vertex's pivot
-// (again without a difference), so that a response is held at the layer's vertices only.
+// What heat released across the layer needs beside HeatOperator: its sources at the layer's vertices.
 struct SpreadHeat {
-  SpreadHeat(const HeatGrid& grid, const HeatOperator& heat, int layer_vertices, const Material& soft,
-             const Material& hard);
+  SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  int layer_vertices;
-  std::vector<double> gain;     // dt / capacity of each vertex of the layer: rise per source          [K m2/W]
-  std::vector<double> outward;  // t[i] / t[i-1] behind the layer
-  double last_forward;          // as HeatOperator's, of the layer's last vertex with the rows behind folded in
-  double last_inverse_pivot;
+  std::vector<double> gain;  // dt / capacity of each vertex of the layer: rise per source  [K m2/W]
 };
 
 // Temperature after a step from 0 K with 1 W/m2 shared over the layer as `shape` says, [vertex][lane] of the layer.
@@ -81,15 +78,15 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
-// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same. Where every
-// lane is uniform nothing is solved: the sweeps would give the same bits.
+// All lanes of a tile, without flux: from `before` to `after`, both [vertex][lane]. They may be the same. Vertices that
+// have the far temperature, and to which nothing comes in this step that would change a bit, are not solved.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // The same for one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
-// T = T_ad + q B, DLP (35), all lanes. Vertices where q B is below half an ulp of the coldest temperature are not
-// touched: it would not change a bit of theirs.
+// T = T_ad + q B, DLP (35), all lanes or one. Vertices where q B is below half an ulp of the coldest temperature are
+// not touched: it would not change a bit of theirs.
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
 

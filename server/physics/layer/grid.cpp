@@ -2,7 +2,7 @@
 
 namespace shearbus::physics {
 
-Grid::Grid(const GridOptions& options) {
+Grid::Grid(const GridOptions& options) : grading(options.grading), matched(options.matched) {
   const int n = options.cells;
   const double r = options.grading;
   // Widths w r^j with sum h. Summed, not by the closed form: its powers would take their last bits from the C library.

@@ -185,12 +185,22 @@ HeatModes::HeatModes(const HeatKernel& of, const ModesOptions& options) : kernel
   weight = std::move(best.weight);
 }
 
-ModeOperator::ModeOperator(const HeatModes& modes, double step)
-    : dt(step), interface(modes.num_rows() - 1), response(modes.kernel.integral(step)) {
+ModeOperator::ModeOperator(int num_rows, double step)
+    : dt(step),
+      interface(num_rows - 1),
+      decay(static_cast<std::size_t>(num_rows) - 2),
+      gain(static_cast<std::size_t>(num_rows) - 2) {}
+
+ModeOperator::ModeOperator(const HeatModes& modes, double step) : ModeOperator(modes.num_rows(), step) {
+  fill(modes);
+}
+
+void ModeOperator::fill(const HeatModes& modes) {
+  response = modes.kernel.integral(dt);
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
     const double x = modes.rate[j] * dt;
-    decay.push_back(exponential(-x));
-    gain.push_back(modes.weight[j] * dt * (x > 0.0 ? -exponential_minus_1(-x) / x : 1.0));
+    decay[j] = exponential(-x);
+    gain[j] = modes.weight[j] * dt * (x > 0.0 ? -exponential_minus_1(-x) / x : 1.0);
   }
 }
 

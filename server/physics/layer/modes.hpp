@@ -56,10 +56,13 @@ struct HeatModes {
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
   ModeOperator(const HeatModes& modes, double step, double early);
+  // Its memory alone, for fill().
+  ModeOperator(int num_rows, double step);
+  void fill(const HeatModes& modes);
 
   double dt;                       // [s]
   int interface;                   // the row of T0
-  double response;                 // B0: of T0 to q          [K m2/W]
+  double response = 0.0;           // B0: of T0 to q          [K m2/W]
   double early_response = 0.0;     // of T0 to q_early        [K m2/W]
   std::vector<double> decay;       // exp(-rate dt)
   std::vector<double> gain;        // of each mode to q       [K m2/W]

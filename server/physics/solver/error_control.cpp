@@ -1,192 +1,291 @@
-// Models that are told a tolerance in place of cells and steps (MODEL.md section 3c).
+// Models that are told a tolerance: a step is cut until its error is below it (MODEL.md section 3c).
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <utility>
+#include <cstdint>
 #include <vector>
 
-#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/layer/modes.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/rigid_slip.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
 namespace {
 
-constexpr double kShortTime = 1e-9;   // the first cells resolve how far heat goes in this time  [s]
-constexpr double kGrowth = 8.0;       // of neighbouring cells, over tolerance^kGrowthOrder
-constexpr double kGrowthOrder = 0.7;  // measured: near melting the flow gathers on the grid, between orders 1 and 2
-constexpr double kLeastGrowth = 1e-3;
-constexpr double kKernelShare = 0.1;    // of the tolerance: the error of the modes' kernel
-constexpr double kSubstepShare = 0.25;  // of the tolerance: what halving the substeps may change in one step
-constexpr double kJumpSteps = 30.0;  // a jump that is off stays so: it heats as in a thousand steps, whose root this is
-constexpr double kKink = 10.0;       // how much further off than halving tells, where the slip turns or stops
-constexpr double kLeastRange = 0.01;   // of T_melt: what a tolerance is a part of where a layer starts near melting
-constexpr double kLongestTime = 1e-3;  // heat older than this is forgotten by a half-space without profile  [s]
+constexpr double kStepShare = 0.25;  // of the tolerance: what a step may change when its substeps are halved
+// Of what is left of that a substep may take what it is of the rest of the step, and at least
+constexpr double kEarlyShare = 0.05;    // of it in as much time as has passed, for steps that start suddenly
+constexpr double kRefinedShare = 0.25;  // of it where it had to be refined, for what is sudden later
+constexpr double kLittle = 1.0 / 6.0;   // of its share: after such a change the next may be twice as long
 
-// Cells grow by a ratio g outward, from (g - 1) delta, where delta is how far heat goes in kShortTime: then every cell
-// is (g - 1) times as wide as its distance from there.
-GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance) {
-  const double growth = 1.0 + std::clamp(kGrowth * std::pow(tolerance, kGrowthOrder), kLeastGrowth, 1.0);
-  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * kShortTime);  // of the last cell to the first
-  grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
-  grid.grading = std::pow(ratio, 1.0 / grid.cells);
-  return grid;
-}
+constexpr double kJumpTime = 1e-6;    // a jump that is off stays so: it heats for so long  [s]
+constexpr double kLeastRange = 0.01;  // of T_melt: what a tolerance is a part of where a layer starts near melting
+constexpr int kMostHalvings = 22;
+constexpr int kMostAttempts = 1024;  // of one step of a lane: then it takes the rest as it comes,
+constexpr int kHurriedPieces = 64;   // in about so many
 
-// Two states of one tile beside the caller's two.
+// Three states of one tile beside the caller's two.
 struct Scratch {
-  std::vector<double> first, second;
+  std::vector<double> now;         // accepted so far
+  std::vector<double> half, fine;  // after the first half of the next substep, and after both
 };
 Scratch& scratch_of(std::size_t doubles) {
   thread_local Scratch scratch;
-  if (scratch.first.size() < doubles) {
-    scratch.first.resize(doubles);
-    scratch.second.resize(doubles);
+  for (std::vector<double>* tile : {&scratch.now, &scratch.half, &scratch.fine}) {
+    if (tile->size() < doubles) tile->resize(doubles);
   }
   return scratch;
 }
 
-void add_substep(const TileOutputs& out, std::uint32_t active, double share, bool forced, TileOutputs& sum) {
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(active >> l & 1u)) continue;
-    // The host of a force-driven step exchanges momentum with the mean; velocity-driven it is told the stress at the
-    // end.
-    sum.shear_stress[l] = forced ? sum.shear_stress[l] + share * out.shear_stress[l] : out.shear_stress[l];
-    sum.sliding_velocity[l] += share * out.sliding_velocity[l];
-    sum.friction_heat[l] += out.friction_heat[l];
-    sum.velocity_jump_new[l] = out.velocity_jump_new[l];
-    sum.interface_temperature[l] = out.interface_temperature[l];
-    sum.regime[l] = out.regime[l];
-    sum.outcome[l] |= out.outcome[l];
+// What a lane's substep answered: a part of TileOutputs.
+struct Answer {
+  double stress = 0.0, slip = 0.0, T0 = 0.0, jump_new = 0.0, heat = 0.0;
+  Regime regime = Regime::kOpen;
+  std::uint8_t outcome = 0;
+};
+Answer answer_of(const TileOutputs& out, int l) {
+  return {out.shear_stress[l],
+          out.sliding_velocity[l],
+          out.interface_temperature[l],
+          out.velocity_jump_new[l],
+          out.friction_heat[l],
+          out.regime[l],
+          out.outcome[l]};
+}
+
+// `share` of the step after what `sum` holds. The host of a force-driven step exchanges momentum with the mean stress;
+// velocity-driven it is told that at the end.
+void add(const Answer& next, double share, bool forced, Answer& sum) {
+  sum.stress = forced ? sum.stress + share * next.stress : next.stress;
+  sum.slip += share * next.slip;
+  sum.T0 = next.T0;
+  sum.jump_new = next.jump_new;
+  sum.heat += next.heat;
+  sum.regime = next.regime;
+  sum.outcome |= next.outcome;
+}
+
+// A step of one lane on its way.
+struct Progress {
+  int level = 0;        // tried next: dt / 2^level, against two halves of it
+  std::int64_t at = 0;  // where that begins, in units of the shortest substep
+  Answer sum;           // so far
+  Answer coarse;        // of the next in one piece, where that is known
+  bool coarse_known = true;
+  bool refined = false;  // it is shorter than the one before it because of that one's change
+  int attempts = 0;
+  double left = 0.0;      // of what the step may change
+  double estimate = 0.0;  // what it has changed
+};
+
+// By how much a jump is off after a substep from `before` to `after` in which it turns or stops: as one stress acts in
+// it from the start on, all pieces it is halved into may be off alike, so that no halving tells. Until it turns the
+// jump falls by A + 2 b s per substep, from then on it rises by A; taken to change by A throughout, it ends so much too
+// far. Where it seems to stop and the far stresses are more than slip has carried, it may be anywhere below what it
+// was.
+double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
+                     double stress) {
+  if (before == 0.0 || before * after > 0.0) return 0.0;
+  if (after == 0.0) {
+    const bool holds = std::abs(forcing.acceleration) <= forcing.mobility * std::abs(stress_before);
+    return holds ? 0.0 : std::abs(before);
   }
+  const double rise = std::abs(before) + std::abs(after);
+  const double turned = 2.0 * dt * forcing.mobility * std::abs(stress);
+  return std::abs(before) / (1.0 + rise / turned);
 }
 
-// The step of the active lanes in equal substeps from `committed`; returns the state they end in.
-const double* advance_in_substeps(const Problem& problem, const StepOperators& substep, int substeps,
-                                  const TileInputs& given, const double* committed, Scratch& scratch,
-                                  TileOutputs& sum) {
-  TileInputs inputs = given;
-  const bool forced = problem.options.strategy == Strategy::kForceDriven;
-  const double* from = committed;
-  double* to = scratch.first.data();
-  double* other = scratch.second.data();
-  for (int j = 0; j < substeps; ++j) {
-    TileOutputs out;
-    advance_once(problem, substep, inputs, from, to, out);
-    add_substep(out, inputs.active, 1.0 / substeps, forced, sum);
-    if (forced) std::copy_n(out.velocity_jump_new, kLanes, inputs.velocity_jump);
-    inputs.stress_before = nullptr;  // from here on the state's own
-    from = to;
-    std::swap(to, other);
+bool is_in(std::uint32_t lanes, int lane) {
+  return (lanes >> lane & 1u) != 0;
+}
+
+// Each lane goes through its step in substeps of its own: one is accepted if two halves of it answer the same but for
+// its share of the tolerance, else its first half is tried; where they differ by little the next is twice as long.
+// Lanes whose next substeps are as long are solved together, those of the shortest first, so that they meet again. What
+// a lane does depends on its own step alone.
+class ControlledStep {
+ public:
+  ControlledStep(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                 const double* committed, double* trial, TileOutputs& outputs)
+      : problem_(problem),
+        operators_(operators),
+        inputs_(inputs),
+        committed_(committed),
+        trial_(trial),
+        outputs_(outputs),
+        forced_(problem.options.strategy == Strategy::kForceDriven),
+        deepest_(operators.most_times_halved()),
+        end_(std::int64_t{1} << deepest_),
+        response_(problem.modes ? operators.modes().response : operators.heat().layer_response()[0]),
+        tiles_(scratch_of(problem.layout.doubles)),
+        now_(inputs),
+        open_(inputs.active) {}
+
+  void run() {
+    begin();
+    while (open_ != 0) {
+      int level = 0;
+      for (int l = 0; l < kLanes; ++l) {
+        if (is_in(open_, l)) level = std::max(level, lanes_[l].level);
+      }
+      std::uint32_t together = 0;
+      for (int l = 0; l < kLanes; ++l) {
+        if (is_in(open_, l) && lanes_[l].level == level) together |= 1u << l;
+      }
+      solve(level, together);
+      for (int l = 0; l < kLanes; ++l) {
+        if (is_in(together, l)) judge(l);
+      }
+    }
   }
-  return from;
-}
 
-// What substeps add up to, as the answer of the one step that the host asked for.
-void take_lane(const Problem& problem, const TileInputs& inputs, const TileOutputs& sum, int l, TileOutputs& outputs) {
-  outputs.shear_stress[l] = sum.shear_stress[l];
-  outputs.sliding_velocity[l] = sum.sliding_velocity[l];
-  outputs.interface_temperature[l] = sum.interface_temperature[l];
-  outputs.velocity_jump_new[l] = sum.velocity_jump_new[l];
-  outputs.friction_heat[l] = sum.friction_heat[l];
-  outputs.regime[l] = sum.regime[l];
-  outputs.outcome[l] = sum.outcome[l];
-  // Where the slip reverses its mean could oppose the stress; friction does no negative work.
-  if (sum.shear_stress[l] * sum.sliding_velocity[l] < 0.0) outputs.sliding_velocity[l] = 0.0;
-  if (problem.options.strategy == Strategy::kVelocityDriven) {
-    const double jump = inputs.velocity_jump[l];
-    const bool carried = std::abs(sum.sliding_velocity[l] - jump) <= kOutsideDomainShare * std::abs(jump);
-    outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);
-    if (!carried) outputs.outcome[l] |= kOutsideDomain;
+ private:
+  // The whole step in one piece.
+  void begin() {
+    const std::size_t stress = problem_.layout.shear_stress;
+    advance_once(problem_, operators_, inputs_, committed_, trial_, outputs_);
+    now_.stress_before = nullptr;  // from here on the state's own
+    std::copy_n(committed_, problem_.layout.doubles, tiles_.now.data());
+    for (int l = 0; l < kLanes; ++l) {
+      if (!is_in(open_, l)) continue;
+      lanes_[l].coarse = answer_of(outputs_, l);
+      lanes_[l].left = kStepShare * *problem_.options.tolerance;
+      if (inputs_.stress_before) tiles_.now[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
+    }
   }
-}
 
-// How far apart two answers of one lane are, as a temperature: T0 itself; the heat released, which shows in T0 when it
-// has left melting; and the host's new jump.
-double distance(const TileOutputs& a, const TileOutputs& b, int l, double response, double dt, double heat_partition) {
-  const double heat = response / dt * std::abs(a.friction_heat[l] - b.friction_heat[l]);
-  const double stress = std::max(std::abs(a.shear_stress[l]), std::abs(b.shear_stress[l]));
-  const double jump = std::abs(a.velocity_jump_new[l] - b.velocity_jump_new[l]);
-  return std::max({std::abs(a.interface_temperature[l] - b.interface_temperature[l]), heat,
-                   kJumpSteps * heat_partition * response * stress * jump});
-}
+  // The next substep of some lanes in one piece, where that is not known yet, and in two.
+  void solve(int level, std::uint32_t together) {
+    now_.active = 0;
+    for (int l = 0; l < kLanes; ++l) {
+      if (is_in(together, l) && !lanes_[l].coarse_known) now_.active |= 1u << l;
+    }
+    if (now_.active != 0) {
+      TileOutputs piece{};
+      advance_once(problem_, operators_.halved(level), now_, tiles_.now.data(), tiles_.half.data(), piece);
+      for (int l = 0; l < kLanes; ++l) {
+        if (is_in(now_.active, l)) lanes_[l].coarse = answer_of(piece, l);
+      }
+    }
+    const StepOperators& halves = operators_.halved(level + 1);
+    now_.active = together;
+    advance_once(problem_, halves, now_, tiles_.now.data(), tiles_.half.data(), first_);
+    TileInputs then = now_;
+    if (forced_) std::copy_n(first_.velocity_jump_new, kLanes, then.velocity_jump);
+    advance_once(problem_, halves, then, tiles_.half.data(), tiles_.fine.data(), second_);
+  }
 
-// Whether the step has a kink, at which halvings may agree by chance: a host's jump that stops or turns, or what a
-// second-order step left to the first order.
-bool has_kink(const TileInputs& inputs, const TileOutputs& out, int l) {
-  const double jump = inputs.velocity_jump[l];
-  const bool turns = jump != 0.0 && !(out.velocity_jump_new[l] * std::copysign(1.0, jump) > 0.0);
-  return turns || (out.outcome[l] & kFirstOrder) != 0;
-}
+  void judge(int l) {
+    Progress& lane = lanes_[l];
+    const Answer one = answer_of(first_, l), two = answer_of(second_, l);
+    if (((one.outcome | two.outcome) & kFailed) != 0) {
+      open_ &= ~(1u << l);
+      keep_lane(problem_, inputs_, committed_, trial_, l, outputs_);
+      outputs_.error_estimate[l] = 0.0;
+      return;
+    }
+    const std::int64_t length = end_ >> lane.level;
+    const double of_rest = static_cast<double>(length) / static_cast<double>(end_ - lane.at);
+    const double of_past = static_cast<double>(length) / static_cast<double>(lane.at + length);
+    const double change = change_of(l, one, two, of_rest);
+    const double share = lane.left * std::max(of_rest, kEarlyShare * of_past);
+    const double allowed = lane.refined ? std::max(share, kRefinedShare * lane.left) : share;
+    const bool hurries = ++lane.attempts > kMostAttempts;
+    if (change > allowed && lane.level + 1 < deepest_ && !hurries) {
+      ++lane.level;
+      lane.coarse = one;
+      lane.coarse_known = true;
+      lane.refined = true;
+      return;
+    }
+    copy_lane(tiles_.fine.data(), tiles_.now.data(), problem_.layout.doubles, l);
+    if (forced_) now_.velocity_jump[l] = two.jump_new;
+    const double half = std::ldexp(0.5, -lane.level);
+    add(one, half, forced_, lane.sum);
+    add(two, half, forced_, lane.sum);
+    lane.estimate += change;
+    // What could not be kept sets the measure for the rest.
+    lane.left = change > allowed ? std::max(lane.left, change) : lane.left - change;
+    lane.at += length;
+    lane.coarse_known = false;
+    lane.refined = false;
+    const bool fits = lane.level > 0 && lane.at % (2 * length) == 0;
+    if (fits && (hurries ? end_ - lane.at > kHurriedPieces * length : change <= kLittle * share)) --lane.level;
+    if (lane.at == end_) take(l);
+  }
+
+  // How far one piece is from two, as what it makes T0 off at the end of the step, in parts of what it has to melting:
+  // T0 itself, of whose error diffusion leaves ever less; the heat released, which shows in T0 when it has left
+  // melting; and the host's new jump, which goes on heating. `of_rest`: the piece of what the step has left.
+  double change_of(int l, const Answer& one, const Answer& two, double of_rest) const {
+    const Answer& coarse = lanes_[l].coarse;
+    const double dt = operators_.dt();
+    const double T0 = std::abs(two.T0 - coarse.T0) * (of_rest * std::sqrt(of_rest));
+    const double heat = response_ / dt * std::abs(one.heat + two.heat - coarse.heat);
+    double jump = 0.0;
+    if (forced_) {
+      const Forcing forcing = forcing_of(inputs_, l);
+      const double half = std::ldexp(0.5 * dt, -lanes_[l].level);
+      const double stress_before = tiles_.now[problem_.layout.shear_stress + static_cast<std::size_t>(l)];
+      const double off = std::abs(two.jump_new - coarse.jump_new) +
+                         turning_error(forcing, half, now_.velocity_jump[l], one.jump_new, stress_before, one.stress) +
+                         turning_error(forcing, half, one.jump_new, two.jump_new, one.stress, two.stress);
+      const double stress = std::max(std::abs(two.stress), std::abs(coarse.stress));
+      jump = std::sqrt(std::max(1.0, kJumpTime / dt)) * problem_.heat_partition * response_ * stress * off;
+    }
+    const double T_melt = problem_.options.soft.melting_temperature;
+    const double range = std::max(T_melt - problem_.options.initial_temperature, kLeastRange * T_melt);
+    return std::max({T0, heat, jump}) / range;
+  }
+
+  // What the substeps add up to, as the answer of the one step that the host asked for.
+  void take(int l) {
+    const Answer& sum = lanes_[l].sum;
+    open_ &= ~(1u << l);
+    copy_lane(tiles_.now.data(), trial_, problem_.layout.doubles, l);
+    trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
+    outputs_.error_estimate[l] = lanes_[l].estimate;
+    outputs_.shear_stress[l] = sum.stress;
+    // Where the slip reverses its mean could oppose the stress; friction does no negative work.
+    outputs_.sliding_velocity[l] = sum.stress * sum.slip < 0.0 ? 0.0 : sum.slip;
+    outputs_.interface_temperature[l] = sum.T0;
+    outputs_.velocity_jump_new[l] = sum.jump_new;
+    outputs_.friction_heat[l] = sum.heat;
+    outputs_.regime[l] = sum.regime;
+    outputs_.outcome[l] = sum.outcome;
+    if (forced_) return;
+    outputs_.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);
+    outputs_.outcome[l] |= outside_domain(sum.slip, inputs_.velocity_jump[l]);
+  }
+
+  const Problem& problem_;
+  const StepOperators& operators_;
+  const TileInputs& inputs_;
+  const double* committed_;
+  double* trial_;
+  TileOutputs& outputs_;
+  const bool forced_;
+  const int deepest_;
+  const std::int64_t end_;  // of the step, in units of its shortest substep
+  const double response_;   // B0 of the whole step
+  Scratch& tiles_;
+  TileInputs now_;      // of what comes next
+  std::uint32_t open_;  // lanes on their way
+  Progress lanes_[kLanes];
+  TileOutputs first_{}, second_{};  // of the halves solved last
+};
 
 }  // namespace
 
-ModelOptions discretised(ModelOptions options, double tolerance) {
-  options.tolerance = tolerance;
-  const bool first_order = options.plastic_layer || options.junctions || options.inertia ||
-                           options.interface.friction_law != FrictionLaw{} ||
-                           options.soft.flow_law != FlowLaws::place<SteinbergCochranGuinan>();
-  options.time_integrator = first_order ? TimeIntegrator::kBackwardEuler : TimeIntegrator::kSdirk2;
-  options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance);
-  if (options.hard_grid) {
-    options.hard_grid->cells = options.grid.cells;
-    options.hard_grid->grading = options.grid.grading;
-  } else if (options.strategy == Strategy::kForceDriven && !options.plastic_layer) {
-    options.modes = {
-        .accuracy = kKernelShare * tolerance, .shortest_step = kShortestControlledStep, .longest_time = kLongestTime};
-  }
-  return options;
+int most_times_halved(double dt) {
+  const double shortest = kShortestControlledStep / HeatModes::kHalvingsCovered;
+  return std::clamp(std::ilogb(dt / shortest), 1, kMostHalvings);
 }
 
-std::string discretisation_of(const ModelOptions& options, std::size_t modes) {
-  const char* integrator = options.time_integrator == TimeIntegrator::kSdirk2 ? "sdirk2" : "backward Euler";
-  char text[160];
-  if (modes > 0) {
-    std::snprintf(text, sizeof text, "tolerance %g: no cells but %zu modes, %s in 2 to 64 substeps", *options.tolerance,
-                  modes, integrator);
-  } else {
-    std::snprintf(text, sizeof text, "tolerance %g: %d cells growing by %.4g, %s in 2 to 64 substeps",
-                  *options.tolerance, options.grid.cells, options.grid.grading, integrator);
-  }
-  return text;
-}
-
-// Each lane is halved until halving changes its answer by no more than its share of the tolerance, or the operators
-// end; it looks at nothing but its own step.
 void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                         const double* committed, double* trial, TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  const double T_melt = problem.options.soft.melting_temperature;
-  const double scale = 1.0 / std::max(T_melt - problem.options.initial_temperature, kLeastRange * T_melt);
-  const double allowed = kSubstepShare * *problem.options.tolerance;
-  Scratch& scratch = scratch_of(layout.doubles);
-  advance_once(problem, operators, inputs, committed, trial, outputs);
-  const double response = problem.modes ? operators.modes().front().response : operators.heat().layer_response()[0];
-  TileOutputs coarser = outputs;
-  TileInputs open = inputs;
-  for (int times = 1; open.active != 0; ++times) {
-    TileOutputs finer{};
-    const double* states =
-        advance_in_substeps(problem, operators.halved(times), 1 << times, open, committed, scratch, finer);
-    for (int l = 0; l < kLanes; ++l) {
-      if (!(open.active >> l & 1u)) continue;
-      const double kink = has_kink(inputs, finer, l) ? kKink : 1.0;
-      const double change =
-          kink * scale * distance(finer, coarser, l, response, operators.dt(), problem.heat_partition);
-      if (change > allowed && times < operators.times_halved()) continue;
-      open.active &= ~(1u << l);
-      outputs.error_estimate[l] = change;
-      if ((finer.outcome[l] & kFailed) != 0) {
-        keep_lane(problem, inputs, committed, trial, l, outputs);
-        continue;
-      }
-      copy_lane(states, trial, layout.doubles, l);
-      take_lane(problem, inputs, finer, l, outputs);
-      trial[layout.shear_stress + static_cast<std::size_t>(l)] = outputs.shear_stress[l];
-    }
-    coarser = finer;
-  }
+  ControlledStep(problem, operators, inputs, committed, trial, outputs).run();
 }
 
 }  // namespace shearbus::physics

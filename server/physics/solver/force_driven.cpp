@@ -1,7 +1,6 @@
 // The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
 // stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
 #include <cstddef>
-#include <span>
 
 #include "server/physics/solver/interface_step.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -69,10 +68,9 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs) {
   if (problem.modes) {
-    const std::span<const ModeOperator> modes = operators.modes();
     advance(
-        problem, [&](int k) -> const ModeOperator& { return modes[static_cast<std::size_t>(k)]; },
-        static_cast<int>(modes.size()) - 1, inputs, committed, trial, outputs);
+        problem, [&](int k) -> const ModeOperator& { return k == 0 ? operators.modes() : operators.modes_halved(k); },
+        operators.max_halvings(), inputs, committed, trial, outputs);
   } else {
     advance(
         problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },

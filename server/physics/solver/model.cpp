@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/ledger.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/text.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -89,12 +89,6 @@ ModelOptions in_full(ModelOptions options) {
   return options;
 }
 
-std::string text_of(const char* format, double a, double b) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, a, b);
-  return text;
-}
-
 }  // namespace
 
 Problem::Problem(const ModelOptions& model_options)
@@ -153,29 +147,27 @@ std::vector<std::string> Model::warnings() const {
   const ModelOptions& o = impl_->options;
   std::vector<std::string> warnings;
   if (o.hard.yield_strength < o.soft.yield_strength) {
-    warnings.push_back(
-        text_of("the hard body's yield strength (%g Pa) is below the soft body's (%g Pa): the layer that flows "
-                "should be the weaker body, name it soft",
-                o.hard.yield_strength, o.soft.yield_strength));
+    warnings.push_back(text_of("the hard body's yield strength (", o.hard.yield_strength,
+                               " Pa) is below the soft body's (", o.soft.yield_strength,
+                               " Pa): the layer that flows should be the weaker body, name it soft"));
   }
   if (o.grid.far_boundary == FarBoundary::kInsulated) {
     const double h = o.grid.thickness;
-    warnings.push_back(
-        text_of("the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after %.3g s, for longer runs "
-                "take a thicker layer than %g m or far_boundary = \"half_space\"",
-                h * h / (9.0 * o.soft.diffusivity), h));
+    warnings.push_back(text_of("the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after ",
+                               Digits{3, h * h / (9.0 * o.soft.diffusivity)},
+                               " s, for longer runs take a thicker layer than ", h,
+                               " m or far_boundary = \"half_space\""));
   }
   if (o.hard_grid && o.hard_grid->far_boundary == FarBoundary::kInsulated) {
     const double h = o.hard_grid->thickness;
-    warnings.push_back(
-        text_of("the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after %.3g s, for "
-                "longer runs take a thicker hard layer than %g m or hard_layer.far_boundary = \"half_space\"",
-                h * h / (9.0 * o.hard.diffusivity), h));
+    warnings.push_back(text_of("the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after ",
+                               Digits{3, h * h / (9.0 * o.hard.diffusivity)},
+                               " s, for longer runs take a thicker hard layer than ", h,
+                               " m or hard_layer.far_boundary = \"half_space\""));
   }
   if (o.hard_grid && o.hard.melting_temperature < o.soft.melting_temperature) {
-    warnings.push_back(
-        text_of("the hard body melts at %g K, below the soft body's %g K: it is heated as if it stayed solid",
-                o.hard.melting_temperature, o.soft.melting_temperature));
+    warnings.push_back(text_of("the hard body melts at ", o.hard.melting_temperature, " K, below the soft body's ",
+                               o.soft.melting_temperature, " K: it is heated as if it stayed solid"));
   }
   if (o.taylor_quinney_factor) {
     warnings.emplace_back(
@@ -185,22 +177,20 @@ std::vector<std::string> Model::warnings() const {
   }
   if (o.tolerance) warnings.push_back(discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
   if (o.initial_temperature >= o.soft.melting_temperature) {
-    warnings.push_back(
-        text_of("the initial temperature (%g K) is not below the soft body's melting temperature (%g K): the "
-                "layer carries no stress",
-                o.initial_temperature, o.soft.melting_temperature));
+    warnings.push_back(text_of("the initial temperature (", o.initial_temperature,
+                               " K) is not below the soft body's melting temperature (", o.soft.melting_temperature,
+                               " K): the layer carries no stress"));
   }
   if (o.junctions && o.junctions->metal.yield_strength_max < o.junctions->metal.yield_strength) {
-    warnings.push_back(
-        text_of("the junctions' saturation strength (%g Pa) is below the interface's yield strength (%g Pa): they do "
-                "not harden",
-                o.junctions->metal.yield_strength_max, o.junctions->metal.yield_strength));
+    warnings.push_back(text_of("the junctions' saturation strength (", o.junctions->metal.yield_strength_max,
+                               " Pa) is below the interface's yield strength (", o.junctions->metal.yield_strength,
+                               " Pa): they do not harden"));
   }
   if ((o.strategy == Strategy::kVelocityDriven || o.plastic_layer) &&
       strength_ceiling(o.soft) < o.soft.yield_strength) {
-    warnings.push_back(
-        text_of("the saturation strength (%g Pa) is below the yield strength (%g Pa): the layer does not harden",
-                o.soft.yield_strength_max, o.soft.yield_strength));
+    warnings.push_back(text_of("the saturation strength (", o.soft.yield_strength_max,
+                               " Pa) is below the yield strength (", o.soft.yield_strength,
+                               " Pa): the layer does not harden"));
   }
   return warnings;
 }
@@ -230,20 +220,20 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  const ModelOptions& options = impl_->options;
-  const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
-  // `times`: the step is itself one so often halved, and no substep becomes shorter than the shortest of the whole one.
-  const auto operators_of = [&](double step, int times) {
-    const int halvings = options.strategy == Strategy::kForceDriven ? kMaxHalvings - times : 0;
-    if (impl_->modes) return std::make_unique<StepOperators>(*impl_->modes, step, halvings, stages);
-    return std::make_unique<StepOperators>(impl_->grid, impl_->heat_grid, options.soft, options.hard, step, halvings,
-                                           options.taylor_quinney_factor.has_value(), stages,
-                                           impl_->basis ? &*impl_->basis : nullptr);
+  // `times`: the step is itself one so often halved, and no substep taken where an answer has a choice becomes shorter
+  // than the shortest of the whole one.
+  const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
+    const ModelOptions& options = problem->options;
+    const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
+    const double step = std::ldexp(dt, -times);
+    const int halvings = options.strategy == Strategy::kForceDriven ? std::max(0, kMaxHalvings - times) : 0;
+    if (problem->modes) return std::make_unique<StepOperators>(*problem->modes, step, halvings, stages);
+    return std::make_unique<StepOperators>(problem->grid, problem->heat_grid, options.soft, options.hard, step,
+                                           halvings, options.taylor_quinney_factor.has_value(), stages,
+                                           problem->basis ? &*problem->basis : nullptr);
   };
-  std::unique_ptr<StepOperators> operators = operators_of(dt, 0);
-  for (int times = 1; options.tolerance && times <= kMaxHalvings; ++times) {
-    operators->add_halved(operators_of(std::ldexp(dt, -times), times));
-  }
+  std::unique_ptr<StepOperators> operators = make(0);
+  if (impl_->options.tolerance) operators->allow_halving(most_times_halved(dt), make);
   if (impl_->full && impl_->modes) operators->set_full(impl_->full->operators(dt));
   return operators;
 }

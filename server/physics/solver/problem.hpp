@@ -95,6 +95,9 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
                             const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
                             SecondOutputs& second_outputs);
 
+// How often a step of a model with a tolerance may be halved.
+int most_times_halved(double dt);
+
 // What a model with a tolerance is made of, in a sentence. `modes`: how many there are.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -32,32 +32,46 @@ class StepOperators {
     for (int k = 1; k <= halvings; ++k) shorter_.emplace_back(grid, dt *= 0.5);
     num_heated_ = num_heated_vertices(layer, heat_->layer_response());
     if (!spread) return;
-    spread_.emplace(grid, *heat_, layer.num_vertices(), soft, hard);
+    spread_.emplace(grid, dt_, layer.num_vertices(), soft, hard);
     num_heated_ = layer.num_vertices();
   }
 
-  // Of a model that keeps no profile.
-  StepOperators(const HeatModes& modes, double dt, int halvings, bool stages) : dt_(dt) {
+  // Of a model that keeps no profile; the modes, which are the model's, must outlive this.
+  StepOperators(const HeatModes& modes, double dt, int halvings, bool stages)
+      : dt_(dt), all_modes_(&modes), modes_(std::in_place, modes, dt) {
     if (stages) mode_stages_.emplace(ModeStages{{modes, sdirk2::kDiagonal * dt}, {modes, dt, sdirk2::kDiagonal}});
-    for (int k = 0; k <= halvings; ++k, dt *= 0.5) modes_.emplace_back(modes, dt);
+    for (int k = 1; k <= halvings; ++k) shorter_modes_.emplace_back(modes.num_rows(), dt *= 0.5);
   }
 
   const HeatOperator& heat() const { return *heat_; }
-  // Of dt / 2^k. Allocates nothing; several threads may ask at once.
+  const ModeOperator& modes() const { return *modes_; }  // where there is no profile
+  // Of dt / 2^k. They allocate nothing; several threads may ask at once.
   const HeatOperator& heat_halved(int k) const {
-    Shorter& shorter = shorter_[static_cast<std::size_t>(k) - 1];
+    Shorter<HeatOperator>& shorter = shorter_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.factorise(*bodies_.grid, *bodies_.soft, *bodies_.hard); });
     return shorter.heat;
   }
-  std::span<const ModeOperator> modes() const { return modes_; }  // of dt, dt/2, ..., where there is no profile
-  int max_halvings() const { return static_cast<int>(shorter_.size()); }
-
-  // Where the error of a step is controlled: those of its halves, quarters, ...
-  void add_halved(std::unique_ptr<const StepOperators> operators) { halved_.push_back(std::move(operators)); }
-  const StepOperators& halved(int times) const {
-    return times == 0 ? *this : *halved_[static_cast<std::size_t>(times) - 1];
+  const ModeOperator& modes_halved(int k) const {
+    Shorter<ModeOperator>& shorter = shorter_modes_[static_cast<std::size_t>(k) - 1];
+    std::call_once(shorter.made, [&] { shorter.heat.fill(*all_modes_); });
+    return shorter.heat;
   }
-  int times_halved() const { return static_cast<int>(halved_.size()); }
+  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one is empty
+
+  // Where the error of a step is controlled: those of its halves, quarters, ... Each is made when a step first asks for
+  // it; several threads may ask at once.
+  using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;
+  void allow_halving(int most_times, MakeHalved make) {
+    make_halved_ = std::move(make);
+    while (most_times-- > 0) halved_.emplace_back();
+  }
+  const StepOperators& halved(int times) const {
+    if (times == 0) return *this;
+    Halved& halved = halved_[static_cast<std::size_t>(times) - 1];
+    std::call_once(halved.made, [&] { halved.operators = make_halved_(times); });
+    return *halved.operators;
+  }
+  int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   // Of the model that a shadow is solved with, where its own are not these.
   void set_full(std::shared_ptr<const StepOperators> operators) { full_ = std::move(operators); }
@@ -81,19 +95,28 @@ class StepOperators {
     const Material* soft = nullptr;
     const Material* hard = nullptr;
   };
+  template <class Heat>
   struct Shorter {
-    Shorter(const HeatGrid& grid, double dt) : heat(grid, dt) {}
-    HeatOperator heat;
+    template <class Size>
+    Shorter(const Size& size, double dt) : heat(size, dt) {}
+    Heat heat;
+    std::once_flag made;
+  };
+  struct Halved {
+    std::unique_ptr<const StepOperators> operators;
     std::once_flag made;
   };
 
   double dt_;
   Bodies bodies_;
   std::optional<HeatOperator> heat_;
-  mutable std::deque<Shorter> shorter_;
+  mutable std::deque<Shorter<HeatOperator>> shorter_;
   std::vector<double> decay_;
-  std::vector<ModeOperator> modes_;
-  std::vector<std::unique_ptr<const StepOperators>> halved_;
+  const HeatModes* all_modes_ = nullptr;
+  std::optional<ModeOperator> modes_;
+  mutable std::deque<Shorter<ModeOperator>> shorter_modes_;
+  mutable std::deque<Halved> halved_;
+  MakeHalved make_halved_;
   std::shared_ptr<const StepOperators> full_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;

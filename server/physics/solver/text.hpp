@@ -1,0 +1,28 @@
+// Sentences with numbers in them.
+#pragma once
+
+#include <sstream>
+#include <string>
+
+namespace shearbus::physics {
+
+// A number with so many digits; numbers as they are get six.
+struct Digits {
+  int digits;
+  double value;
+};
+inline std::ostream& operator<<(std::ostream& text, Digits number) {
+  const std::streamsize before = text.precision(number.digits);
+  text << number.value;
+  text.precision(before);
+  return text;
+}
+
+template <class... Parts>
+std::string text_of(const Parts&... parts) {
+  std::ostringstream text;
+  (text << ... << parts);
+  return text.str();
+}
+
+}  // namespace shearbus::physics

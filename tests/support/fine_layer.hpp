@@ -1,0 +1,59 @@
+// The layer of one node, solved without control in equal substeps of a host's step: what steps with a tolerance are
+// held against.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/model.hpp"
+
+namespace shearbus::test {
+
+// Force-driven, substeps in which the slip turns or stops are cut down to where it does.
+class FineLayer {
+ public:
+  FineLayer(const physics::ModelOptions& options, double substep)
+      : model_(options), state_(model_.layout().doubles), next_(state_.size()) {
+    double temperature[physics::kLanes];
+    std::fill_n(temperature, physics::kLanes, model_.options().initial_temperature);
+    model_.initialise(state_.data(), temperature);
+    const int cuts = options.strategy == physics::Strategy::kForceDriven ? kCuts : 0;
+    for (int k = 0; k <= cuts; ++k) operators_.push_back(model_.operators(std::ldexp(substep, -k)));
+  }
+
+  double conducted_share() const {
+    const physics::ModelOptions& options = model_.options();
+    return options.hard_grid ? 1.0 : physics::heat_partition(options.soft, options.hard);
+  }
+
+  // One substep, `share` of the host's step: adds to the means of `step`, and leaves the jump in `inputs`. Lane 0.
+  void advance(physics::TileInputs& inputs, double share, physics::TileOutputs& step, std::size_t cuts = 0) {
+    physics::TileOutputs out{};
+    model_.advance(*operators_[cuts], inputs, state_.data(), next_.data(), out);
+    const double before = inputs.velocity_jump[0];
+    if (before != 0.0 && !(before * out.velocity_jump_new[0] > 0.0) && cuts + 1 < operators_.size()) {
+      for (int half = 0; half < 2; ++half) advance(inputs, 0.5 * share, step, cuts + 1);
+      return;
+    }
+    std::swap(state_, next_);
+    std::copy_n(out.velocity_jump_new, physics::kLanes, inputs.velocity_jump);
+    std::copy_n(out.velocity_jump_new, physics::kLanes, step.velocity_jump_new);
+    step.shear_stress[0] += share * out.shear_stress[0];
+    step.friction_heat[0] += out.friction_heat[0];
+    step.interface_temperature[0] = out.interface_temperature[0];
+  }
+
+ private:
+  static constexpr int kCuts = 24;
+
+  physics::Model model_;
+  std::vector<double> state_, next_;
+  std::vector<std::shared_ptr<const physics::StepOperators>> operators_;
+};
+
+}  // namespace shearbus::test
