@@ -23,7 +23,8 @@ TEST_P(Campaign, HoldsOnEveryPhysics) {
   for (const Physics& physics : all_physics()) {
     const Outcome outcome = run(GetParam(), physics, kMostSteps);
     asked += outcome.verdict != Verdict::kNotAsked;
-    EXPECT_NE(outcome.verdict, Verdict::kBroken) << physics.name << ": " << outcome.reason;
+    EXPECT_TRUE(outcome.verdict == Verdict::kHeld || outcome.verdict == Verdict::kNotAsked)
+        << physics.name << ": " << outcome.reason;
   }
   EXPECT_GT(asked, 0);
 }

@@ -3,17 +3,14 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
-#include <filesystem>
-#include <fstream>
-#include <string>
 #include <vector>
 
-#include "proto/wire/scene_file.hpp"
+#include "tests/study/command.hpp"
 #include "tests/study/precision.hpp"
 #include "tests/study/stability_report.hpp"
 #include "tests/study/tolerance.hpp"
+#include "tests/study/user_scene.hpp"
 
 namespace {
 
@@ -22,41 +19,22 @@ using namespace shearbus::study;
 constexpr int kExitFault = 1;
 constexpr int kExitUsage = 2;
 
-struct Options {
-  std::filesystem::path scene;
-  std::filesystem::path out = "out/study";
+struct Options : CommandOptions {
   double velocity_jump = 100.0;
   double pressure = 11.2e9;
   double end = 1e-6;
   SweepOptions sweep;
-  bool plot = true;
 };
 
 std::vector<Problem> problems_of(const Options& options) {
   if (options.scene.empty()) return fixed_problems();
   std::vector<Problem> problems;
-  problems.push_back(problem_of(shearbus::wire::load_scene_file(options.scene).scene, options.velocity_jump,
-                                options.pressure, 1.0, options.end));
+  problems.push_back(problem_of(load_scene_with_layer(options.scene).scene, options.velocity_jump, options.pressure,
+                                1.0, options.end));
   return problems;
 }
 
-// Writes the study as NAME.json and draws it with plot_NAME.py.
-int write(const Options& options, const std::string& name, const std::string& json) {
-  std::filesystem::create_directories(options.out);
-  const auto path = options.out / (name + ".json");
-  std::ofstream file(path);
-  file << json;
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path.string());
-  fmt::print("\nwritten: {}\n", path.string());
-  if (!options.plot) return 0;
-  std::fflush(stdout);
-  const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
-                                          SHEARBUS_SOURCE_DIR, name, path.string());
-  return std::system(command.c_str()) == 0 ? 0 : kExitFault;
-}
-
-int precision(const Options& options) {
+void precision(const Options& options) {
   const std::vector<Problem> problems = problems_of(options);
   std::vector<Result> results;
   for (const Problem& problem : problems) {
@@ -64,15 +42,15 @@ int precision(const Options& options) {
     for (Outcome& one : result.outcomes)
       if (one.efficient) one.message_ns = message_ns(problem, one.setting);
     fmt::print("{}{}", table(result), recommendation(result));
-    std::fflush(stdout);
+    static_cast<void>(std::fflush(stdout));
   }
-  return write(options, "precision", json(results, options.sweep.repeats));
+  write_study(options, "precision", json(results, options.sweep.repeats));
 }
 
-int tolerance(const Options& options) {
+void tolerance(const Options& options) {
   const auto tracked = track_tolerances(problems_of(options), options.sweep);
   fmt::print("{}", table(tracked));
-  return write(options, "tolerance", json(tracked, options.sweep.repeats));
+  write_study(options, "tolerance", json(tracked, options.sweep.repeats));
 }
 
 }  // namespace
@@ -82,21 +60,17 @@ int main(int argc, char** argv) {
   CLI::App app("What accuracy costs, and what holds at the extremes.");
   app.require_subcommand(1);
   const auto add = [&](const char* name, const char* what) {
-    CLI::App* command = app.add_subcommand(name, what);
-    command->add_option("scene", options.scene, "a scene whose layer's grid and methods are to be chosen")
-        ->check(CLI::ExistingFile);
+    CLI::App* command =
+        add_command(app, name, what, "a scene whose layer's grid and methods are to be chosen", options);
     command->add_option("--velocity-jump", options.velocity_jump, "of SCENE, m/s")->capture_default_str();
     command->add_option("--pressure", options.pressure, "of SCENE, Pa")->capture_default_str();
     command->add_option("--end", options.end, "end of SCENE's run, s")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
-    command->add_option("--out", options.out, fmt::format("directory of {0}.json and {0}.png", name))
-        ->capture_default_str();
     command->add_option("--repeats", options.sweep.repeats, "timings of each setting; the median counts")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
     command->add_flag("--quick", options.sweep.quick, "few settings: to see that it runs");
-    command->add_flag("!--no-plot", options.plot, "write no picture");
     return command;
   };
   const CLI::App* of_precision =
@@ -111,7 +85,8 @@ int main(int argc, char** argv) {
   }
   try {
     if (of_stability->parsed()) return run_stability(stability);
-    return of_precision->parsed() ? precision(options) : tolerance(options);
+    of_precision->parsed() ? precision(options) : tolerance(options);
+    return 0;
   } catch (const std::exception& error) {
     fmt::print(stderr, "shearbus-study: {}\n", error.what());
     return kExitFault;

@@ -1,6 +1,9 @@
 #!/usr/bin/python3
 """The envelope from stability.json: rows by physics. Colour: what the most laborious step of eight nodes asked for; number: share
-of the heat a molten interface would take; a cross: broken; blank: not about it.   plot_stability.py stability.json [--out FILE.png]"""
+of the heat a molten interface would take, in brackets where the row did not come to what it is for; a cross: broken; blank: not about
+it. Of a scene alone the evaluations too.   plot_stability.py stability.json [--out FILE.png]"""
+import textwrap
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -13,35 +16,44 @@ def effort(cell):
     return max(1, cell["layer_sums"] + cell["limit_values"] + cell["newton_steps"])
 
 
+def text_of(cell, alone):
+    if cell["verdict"] == "broken":
+        return {"s": "x", "fontsize": 11, "color": "red"}
+    share = f"{cell['bound_share']:.2f}".lstrip("0") if cell["bound_share"] else ""
+    if cell["verdict"] == "not met":
+        share = f"({share})"
+    return {"s": f"{share}   {effort(cell)}" if alone else share, "fontsize": 5, "color": "black"}
+
+
 def main():
     study, out = arguments(__doc__)
     rows = [row["name"] for row in study["rows"]]
     physics = study["physics"]
+    alone = study["scene"] is not None
     cells = {(cell["row"], cell["physics"]): cell for cell in study["cells"]}
     field = [[float("nan")] * len(physics) for _ in rows]
-    figure, axes = plt.subplots(figsize=(0.42 * len(physics) + 3.4, 0.3 * len(rows) + 2.6))
+    figure, axes = plt.subplots(figsize=(6 if alone else 0.42 * len(physics) + 3.4, 0.3 * len(rows) + (1.5 if alone else 2.6)))
     for r, row in enumerate(rows):
         for p, name in enumerate(physics):
             cell = cells[row, name]
-            if cell["verdict"] == "not asked":
-                continue
-            field[r][p] = effort(cell)
-            broken = cell["verdict"] == "broken"
-            share = cell["bound_share"]
-            axes.text(p, r, "x" if broken else f"{share:.2f}".lstrip("0") if share else "", ha="center", va="center",
-                      fontsize=11 if broken else 5, color="red" if broken else "black")
+            if cell["verdict"] != "not asked":
+                field[r][p] = effort(cell)
+                axes.text(p, r, ha="center", va="center", **text_of(cell, alone))
     picture = axes.imshow(field, norm=LogNorm(1, 2e4), cmap="YlGnBu", aspect="auto", alpha=0.75)
-    axes.set_xticks(range(len(physics)), physics, rotation=55, ha="right", fontsize=6)
+    axes.set_xticks(range(len(physics)), physics, rotation=0 if alone else 55, ha="center" if alone else "right", fontsize=6)
     axes.set_yticks(range(len(rows)), [f"{row['name']}: {row['what']}" for row in study["rows"]], fontsize=6)
-    bar = figure.colorbar(picture, fraction=0.03, pad=0.01)
+    bar = figure.colorbar(picture, fraction=0.06 if alone else 0.03, pad=0.03 if alone else 0.01, aspect=40)
     bar.set_label("evaluations, most in a step of eight nodes", fontsize=6)
     bar.ax.tick_params(labelsize=6)
     held = sum(cell["verdict"] == "held" for cell in cells.values())
     asked = sum(cell["verdict"] != "not asked" for cell in cells.values())
-    axes.set_title(f"Stability: {held} of {asked} held ({study['date']}). Numbers: share of the heat a molten interface would take",
-                   fontsize=7)
+    told = "share of the heat a molten interface would take" + (", evaluations" if alone else "")
+    title = f"Stability: {held} of {asked} held ({study['date']}). Numbers: {told}"
+    if alone:
+        title += "\n" + textwrap.fill(f"{study['scene']['physics']}; {study['scene']['host']}", 105)
+    figure.suptitle(title, fontsize=7 if not alone else 6)
     figure.tight_layout()
-    figure.savefig(out, dpi=72)
+    figure.savefig(out, dpi=110 if alone else 72)
     print(f"written: {out}")
 
 

@@ -21,7 +21,9 @@ struct RandomOutcome {
   std::vector<Fault> faults;
 };
 
-// Scenes of the seeds from `seed` on, until so many node-steps have been taken.
-std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t seed);
+// Scenes of the seeds from `first_seed` on, until so many node-steps have been taken.
+std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed);
+// Likewise states and inputs of one physics.
+RandomOutcome run_random(const Physics& physics, long node_steps, std::uint64_t first_seed);
 
 }  // namespace shearbus::study::stability

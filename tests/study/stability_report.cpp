@@ -1,14 +1,15 @@
 #include "tests/study/stability_report.hpp"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdlib>
-#include <ctime>
-#include <fstream>
+#include <cstdio>
+#include <limits>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "tests/study/report.hpp"
@@ -24,6 +25,8 @@ using namespace stability;  // NOLINT(google-build-using-namespace): what is rep
 namespace {
 
 struct Campaign {
+  std::optional<UserScene> scene;  // in place of the list of physics
+  bool cut_short = false;          // rows of fewer steps
   std::vector<Physics> physics;
   std::vector<Row> rows;
   std::vector<std::vector<Outcome>> outcomes;  // [row][physics]
@@ -33,7 +36,17 @@ struct Campaign {
 };
 
 const char* name_of(Verdict verdict) {
-  return verdict == Verdict::kHeld ? "held" : verdict == Verdict::kBroken ? "broken" : "not asked";
+  switch (verdict) {
+    case Verdict::kHeld:
+      return "held";
+    case Verdict::kNotMet:
+      return "not met";
+    case Verdict::kBroken:
+      return "broken";
+    case Verdict::kNotAsked:
+      break;
+  }
+  return "not asked";
 }
 
 // Of several outcomes the worst of everything.
@@ -41,7 +54,7 @@ Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
   Outcome worst;
   for (const Outcome* one : outcomes) {
     if (one->verdict == Verdict::kNotAsked) continue;
-    if (worst.verdict != Verdict::kBroken) worst.verdict = one->verdict;
+    if (worst.verdict == Verdict::kNotAsked || one->verdict > worst.verdict) worst.verdict = one->verdict;
     worst.figures.add(one->figures);
     take_most(worst.most, one->most);
     worst.bound_share = std::max(worst.bound_share, one->bound_share);
@@ -55,23 +68,29 @@ void print_heading(const char* first) {
              "heat bal.", "over lim.", "to melt", "bound", "sums", "limits", "Newton");
 }
 void print_line(const std::string& name, const Outcome& o) {
+  if (o.verdict == Verdict::kNotAsked) return fmt::print("{:<36} {:>9}\n", name, name_of(o.verdict));
   fmt::print("{:<36} {:>9} {:>10} {:>9.1e} {:>9.1e} {:>9.1e} {:>6.4f} {:>7} {:>7} {:>7}\n", name, name_of(o.verdict),
              o.figures.node_steps, o.figures.heat_residual, o.figures.over_limit, o.figures.nearest_melting,
              o.bound_share, o.most.layer_sums, o.most.limit_values, o.most.newton_steps);
 }
 
-void print_rows(const Campaign& c) {
-  print_heading("row");
-  for (std::size_t r = 0; r < c.rows.size(); ++r) {
-    std::vector<const Outcome*> all;
-    for (const Outcome& one : c.outcomes[r]) all.push_back(&one);
-    print_line(c.rows[r].name, worst_of(all));
-  }
-  print_heading("physics");
-  for (std::size_t p = 0; p < c.physics.size(); ++p) {
-    std::vector<const Outcome*> all;
-    for (const auto& row : c.outcomes) all.push_back(&row[p]);
-    print_line(c.physics[p].name, worst_of(all));
+void print_row(const Row& row, const std::vector<Outcome>& outcomes) {
+  std::vector<const Outcome*> all;
+  all.reserve(outcomes.size());
+  for (const Outcome& one : outcomes) all.push_back(&one);
+  print_line(row.name, worst_of(all));
+  static_cast<void>(std::fflush(stdout));
+}
+
+void print_physics(const Campaign& c) {
+  if (!c.scene) {
+    print_heading("physics");
+    for (std::size_t p = 0; p < c.physics.size(); ++p) {
+      std::vector<const Outcome*> all;
+      all.reserve(c.outcomes.size());
+      for (const auto& row : c.outcomes) all.push_back(&row[p]);
+      print_line(c.physics[p].name, worst_of(all));
+    }
   }
   fmt::print(
       "heat bal.: of the heat there is; over lim.: of a stress over what its law allows; to melt: K left; bound: of "
@@ -79,8 +98,9 @@ void print_rows(const Campaign& c) {
       "most in one step of eight nodes\n");
   for (std::size_t r = 0; r < c.rows.size(); ++r)
     for (std::size_t p = 0; p < c.physics.size(); ++p)
-      if (c.outcomes[r][p].verdict == Verdict::kBroken)
-        fmt::print("BROKEN {}, {}: {}\n", c.rows[r].name, c.physics[p].name, c.outcomes[r][p].reason);
+      if (const Outcome& one = c.outcomes[r][p]; !one.reason.empty())
+        fmt::print("{} {}, {}: {}\n", one.verdict == Verdict::kBroken ? "BROKEN" : name_of(one.verdict), c.rows[r].name,
+                   c.physics[p].name, one.reason);
 }
 
 void print_refusals(const Campaign& c) {
@@ -147,8 +167,20 @@ std::string cells_json(const Campaign& c) {
   return json + "]";
 }
 
+std::string scene_json(const Campaign& c, const StabilityOptions& options) {
+  if (!c.scene) return "null";
+  const auto& [physics, text, host] = *c.scene;
+  return fmt::format(
+      "{{\"file\": {}, \"name\": {}, \"physics\": {}, \"host\": {}, \"pressure_pa\": {}, \"soft_zone_width_m\": "
+      "{}, \"hard_zone_width_m\": {}, \"dt_s\": {}}}",
+      quoted(options.scene.string()), quoted(physics.name), quoted(text), quoted(host), number(physics.host.pressure),
+      number(2.0 * physics.host.half_zone_soft), number(2.0 * physics.host.half_zone_hard), number(physics.host.dt));
+}
+
 std::string json(const Campaign& c, const StabilityOptions& options) {
-  return fmt::format("{{{}, \"seed\": {},\n", provenance("stability"), options.seed) + "\"rows\": " +
+  return fmt::format("{{{}, \"seed\": {}, \"steps\": {},\n\"scene\": {},\n", provenance("stability"), options.seed,
+                     options.steps ? fmt::to_string(*options.steps) : "null", scene_json(c, options)) +
+         "\"rows\": " +
          list(c.rows,
               [](const Row& row) {
                 return fmt::format("{{\"name\": {}, \"what\": {}}}", quoted(row.name), quoted(row.what));
@@ -183,75 +215,104 @@ std::string json(const Campaign& c, const StabilityOptions& options) {
 }
 
 bool sound(const Campaign& c) {
+  const bool must_meet = !c.scene && !c.cut_short;
   for (const auto& row : c.outcomes)
     for (const Outcome& one : row)
-      if (one.verdict == Verdict::kBroken) return false;
+      if (one.verdict == Verdict::kBroken || (must_meet && one.verdict == Verdict::kNotMet)) return false;
   return std::all_of(c.refusals.begin(), c.refusals.end(), [](const Refusal& one) { return one.seen(); }) &&
          std::all_of(c.controls.begin(), c.controls.end(), [](const Control& one) { return one.seen(); }) &&
          std::all_of(c.random.begin(), c.random.end(), [](const RandomOutcome& one) { return one.faults.empty(); });
 }
 
-void write(const Campaign& campaign, const StabilityOptions& options) {
-  std::filesystem::create_directories(options.out);
-  const auto path = options.out / "stability.json";
-  std::ofstream file(path);
-  file << json(campaign, options);
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path.string());
-  fmt::print("\nwritten: {}\n", path.string());
-  std::fflush(stdout);
-  if (!options.plot) return;
-  const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_stability.py\" \"{}\"", SHEARBUS_PYTHON,
-                                          SHEARBUS_SOURCE_DIR, path.string());
-  if (std::system(command.c_str()) != 0) throw std::runtime_error("the picture was not made");
+std::vector<Row> rows_of(const std::string& name) {
+  std::vector<Row> rows = all_rows();
+  if (name.empty()) return rows;
+  std::vector<std::string> names;
+  for (Row& row : rows) {
+    if (row.name == name) return {std::move(row)};
+    names.push_back(row.name);
+  }
+  throw std::runtime_error(fmt::format("there is no row {}; there are {}", name, fmt::join(names, ", ")));
+}
+
+void take_scene(const StabilityOptions& options, Campaign& campaign) {
+  if (options.scene.empty()) {
+    if (options.host.pressure || options.host.zone_width || options.host.dt)
+      throw std::runtime_error(
+          "--pressure, --zone-width and --dt are of a scene's host: name the scene, or leave them out");
+    campaign.physics = all_physics();
+    return;
+  }
+  campaign.scene = user_scene(load_scene_with_layer(options.scene), options.host);
+  campaign.physics = {campaign.scene->physics};
+  fmt::print("{}: {}\nhost: {}\n", campaign.scene->physics.name, campaign.scene->text, campaign.scene->host);
+}
+
+std::vector<RandomOutcome> random_of(const Campaign& c, const StabilityOptions& options) {
+  if (options.random_steps == 0) return {};
+  if (!c.scene) return run_random(options.random_steps, options.seed);
+  return {run_random(c.scene->physics, options.random_steps, options.seed)};
 }
 
 }  // namespace
 
 CLI::App* add_stability(CLI::App& program, StabilityOptions& options) {
-  CLI::App* command = program.add_subcommand(
-      "stability", "Everything at its extreme: each row on each physics, every step held to what always holds");
-  command->add_option("--out", options.out, "directory of stability.json and stability.png")->capture_default_str();
+  CLI::App* command = add_command(
+      program, "stability", "Everything at its extreme: each row on each physics, every step held to what always holds",
+      "a scene whose physics takes the place of the list", options);
   command->add_option("--row", options.row, "run only this row");
+  command->add_option("--steps", options.steps, "of each row at most; absent: all of them")->check(CLI::PositiveNumber);
   command->add_option("--random", options.random_steps, "node-steps from random states with random inputs")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--seed", options.seed, "first seed of the random scenes; a broken one is told by its seed")
       ->capture_default_str();
   command->add_flag("--only-random", options.only_random, "nothing but these, and no picture");
-  command->add_flag("!--no-plot", options.plot, "write no picture");
+  const auto of_host = [&](const char* name, std::optional<double>& value, const char* what) {
+    command->add_option(name, value, fmt::format("{}; absent: as SCENE's [hydro] says, or the paper's", what))
+        ->check(CLI::PositiveNumber);
+  };
+  of_host("--pressure", options.host.pressure, "on SCENE's interface, Pa");
+  of_host("--zone-width", options.host.zone_width, "of SCENE's host, m");
+  of_host("--dt", options.host.dt, "step of SCENE's host, s");
   return command;
 }
 
 int run_stability(const StabilityOptions& options) {
-  Campaign campaign;
+  Campaign campaign{.scene = {}, .cut_short = options.steps.has_value()};
+  take_scene(options, campaign);
   if (options.only_random) {
-    campaign.random = run_random(options.random_steps, options.seed);
+    campaign.random = random_of(campaign, options);
     print_random(campaign);
-    StabilityOptions plain = options;
+    CommandOptions plain = options;
     plain.plot = false;
-    write(campaign, plain);
+    write_study(plain, "stability", json(campaign, options));
     return sound(campaign) ? 0 : 1;
   }
-  campaign.physics = all_physics();
-  for (Row& row : all_rows())
-    if (options.row.empty() || options.row == row.name) campaign.rows.push_back(std::move(row));
-  if (campaign.rows.empty()) throw std::runtime_error("there is no row " + options.row);
+  campaign.rows = rows_of(options.row);
+  print_heading("row");
   for (const Row& row : campaign.rows) {
     auto& outcomes = campaign.outcomes.emplace_back();
-    for (const Physics& physics : campaign.physics) outcomes.push_back(run(row, physics));
+    outcomes.reserve(campaign.physics.size());
+    for (const Physics& physics : campaign.physics)
+      outcomes.push_back(run(row, physics, options.steps.value_or(std::numeric_limits<int>::max())));
+    print_row(row, outcomes);
   }
-  print_rows(campaign);
+  print_physics(campaign);
   if (options.row.empty()) {
-    campaign.refusals = run_refusals();
-    print_refusals(campaign);
-    campaign.controls = run_controls();
-    print_controls(campaign);
-    std::fflush(stdout);
-    if (options.random_steps > 0) campaign.random = run_random(options.random_steps, options.seed);
+    if (!campaign.scene) {
+      campaign.refusals = run_refusals();
+      print_refusals(campaign);
+      campaign.controls = run_controls();
+      print_controls(campaign);
+    }
+    static_cast<void>(std::fflush(stdout));
+    campaign.random = random_of(campaign, options);
     print_random(campaign);
   }
-  write(campaign, options);
+  if (campaign.scene)
+    fmt::print("\nrefusals and wrong solvers do not depend on a scene: shearbus-study stability shows them\n");
+  write_study(options, "stability", json(campaign, options));
   return sound(campaign) ? 0 : 1;
 }
 

@@ -2,28 +2,29 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
+#include <optional>
 #include <string>
 
-namespace CLI {
-class App;
-}
+#include "tests/study/command.hpp"
+#include "tests/study/user_scene.hpp"
 
 namespace shearbus::study {
 
-struct StabilityOptions {
-  std::filesystem::path out = "out/study";
-  std::string row;  // only this one; empty: all, and refusals and controls
+// With a scene its physics alone, and neither refusals nor controls, which do not depend on it.
+struct StabilityOptions : CommandOptions {
+  std::string row;           // only this one; empty: all, and refusals and controls
+  std::optional<int> steps;  // of each row at most
   long random_steps = 200000;
   std::uint64_t seed = 1;
   bool only_random = false;  // no rows, refusals and controls
-  bool plot = true;
+  HostGiven host;            // of the scene
 };
 
 // Adds the subcommand "stability" to the program.
 CLI::App* add_stability(CLI::App& program, StabilityOptions& options);
 
-// 0 where everything held, was refused or was seen to fail as it must; 1 otherwise.
+// 0 where everything held, was refused or was seen to fail as it must; 1 otherwise. A row that does not come to what it
+// is for is a fault of the campaign, but not of a scene or of a run cut short.
 int run_stability(const StabilityOptions& options);
 
 }  // namespace shearbus::study

@@ -59,6 +59,8 @@ struct Figures {
   long regime(Regime which) const { return in_regime[static_cast<std::size_t>(which)]; }
 };
 
+inline constexpr int kMostSubsteps = 64;
+
 // What a node was told and what it answered in one step, along the direction of its answer. Nothing here says who
 // answered.
 struct Answered {
@@ -76,8 +78,12 @@ struct Answered {
   bool sticks = false;  // plastic layer: the interface ended the step without slip
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
+  bool controlled = false;  // steps of a model with a tolerance: taken in substeps, as many as it needs
 
   bool divided() const { return (outcome & kSubstepped) != 0; }
+  // Into so many substeps at most; their answers are one of means, sums and the last one's.
+  int parts() const { return divided() || controlled ? kMostSubsteps : 1; }
+  bool in_parts() const { return parts() > 1; }
   double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
 };
 
@@ -123,6 +129,7 @@ inline Answered answered(const Rig& rig, int lane, double dt) {
   if (layout.sticking != TileLayout::kAbsent) a.sticks = rig.committed[layout.sticking + lane] != 0.0;
   a.regime = out.regime[lane];
   a.outcome = out.outcome[lane];
+  a.controlled = rig.model.options().tolerance.has_value();
   return a;
 }
 
@@ -165,14 +172,14 @@ inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
 
 // 3: heat in is the conducted share of the friction work.
 inline void require_heat_of_work(const ModelOptions& options, double share, const Answered& a) {
-  if (options.strategy == Strategy::kVelocityDriven && of_two_stages(options, a)) return;
   if (options.strategy == Strategy::kVelocityDriven) {
+    if (a.in_parts() || of_two_stages(options, a)) return;
     const double work = std::max(0.0, a.stress * a.jump_old) * a.dt;
     const double least = options.taylor_quinney_factor.value_or(1.0) * share * work;
     const double noise = 1e-15 * std::abs(a.stress) * a.jump_length * a.dt + kProductOfDenormals;
     require(a.heat >= least * (1 - 1e-13) - noise && a.heat <= share * work * (1 + 1e-13) + noise,
             "heat {:.17g} of work {:.17g}, share {}", a.heat, work, share);
-  } else if (!a.divided()) {
+  } else if (!a.in_parts()) {
     const double work = a.stress * a.slip * a.dt;
     require_near(a.heat, share * work, 1e-13 * work + kProductOfDenormals, "heat against friction work");
   }
@@ -224,23 +231,25 @@ inline bool is_resolved(const ModelOptions& options, const Answered& a, double s
 
 // 2 and DLP (61): the jump obeys the momentum of the bodies, the interface its law.
 inline void require_interface_law(const ModelOptions& options, const Answered& a, Figures& figures) {
-  require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * a.size() + kProductOfDenormals,
+  // Parts of a step may go to and fro, by as much as the host's zone drives them.
+  const double size = a.size() + (a.in_parts() ? a.plastic_drive : 0.0);
+  require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * size + kProductOfDenormals,
                "[V] against (61)");
-  if (a.divided()) return;  // the mean of several answers
   if (a.pressure <= 0.0) {
     require(a.stress == 0.0, "an open contact carries {} Pa", a.stress);
     return;
   }
+  const InterfaceOptions& law = options.interface;
+  const double most_friction = std::max(law.friction_coefficient, law.friction_coefficient_fast) * a.pressure;
+  const double carried = std::abs(a.stress);
+  require(carried <= most_friction * (1 + 1e-12), "s {:.17g} above mu P {:.17g}", a.stress, most_friction);
+  if (a.in_parts()) return;  // the mean of several answers
   if (options.plastic_layer && !is_resolved(options, a, a.size())) return;
   const Limits limit = interface_limits(options, a, a.size());
-  const double carried = std::abs(a.stress);
   // Of a second-order step s is the mean, and the limit moved: then only sense and stick are held here, the stresses
   // of the stages by the scalar twin.
   const bool mean = of_two_stages(options, a) && a.outcome == 0 && a.regime != Regime::kStick;
-  if (mean) {
-    require(carried <= options.interface.friction_coefficient * a.pressure * (1 + 1e-12), "s {:.17g} above mu P",
-            a.stress);
-  } else {
+  if (!mean) {
     require(carried <= limit.upper, "s {:.17g} above its limit {:.17g} at T0 {:.17g}", a.stress, limit.upper, a.T0);
     if (limit.upper > 0.0) figures.over_limit = std::max(figures.over_limit, carried / limit.upper - 1.0);
   }
@@ -256,6 +265,8 @@ inline void require_interface_law(const ModelOptions& options, const Answered& a
           a.jump_new);
 }
 
+inline constexpr double kSleeperGrain = 1e-9;  // modes there and back leave so much of a temperature  [K]
+
 // ---- The same and more for a lane of a rig, whose `trial` is the state before ----
 
 // 1, 3, 5: temperatures in their range and falling from the interface where nothing else takes heat from it, heat and
@@ -264,33 +275,32 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
   require_numbers(a);
-  require(a.T0 == rig.T(0, lane), "T0 {:.17g} is not that of the state, {:.17g}", a.T0, rig.T(0, lane));
   const bool has_profile = layout.heat_modes == TileLayout::kAbsent;
   const double T_melt = at_pressure(options.soft, a.pressure).melting_temperature;
-  const int first = -static_cast<int>(layout.num_hard_vertices);
-  const int last = static_cast<int>(layout.num_vertices) - 1;
-  double coldest = has_profile ? std::numeric_limits<double>::infinity() : rig.trial[layout.heat_modes + lane];
-  double hottest = 0.0;
-  for (int i = first; i <= last; ++i) {
-    const double T_old = rig.trial[layout.temperature + i * kLanes + lane];
-    coldest = std::min(coldest, T_old);
-    hottest = std::max(hottest, T_old);
-  }
+  const std::vector<double> before = rig.temperatures(rig.trial, lane), after = rig.temperatures(rig.committed, lane);
+  const std::size_t interface = layout.num_hard_vertices;
+  const double grain = rig.slept(lane) ? kSleeperGrain : 0.0;
+  require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
+          after[interface]);
+  double coldest = *std::min_element(before.begin(), before.end());
+  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // where it started
+  const double hottest = *std::max_element(before.begin(), before.end());
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
-  for (int i = first; i <= last; ++i) {
-    const double T = rig.T(i, lane);
-    require(T >= coldest, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", i, T, coldest);
-    if (i < 0) {  // the hard body melts elsewhere; but nowhere is hotter than it was somewhere, or than the interface
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const double T = after[i];
+    const int vertex = static_cast<int>(i) - static_cast<int>(interface);
+    require(T >= coldest - grain, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", vertex, T, coldest);
+    if (i < interface) {  // the hard body melts elsewhere; but nowhere is hotter than it was somewhere, or than z = 0
       // Substeps were hotter in between; second order extrapolates, and overshoots by a few percent.
       const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
-      const double interface = a.divided() || second_order ? std::max(T_melt, a.T0) : a.T0;
-      require(T <= std::max(hottest, interface) * (second_order ? 1.1 : 1 + 1e-14),
-              "vertex {} heats to {:.17g} K above all there was", i, T);
+      const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
+      require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,
+              "vertex {} heats to {:.17g} K above all there was", vertex, T);
     } else {
-      require_solid(T, T_melt, hottest, figures);
+      require_solid(T, T_melt, hottest + grain, figures);
     }
-    require(i <= 0 || !falls_inwards || T <= rig.T(i - 1, lane) * (1 + 1e-15), "T rises with z at vertex {}: {:.17g} K",
-            i, T);
+    require(i <= interface || !falls_inwards || T <= after[i - 1] * (1 + 1e-15) + grain,
+            "T rises with z at vertex {}: {:.17g} K", vertex, T);
   }
   // With inertia the slip is that of the whole layer, whose stresses may have both signs.
   if (options.inertia) {
@@ -306,10 +316,8 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
 }
 
 inline std::vector<double> strain_before(const Rig& rig, int lane) {
-  std::vector<double> ep;
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    ep.push_back(rig.trial[rig.model.layout().plastic_strain + i * kLanes + lane]);
-  }
+  std::vector<double> ep(static_cast<std::size_t>(rig.model.grid().num_vertices()));
+  for (std::size_t i = 0; i < ep.size(); ++i) ep[i] = rig.ep_of(rig.trial, static_cast<int>(i), lane);
   return ep;
 }
 
@@ -319,18 +327,19 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
   const Material soft = at_pressure(options.soft, a.pressure);
+  const std::vector<double> profile = rig.layer_temperatures(lane);
   for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
     const double carried =
-        options.inertia ? std::abs(rig.committed[layout.shear_stress + i * kLanes + lane]) : std::abs(a.stress);
-    const double ep = rig.ep(i, lane), ep_old = rig.trial[layout.plastic_strain + i * kLanes + lane];
+        options.inertia ? std::abs(rig.committed[place(layout.shear_stress, i, lane)]) : std::abs(a.stress);
+    const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
-    // The rate of the step, as well as a difference of strains tells it; slower than Johnson and Cook's r0 the stress
-    // tells strains by their hardening alone, to its last digits.
-    const double dep = ep - ep_old;
+    // The rate of the step, or at most that of its last part, as well as a difference of strains tells it; slower than
+    // Johnson and Cook's r0 the stress tells strains by their hardening alone, to its last digits.
+    const double dep = a.parts() * (ep - ep_old);
     const double slope = is_johnson_cook(soft) && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt) : 0.0;
     const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * hardened_strength(soft, ep) / slope : 0.0);
-    const double T = rig.T(i, lane);
+    const double T = profile[static_cast<std::size_t>(i)];
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
@@ -340,6 +349,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // Strain resolves to an ulp of itself; a smaller step of it moved the limit by less than it can show.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
+    if (a.in_parts()) continue;  // it may have flowed in another part than the last
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
     const double least = limit(T * (1 + kDigits) + grain, dep - noise);
     require(carried >= least * (1 - 1e-10),
@@ -352,23 +362,27 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
 inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
   const ModelOptions& options = rig.model.options();
   if (options.drive != Drive::kLayerShear || a.pressure <= 0.0 || a.regime == Regime::kCoulomb) return;
+  if (a.in_parts() && a.stress_old * a.stress < 0.0) return;  // it may have flowed both ways
   const double h = options.grid.thickness;
   const double wanted = std::abs(a.jump_old) * a.dt + h * std::abs(a.stress_old) / options.soft.shear_modulus;
   const double elastic = h * (a.stress - a.stress_old) / options.soft.shear_modulus;
   const double direction = a.stress != 0.0 ? std::copysign(1.0, a.stress) : std::copysign(1.0, a.slip);
   const double plastic = direction * (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane));
-  // Strains are told to their last digits; flow as closely as stress and temperatures are.
+  // Strains are told to their last digits; flow as closely as stress and temperatures are, which in parts of a step may
+  // be larger, and nearer to melting, than at its end.
+  const double share = a.in_parts() ? 1e-3 : 1e-9;
+  const double stress = a.in_parts() ? std::max(std::abs(a.stress), std::abs(a.stress_old)) : a.stress;
   const double resolution = 1e-15 * rig.plastic_slip(lane) +
-                            kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt) +
+                            kSqrt3 * flow_grain(rig, strain_before(rig, lane), stress, lane, a.dt) +
                             kProductOfDenormals;
-  require_near(plastic + elastic, a.jump_old * a.dt, 1e-9 * wanted + resolution,
+  require_near(plastic + elastic, a.jump_old * a.dt, share * wanted + resolution,
                "slip of the layer against the jump's");
-  require_near(a.slip * a.dt, plastic, 1e-9 * wanted + resolution, "[v] against the slip of the layer");
+  require_near(a.slip * a.dt, plastic, share * wanted + resolution, "[v] against the slip of the layer");
 }
 
 // A flowing layer: DLP (64) at the middle of the step where the interface slips, at its end where it sticks.
 inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Figures& figures) {
-  if (a.pressure <= 0.0 || a.divided() || a.stress == 0.0) return;  // no stress: no direction
+  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // no stress: no direction
   const double d = std::copysign(1.0, a.stress);
   const double jump_old = d * a.jump_old, jump_new = d * a.jump_new;
   const double flow = (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane)) / a.dt;
@@ -377,7 +391,7 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   ++figures.flowing;
   if (!is_resolved(options, a, size)) return;
   ++figures.flowing_resolved;
-  const double grain = heat_grain(options, a, size);
+  const double grain = heat_grain(options, a, size) + (rig.slept(lane) ? kSleeperGrain : 0.0);
   require_complementary_flow(rig, a, lane, grain, figures);
   double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
                      kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
@@ -400,7 +414,7 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
   const Answered a = answered(rig, lane, dt);
   require_sound(rig, a, lane, figures);
   if (options.strategy == Strategy::kVelocityDriven) {
-    require_complementary_flow(rig, a, lane, 0.0, figures);
+    require_complementary_flow(rig, a, lane, rig.slept(lane) ? kSleeperGrain : 0.0, figures);
     if (!options.inertia) require_slip_balance(rig, a, lane);
   } else {
     require_interface_law(options, a, figures);

@@ -10,10 +10,12 @@
 
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/layer/conduction.hpp"
+#include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/advance_one.hpp"
 #include "server/physics/solver/model.hpp"
+#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::testing {
@@ -43,6 +45,17 @@ inline ModelOptions graded(ModelOptions options, int cells = 60, double grading 
   return options;
 }
 
+// The shortest step the service lets a host ask for.
+inline double shortest_step(const ModelOptions& options) {
+  const double controlled = options.tolerance ? kShortestControlledStep : 0.0;
+  return options.modes ? std::max(controlled, options.modes->shortest_step) : controlled;
+}
+
+// Of a row's value in a tile; rows before z = 0 are negative.
+inline std::size_t place(std::size_t part, int row, int lane) {
+  return part + static_cast<std::size_t>(std::ptrdiff_t{row} * kLanes + lane);
+}
+
 class Rig {
  public:
   explicit Rig(const ModelOptions& options, std::uint32_t active = 0xff)
@@ -50,6 +63,7 @@ class Rig {
         committed(model.layout().doubles),
         trial(model.layout().doubles),
         heat_grid_(make_heat_grid(model)) {
+    if (options.sleep) basis_.emplace(heat_grid_, options.soft, options.hard);
     double temperature[kLanes];
     for (double& T : temperature) T = options.initial_temperature;
     start(temperature);
@@ -84,19 +98,47 @@ class Rig {
     }
   }
 
-  // Negative vertices are the hard body's, where it conducts.
-  double T(int vertex, int lane = 0) const { return committed[model.layout().temperature + vertex * kLanes + lane]; }
-  double ep(int vertex, int lane = 0) const {
-    return committed[model.layout().plastic_strain + vertex * kLanes + lane];
+  // Of a lane that is awake. Negative vertices are the hard body's, where it conducts.
+  double T(int vertex, int lane = 0) const { return committed[place(model.layout().temperature, vertex, lane)]; }
+  double ep(int vertex, int lane = 0) const { return ep_of(committed, vertex, lane); }
+  double ep_of(const std::vector<double>& tile, int vertex, int lane) const {
+    return tile[place(model.layout().plastic_strain, vertex, lane)];
   }
   double heat_shape(int vertex, int lane = 0) const {
-    return committed[model.layout().heat_shape + vertex * kLanes + lane];
+    return committed[place(model.layout().heat_shape, vertex, lane)];
   }
   double junction_strain(int lane = 0) const { return committed[model.layout().junction_strain + lane]; }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
   double second_stress(int lane = 0) const { return committed[model.layout().second_stress + lane]; }
 
   const HeatGrid& heat_grid() const { return heat_grid_; }
+
+  // Of all that conducts, the rows of heat_grid(), in a tile of this model: those of a lane asleep are not in its state
+  // as such. Of a model without a profile T0 alone.
+  std::vector<double> temperatures(const std::vector<double>& tile, int lane) const {
+    const TileLayout& layout = model.layout();
+    const std::size_t rows = layout.num_hard_vertices + layout.num_vertices;
+    const double* first = tile.data() + layout.temperature - layout.num_hard_vertices * kLanes;
+    std::vector<double> profile(rows * kLanes);
+    if (asleep(layout, tile.data(), lane)) {
+      to_profile(*basis_, static_cast<int>(tile[layout.resting + kLanes + static_cast<std::size_t>(lane)]), lane, first,
+                 profile.data());
+      first = profile.data();
+    }
+    for (std::size_t i = 0; i < rows; ++i) profile[i] = first[i * kLanes + static_cast<std::size_t>(lane)];
+    profile.resize(rows);
+    return profile;
+  }
+  // Of the layer alone and what is behind it, from z = 0 on.
+  std::vector<double> layer_temperatures(int lane) const {
+    std::vector<double> all = temperatures(committed, lane);
+    all.erase(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(model.layout().num_hard_vertices));
+    return all;
+  }
+  // Before the last step or after it.
+  bool slept(int lane) const {
+    return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
+  }
 
   // (k/alpha) integral (T - reference) over all that conducts, with the weights of the conduction.
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
@@ -107,10 +149,10 @@ class Rig {
       const ModelOptions& o = model.options();
       return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
     }
-    const double* rows = tile.data() + model.layout().first_temperature();
+    const std::vector<double> T = temperatures(tile, lane);
     double sum = 0.0;
-    for (int i = 0; i < heat_grid_.num_vertices(); ++i) {
-      sum += heat_grid_.capacity(i, model.options().soft, model.options().hard) * (rows[i * kLanes + lane] - reference);
+    for (std::size_t i = 0; i < T.size(); ++i) {
+      sum += heat_grid_.capacity(static_cast<int>(i), model.options().soft, model.options().hard) * (T[i] - reference);
     }
     return sum;
   }
@@ -126,7 +168,7 @@ class Rig {
   double plastic_slip_of(const std::vector<double>& tile, int lane) const {
     double sum = 0.0;
     for (int i = 0; i < model.grid().num_vertices(); ++i) {
-      sum += model.grid().weight[i] * tile[model.layout().plastic_strain + i * kLanes + lane];
+      sum += model.grid().weight[i] * ep_of(tile, i, lane);
     }
     return kSqrt3 * sum;
   }
@@ -182,6 +224,7 @@ class Rig {
   }
 
   HeatGrid heat_grid_;
+  std::optional<HeatBasis> basis_;  // of a model whose nodes sleep
 };
 
 }  // namespace shearbus::testing

@@ -23,7 +23,7 @@ inline void random_state(Draw& draw, Rig& rig) {
     const auto set = [&](std::size_t part, int row, double value) {
       rig.committed[part + static_cast<std::size_t>(row * kLanes + l)] = value;
     };
-    const double far = draw.uniform(1.0, 1200.0);
+    const double far = draw.uniform(1.0, std::max(T_melt - 20.0, 0.5 * T_melt));
     const double hottest =
         draw.chance(0.3) ? std::max(far, T_melt - draw.log_uniform(1e-9, 100.0)) : draw.uniform(far, T_melt);
     const double depth = options.grid.thickness * draw.log_uniform(1e-3, 10.0);
@@ -73,7 +73,7 @@ void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figu
       std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
       std::copy_n(rig.second_outputs.velocity_jump_new, kLanes, rig.second.velocity_jump);
     }
-    const double dt = random_dt(draw, extreme);
+    const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
     rig.step(dt);
     after_step();
     for (int l = 0; l < kLanes; ++l) {

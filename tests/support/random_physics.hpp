@@ -65,10 +65,11 @@ inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, doub
   const double P = rig.inputs.pressure[lane];
   const Material soft = at_pressure(rig.model.options().soft, P);
   const std::vector<double> no_response(grid.num_vertices(), 0.0);
+  const std::vector<double> profile = rig.layer_temperatures(lane);
   const auto flow = [&](double scale, double shift) {
-    std::vector<double> T(grid.num_vertices() * kLanes), ep(T.size());
+    std::vector<double> T(place(0, grid.num_vertices(), 0)), ep(T.size());
     for (int i = 0; i < grid.num_vertices(); ++i) {
-      T[i * kLanes + lane] = rig.T(i, lane) * scale + shift;
+      T[i * kLanes + lane] = profile[i] * scale + shift;
       ep[i * kLanes + lane] = ep_old[i];
     }
     FlowLoad load;

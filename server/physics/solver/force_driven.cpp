@@ -39,11 +39,11 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     result.step = step_from(heat_of(0), before);
     result.heat = result.step.flux * heat_of(0).dt;
     std::uint8_t outcome = 0;
-    if (result.step.unique) {
+    if (!result.step.unique) outcome = kSubstepped;
+    if (result.step.unique || max_halvings == 0) {
       flux[lane] = result.step.flux;
     } else {
       // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
-      outcome = kSubstepped;
       divide_step(
           heat_of, max_halvings, n, lane, before, T_old, T, result,
           [&] { interface_step.junction_strain = junction_strain_old; }, step_from);

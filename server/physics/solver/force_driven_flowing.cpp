@@ -130,10 +130,10 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
       add_surplus(problem, answer, l, strain_new);
     }
     result.heat = result.step.flux * heat.dt;
-    if (result.step.unique) {
+    if (!result.step.unique) outcome = kSubstepped;
+    if (result.step.unique || operators.max_halvings() == 0) {
       flux[l] = result.step.flux;
     } else {
-      outcome = kSubstepped;
       divide_step(
           [&](int k) -> const HeatOperator& { return operators.heat_halved(k); }, operators.max_halvings(), n, l,
           before[l], T_old, T_all, result,

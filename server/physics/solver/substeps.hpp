@@ -50,8 +50,9 @@ bool run_substeps(const Heat& heat, int num_vertices, int substeps, bool accept,
   return true;
 }
 
-// Such a step in 2, 4, ... substeps until each has one answer, or `max_halvings` are made; `heat_of(k)` is the operator
-// of dt / 2^k. `restart()` takes back what substeps have changed beside the temperature, `substep(heat, from)` is one.
+// Such a step in 2, 4, ... substeps until each has one answer, or `max_halvings` (at least 1: the finest substep of a
+// step whose error is controlled is taken as it is) are made; `heat_of(k)` is the operator of dt / 2^k. `restart()`
+// takes back what substeps have changed beside the temperature, `substep(heat, from)` is one.
 template <class HeatOf, class Restart, class Substep>
 void divide_step(const HeatOf& heat_of, int max_halvings, int num_vertices, int lane, const LaneStep& before,
                  const double* T_old, double* temperature, LaneResult& result, const Restart& restart,
