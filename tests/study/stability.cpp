@@ -95,9 +95,9 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 }
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
-  // A divided step takes up to 2 + 4 + ... + 64 substeps, one whose error is controlled 1 + 2 + ... + 64 of which each
-  // may be divided into what is left of 64; a second-order one two stages and perhaps the first order's.
-  const int parts = options.tolerance ? 7 * 128 : divided ? 127 : 1;
+  // A divided step takes up to 2 + 4 + ... + 64 substeps; one whose error is controlled makes some 1,024 attempts of
+  // three pieces, of which the first may be divided; a second-order one two stages and perhaps the first order's.
+  const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
   // Beside a flowing layer two searches, to stick and to slip, of at most 300 values each: seldom more than 100 in all.
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
@@ -169,7 +169,7 @@ MoltenLayer::MoltenLayer(const Rig& rig) {
 
 void MoltenLayer::step(const Rig& rig) {
   if (rig.model.options().modes) {
-    step_with(rig.operators->modes().front(), rig);
+    step_with(rig.operators->modes(), rig);
   } else {
     step_with(rig.operators->heat(), rig);
   }

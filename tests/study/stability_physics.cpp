@@ -94,7 +94,6 @@ std::vector<Physics> all_physics() {
           {"force, modes of a slab, 2nd order", second_order(slab_modes)},
           {"force, two components", in_two_directions(force)},
           {"force, tolerance", to_a_tolerance(force)},
-          {"force, plastic layer, tolerance", to_a_tolerance(plastic_layer)},
           {"force, two-sided, tolerance", to_a_tolerance(two_sided(force))},
           {"force, sleep", sleeping(force)},
           {"force, two-sided, sleep", sleeping(two_sided(force))},

@@ -59,7 +59,7 @@ struct Figures {
   long regime(Regime which) const { return in_regime[static_cast<std::size_t>(which)]; }
 };
 
-inline constexpr int kMostSubsteps = 64;
+inline constexpr int kMostParts = 1 << 22;  // of a step whose error is controlled; 64 of one with several answers
 
 // What a node was told and what it answered in one step, along the direction of its answer. Nothing here says who
 // answered.
@@ -82,7 +82,7 @@ struct Answered {
 
   bool divided() const { return (outcome & kSubstepped) != 0; }
   // Into so many substeps at most; their answers are one of means, sums and the last one's.
-  int parts() const { return divided() || controlled ? kMostSubsteps : 1; }
+  int parts() const { return divided() || controlled ? kMostParts : 1; }
   bool in_parts() const { return parts() > 1; }
   double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
 };
