@@ -108,19 +108,19 @@ class ControlledStep {
  public:
   ControlledStep(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                  const double* committed, double* trial, TileOutputs& outputs)
-      : problem_(problem),
+      : now_(inputs),
+        problem_(problem),
         operators_(operators),
         inputs_(inputs),
         committed_(committed),
         trial_(trial),
         outputs_(outputs),
-        forced_(problem.options.strategy == Strategy::kForceDriven),
-        deepest_(operators.most_times_halved()),
-        end_(std::int64_t{1} << deepest_),
+        end_(std::int64_t{1} << operators.most_times_halved()),
         response_(problem.modes ? operators.modes().response : operators.heat().layer_response()[0]),
         tiles_(scratch_of(problem.layout.doubles)),
-        now_(inputs),
-        open_(inputs.active) {}
+        deepest_(operators.most_times_halved()),
+        open_(inputs.active),
+        forced_(problem.options.strategy == Strategy::kForceDriven) {}
 
   void run() {
     begin();
@@ -259,21 +259,21 @@ class ControlledStep {
     outputs_.outcome[l] |= outside_domain(sum.slip, inputs_.velocity_jump[l]);
   }
 
+  TileInputs now_;                  // of what comes next
+  TileOutputs first_{}, second_{};  // of the halves solved last
   const Problem& problem_;
   const StepOperators& operators_;
   const TileInputs& inputs_;
   const double* committed_;
   double* trial_;
   TileOutputs& outputs_;
-  const bool forced_;
-  const int deepest_;
   const std::int64_t end_;  // of the step, in units of its shortest substep
   const double response_;   // B0 of the whole step
   Scratch& tiles_;
-  TileInputs now_;      // of what comes next
-  std::uint32_t open_;  // lanes on their way
   Progress lanes_[kLanes];
-  TileOutputs first_{}, second_{};  // of the halves solved last
+  const int deepest_;
+  std::uint32_t open_;  // lanes on their way
+  const bool forced_;
 };
 
 }  // namespace
