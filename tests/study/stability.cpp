@@ -68,8 +68,10 @@ class Judge {
     const Answered a = answered(rig_, l, rig_.operators->dt());
     // A layer with inertia may swing; its waves are held by their own laws.
     if (rig_.model.options().inertia) return;
+    // Steps cut by a tolerance know a jump to that part of some m/s.
+    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // [m/s]
     stress_[l].see(a.stress, std::abs(a.stress) + 1e6);
-    jump_[l].see(a.jump_new, std::abs(a.jump_old) + 1e-6);
+    jump_[l].see(a.jump_new, std::abs(a.jump_old) + least_jump);
     require(!stress_[l].rings(), "s rings: {} Pa after {} Pa", a.stress, a.stress_old);
     require(!jump_[l].rings(), "[V] rings: {} m/s", a.jump_new);
   }
