@@ -62,7 +62,8 @@ std::optional<LaneStep> driven_at_rest(const Problem& problem, const TileInputs&
   const std::optional<double> mu = problem.options.friction_coefficient;
   if (trial.heats() || starts_at_yield(problem, inputs, lane) || (mu && *mu * pressure < std::abs(trial.stress)))
     return std::nullopt;
-  const double slip = problem.options.drive == Drive::kLayerShear ? trial.direction * 0.0 : 0.0;
+  // A zero with the sign that it has where the layer is solved.
+  const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;
   return LaneStep{trial.stress, slip, jump, 0.0, Regime::kStick, true, true, false};
 }
 
