@@ -52,7 +52,8 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "What an answer outlives, with --state-dir: none, the death of the server, or the loss of power")
       ->check(CLI::IsMember({"none", "process", "power"}))
       ->capture_default_str();
-  app.add_option("--checkpoint-every", options.checkpoint_every_s, "Seconds between two checkpoints, where anything has changed")
+  app.add_option("--checkpoint-every", options.checkpoint_every_s,
+                 "Seconds between two checkpoints, where anything has changed")
       ->check(CLI::Range(1.0, 1e6))
       ->capture_default_str();
   app.add_option("--checkpoint-after", options.checkpoint_after_mb, "MB of journal between two checkpoints")

@@ -43,7 +43,7 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // with a tolerance
-  bool first_order = false;  // SDIRK2 was asked for and left its domain
+  bool first_order = false;     // SDIRK2 was asked for and left its domain
   int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan); with a plastic layer
                     // only those that its rule does not tell apart
 };
