@@ -2,6 +2,7 @@
 // imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic flow find the stress.
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 
 #include "server/physics/material/strength.hpp"
@@ -13,11 +14,11 @@ namespace shearbus::physics {
 namespace {
 
 void gather(const double* rows, int count, double* values) {
-  for (int i = 0; i < count; ++i) values[i] = rows[i * kLanes];
+  for (std::ptrdiff_t i = 0; i < count; ++i) values[i] = rows[i * kLanes];
 }
 
 void scatter(const double* values, int count, double* rows) {
-  for (int i = 0; i < count; ++i) rows[i * kLanes] = values[i];
+  for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
 }
 
 // An open contact: the layer moves with the soft body, unstressed. So it meets the hard body when it closes.
