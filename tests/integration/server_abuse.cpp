@@ -85,6 +85,8 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
   }
 }
 
+// UBSan's check of a virtual call opens a pipe, and where it cannot takes every object for a wrong one.
+#if !defined(__SANITIZE_ADDRESS__)
 TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   const ScratchDirectory scratch;
   const std::string log = scratch / "log";
@@ -115,6 +117,7 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   server.signal(SIGTERM);
   EXPECT_EQ(server.exit_code(10s), 0);
 }
+#endif
 
 // Frozen for longer than the heartbeat's patience, it is disconnected; thawed, it connects anew and goes on.
 TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
