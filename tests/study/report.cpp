@@ -40,15 +40,6 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("null");
 }
 
-std::string quoted(const std::string& text) {
-  std::string json = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') json += '\\';
-    json += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-  }
-  return json + '"';
-}
-
 std::string provenance(std::string_view study) {
   return fmt::format(
       "\"study\": \"{}\", \"version\": \"{}\", \"commit\": \"{}\", \"date\": \"{:%Y-%m-%d}\", \"processor\": \"{}\"",

@@ -6,8 +6,7 @@
 
 namespace shearbus::study {
 
-std::string number(double value);  // as JSON has it; null: none
-std::string quoted(const std::string& text);
+std::string number(double value);                // as JSON has it; null: none
 std::string provenance(std::string_view study);  // keys of a JSON object: study, version, commit, date, processor
 
 }  // namespace shearbus::study

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/wire/text.hpp"
 #include "tests/study/report.hpp"
 #include "tests/study/stability.hpp"
 #include "tests/study/stability_controls.hpp"
@@ -161,8 +162,9 @@ std::string cells_json(const Campaign& c) {
       json += fmt::format(
           "{}\n  {{\"row\": {}, \"physics\": {}, \"verdict\": \"{}\", \"reason\": {}, \"bound_share\": {}, {}, "
           "\"seconds\": {}}}",
-          r + p == 0 ? "" : ",", quoted(c.rows[r].name), quoted(c.physics[p].name), name_of(o.verdict),
-          quoted(o.reason), number(o.bound_share), figures_json(o.figures, o.most), number(o.seconds));
+          r + p == 0 ? "" : ",", wire::json_string(c.rows[r].name), wire::json_string(c.physics[p].name),
+          name_of(o.verdict), wire::json_string(o.reason), number(o.bound_share), figures_json(o.figures, o.most),
+          number(o.seconds));
     }
   return json + "]";
 }
@@ -173,8 +175,9 @@ std::string scene_json(const Campaign& c, const StabilityOptions& options) {
   return fmt::format(
       "{{\"file\": {}, \"name\": {}, \"physics\": {}, \"host\": {}, \"pressure_pa\": {}, \"soft_zone_width_m\": "
       "{}, \"hard_zone_width_m\": {}, \"dt_s\": {}}}",
-      quoted(options.scene.string()), quoted(physics.name), quoted(text), quoted(host), number(physics.host.pressure),
-      number(2.0 * physics.host.half_zone_soft), number(2.0 * physics.host.half_zone_hard), number(physics.host.dt));
+      wire::json_string(options.scene.string()), wire::json_string(physics.name), wire::json_string(text),
+      wire::json_string(host), number(physics.host.pressure), number(2.0 * physics.host.half_zone_soft),
+      number(2.0 * physics.host.half_zone_hard), number(physics.host.dt));
 }
 
 std::string json(const Campaign& c, const StabilityOptions& options) {
@@ -183,14 +186,16 @@ std::string json(const Campaign& c, const StabilityOptions& options) {
          "\"rows\": " +
          list(c.rows,
               [](const Row& row) {
-                return fmt::format("{{\"name\": {}, \"what\": {}}}", quoted(row.name), quoted(row.what));
+                return fmt::format("{{\"name\": {}, \"what\": {}}}", wire::json_string(row.name),
+                                   wire::json_string(row.what));
               }) +
-         ",\n\"physics\": " + list(c.physics, [](const Physics& one) { return quoted(one.name); }) +
+         ",\n\"physics\": " + list(c.physics, [](const Physics& one) { return wire::json_string(one.name); }) +
          ",\n\"cells\": " + cells_json(c) + ",\n\"refusals\": " +
          list(c.refusals,
               [](const Refusal& one) {
-                return fmt::format("{{\"name\": {}, \"refused\": {}, \"field\": {}, \"text\": {}}}", quoted(one.name),
-                                   one.seen(), quoted(one.named), quoted(one.text));
+                return fmt::format("{{\"name\": {}, \"refused\": {}, \"field\": {}, \"text\": {}}}",
+                                   wire::json_string(one.name), one.seen(), wire::json_string(one.named),
+                                   wire::json_string(one.text));
               }) +
          ",\n\"controls\": " +
          list(c.controls,
@@ -199,17 +204,18 @@ std::string json(const Campaign& c, const StabilityOptions& options) {
                     "{{\"name\": {}, \"what\": {}, \"seen\": {}, \"steps\": {}, \"broken\": {}, \"rings\": {}, "
                     "\"factor\": "
                     "{}, \"hottest_k\": {}, \"first\": {}}}",
-                    quoted(one.wrong.name), quoted(one.wrong.what), one.seen(), one.wrong.steps, one.wrong.broken,
-                    one.wrong.rings, number(one.wrong.factor), number(one.wrong.hottest), quoted(one.wrong.first));
+                    wire::json_string(one.wrong.name), wire::json_string(one.wrong.what), one.seen(), one.wrong.steps,
+                    one.wrong.broken, one.wrong.rings, number(one.wrong.factor), number(one.wrong.hottest),
+                    wire::json_string(one.wrong.first));
               }) +
          ",\n\"random\": " +
          list(c.random,
               [](const RandomOutcome& one) {
-                return fmt::format("{{\"name\": {}, \"scenes\": {}, {}, \"faults\": {}}}", quoted(one.name), one.scenes,
-                                   figures_json(one.figures, one.most),
-                                   list(one.faults, [](const RandomOutcome::Fault& f) {
-                                     return fmt::format("{{\"seed\": {}, \"text\": {}}}", f.seed, quoted(f.text));
-                                   }));
+                return fmt::format(
+                    "{{\"name\": {}, \"scenes\": {}, {}, \"faults\": {}}}", wire::json_string(one.name), one.scenes,
+                    figures_json(one.figures, one.most), list(one.faults, [](const RandomOutcome::Fault& f) {
+                      return fmt::format("{{\"seed\": {}, \"text\": {}}}", f.seed, wire::json_string(f.text));
+                    }));
               }) +
          "}\n";
 }
