@@ -1,14 +1,11 @@
 #include "server/physics/reference/advance_one.hpp"
 
-#include <Eigen/SparseCore>
-#include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "server/physics/interface/friction_laws.hpp"
-#include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/parts.hpp"
 
@@ -21,131 +18,6 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
     (f(mid) < 0.0 ? lo : hi) = mid;
   }
 }
-
-namespace {
-
-HeatGrid heat_grid_of(const ModelOptions& options) {
-  const Grid layer(options.grid);
-  if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
-  return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
-}
-
-}  // namespace
-
-double conducted_share(const ModelOptions& options) {
-  return options.hard_grid ? 1.0 : heat_partition(options.soft, options.hard);
-}
-
-Profile profile_of(const NodeState& state) {
-  Profile profile{state.hard_temperature, state.hard_temperature.size()};
-  profile.rows.insert(profile.rows.end(), state.temperature.begin(), state.temperature.end());
-  return profile;
-}
-
-void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B) {
-  std::vector<double> T = T_ad.rows;
-  for (std::size_t i = 0; i < T.size(); ++i) T[i] += flux * B.rows[i];
-  const auto at_interface = T.begin() + static_cast<std::ptrdiff_t>(T_ad.interface);
-  state.hard_temperature.assign(T.begin(), at_interface);
-  state.temperature.assign(at_interface, T.end());
-}
-
-namespace {
-
-// T at the end of a step with flux q: T_ad + q B.
-struct Heat {
-  Profile T_ad, B;
-};
-
-// The rows of a node without profile, read as those before z = 0 and z = 0 itself: HeatModes' list, K's own integral.
-Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
-  const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
-  const std::size_t last = old.rows.size() - 1;
-  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
-  double T0 = old.rows[0];
-  for (std::size_t j = 0; j < modes.rate.size(); ++j) {
-    // Integrals over the step of exp(-rate s) times s / ((1 - early) dt), the share of q_early, and times the rest
-    // of 1.
-    const long double x = static_cast<long double>(modes.rate[j]) * dt;
-    const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
-    const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;
-    const long double gain = static_cast<long double>(modes.weight[j]) * dt;
-    const double first = early > 0.0 ? static_cast<double>(gain * moment / (1.0L - early)) : 0.0;
-    const double second = static_cast<double>(gain * mean) - first;
-    heat.T_ad.rows[j + 1] = old.rows[j + 1] * std::exp(-modes.rate[j] * dt);
-    T0 += heat.T_ad.rows[j + 1];
-    heat.T_ad.rows[j + 1] += first * early_flux;
-    heat.B.rows[j + 1] = second;
-  }
-  const double early_T0 = early > 0.0 ? modes.kernel.moment(dt) / ((1.0 - early) * dt) : 0.0;
-  heat.T_ad.rows[last] = T0 + early_T0 * early_flux;
-  heat.B.rows[last] = modes.kernel.integral(dt) - early_T0;
-  return heat;
-}
-
-}  // namespace
-
-Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
-  const HeatGrid grid = heat_grid_of(options);
-  const int n = grid.num_vertices();
-  std::vector<Eigen::Triplet<double>> entries;
-  Eigen::VectorXd rhs(n);
-  for (int i = 0; i < n; ++i) {
-    const double storage = grid.capacity(i, options.soft, options.hard) / dt;  // [W/(m2 K)]
-    double diagonal = storage;
-    if (i > 0) {
-      const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;
-      entries.emplace_back(i, i - 1, -k / grid.width[i - 1]);
-      diagonal += k / grid.width[i - 1];
-    }
-    if (i + 1 < n) {
-      const double k = (i < grid.interface ? options.hard : options.soft).conductivity;
-      entries.emplace_back(i, i + 1, -k / grid.width[i]);
-      diagonal += k / grid.width[i];
-    }
-    entries.emplace_back(i, i, diagonal);
-    const int vertex = i - grid.interface;
-    rhs[i] = storage * old.rows[i] + (vertex >= 0 && vertex < static_cast<int>(sources.size()) ? sources[vertex] : 0.0);
-  }
-  Eigen::SparseMatrix<double> matrix(n, n);
-  matrix.setFromTriplets(entries.begin(), entries.end());
-  Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
-  const Eigen::VectorXd T = lu.solve(rhs);
-  return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
-}
-
-Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
-  return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
-                 {std::vector<double>(like.rows.size(), 0.0), like.interface});
-}
-
-namespace {
-
-Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {
-  if (options.modes) return heat_of_modes(options, dt, 0.0, 0.0, old);
-  const Profile T_ad = conduct(options, dt, {}, old);
-  return {T_ad, unit_response(options, dt, state.heat_shape, T_ad)};
-}
-
-// The second stage of SDIRK2 from the rows the first one ended with.
-constexpr double kGamma = 0.29289321881345254;
-Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
-                          const NodeState& early) {
-  if (options.modes) return heat_of_modes(options, dt, kGamma, early_flux, old);
-  Profile from = profile_of(early);
-  for (std::size_t i = 0; i < from.rows.size(); ++i)
-    from.rows[i] = old.rows[i] + (1.0 - kGamma) / kGamma * (from.rows[i] - old.rows[i]);
-  return heat_of_step(options, kGamma * dt, early, from);
-}
-
-bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T) {
-  if (options.modes) return T[0] < at_pressure(options.soft, pressure).melting_temperature;
-  const auto [lowest, highest] = std::minmax_element(T.rows.begin(), T.rows.end());
-  return *highest < at_pressure(options.soft, pressure).melting_temperature &&
-         *lowest >= *std::min_element(old.rows.begin(), old.rows.end()) * (1.0 - 1e-12);
-}
-
-}  // namespace
 
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt) {
   const double g = softening(m, pressure, T).g;
@@ -455,33 +327,6 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
 
 }  // namespace
 
-NodeState initial_state(const ModelOptions& options) {
-  const Grid grid(options.grid);
-  const HeatGrid heat_grid = heat_grid_of(options);
-  NodeState state;
-  state.hard_temperature.assign(heat_grid.interface, options.initial_temperature);
-  state.temperature.assign(heat_grid.num_vertices() - heat_grid.interface, options.initial_temperature);
-  if (options.modes) {
-    const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
-    state.hard_temperature.assign(static_cast<std::size_t>(modes.num_rows()) - 1, 0.0);
-    state.hard_temperature.front() = options.initial_temperature;
-    state.temperature.assign(1, options.initial_temperature);
-  }
-  state.plastic_strain.assign(grid.num_vertices(), 0.0);
-  if (options.taylor_quinney_factor) {
-    for (double weight : grid.weight) {
-      state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
-    }
-  }
-  if (options.inertia) {
-    state.stress_field.assign(grid.num_vertices(), 0.0);
-    state.layer_velocity.assign(grid.num_cells(), 0.0);
-  }
-  return state;
-}
-
-namespace {
-
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2 && !inputs.backward_euler;
   if (options.inertia) return with_inertia(options, dt, inputs, state);
@@ -496,87 +341,6 @@ NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const N
   out.first_order = options.time_integrator == TimeIntegrator::kSdirk2 && out.regime != Regime::kStick;
   return out;
 }
-
-// A jump that turns or seems to stop in a substep: by how much it may be off.
-double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
-  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
-  const double acceleration = std::abs(in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
-  if (before == 0.0 || before * after > 0.0) return 0.0;
-  if (after == 0.0) return acceleration <= mobility * std::abs(s_before) ? 0.0 : std::abs(before);
-  const double after_turning = (std::abs(before) + std::abs(after)) / dt;
-  return std::abs(before) * (1.0 - after_turning / (after_turning + 2.0 * mobility * std::abs(s)));
-}
-
-// The rest of a step from `begin`, in parts of it, by substeps: each is accepted where two halves of it change T0, heat
-// and jump by little, else tried again half as long; where they change very little the next is twice as long.
-NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
-  const bool forced = options.strategy == Strategy::kForceDriven;
-  const double T_melt = options.soft.melting_temperature;
-  const double range = std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
-  const double response = heat_of_step(options, dt, state, profile_of(state)).B[0];
-  const double shortest = std::exp2(-std::clamp(std::floor(std::log2(dt / (1e-12 / 64.0))), 1.0, 22.0));
-  NodeInputs in = inputs;
-  NodeOutputs sum;
-  double left = 0.25 * *options.tolerance;
-  double length = 1.0;
-  bool refined = false;
-  int attempts = 0;
-  for (double begin = 0.0; begin < 1.0;) {
-    NodeState coarse = state, fine = state;
-    const double s_before = state.shear_stress;
-    const NodeOutputs whole = advance_uncontrolled(options, length * dt, in, coarse);
-    NodeOutputs half[2];
-    NodeInputs then = in;
-    double turning = 0.0, s = s_before;
-    for (NodeOutputs& out : half) {
-      out = advance_uncontrolled(options, 0.5 * length * dt, then, fine);
-      if (!forced) continue;
-      turning +=
-          turning_error(inputs, 0.5 * length * dt, then.velocity_jump, out.velocity_jump_new, s, out.shear_stress);
-      s = out.shear_stress;
-      then.velocity_jump = out.velocity_jump_new;
-    }
-    const double rest = 1.0 - begin;
-    const double T0 =
-        std::abs(half[1].interface_temperature - whole.interface_temperature) * std::pow(length / rest, 1.5);
-    const double heat = response / dt * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat);
-    const double jump = std::sqrt(std::max(1.0, 1e-6 / dt)) * conducted_share(options) * response *
-                        std::max(std::abs(half[1].shear_stress), std::abs(whole.shear_stress)) *
-                        (std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning);
-    const double change = std::max({T0, heat, jump}) / range;
-    const double by_length = left * std::max(length / rest, 0.05 * length / (begin + length));
-    const double allowed = refined ? std::max(by_length, 0.25 * left) : by_length;
-    const bool hurries = ++attempts > 1024;
-    refined = change > allowed && length > 2.0 * shortest && !hurries;
-    if (refined) {
-      length *= 0.5;
-      continue;
-    }
-    for (const NodeOutputs& out : half) {
-      const NodeOutputs before = sum;
-      sum = out;
-      sum.shear_stress = forced ? before.shear_stress + 0.5 * length * out.shear_stress : out.shear_stress;
-      sum.sliding_velocity = before.sliding_velocity + 0.5 * length * out.sliding_velocity;
-      sum.friction_heat = before.friction_heat + out.friction_heat;
-      sum.first_order = before.first_order || out.first_order;
-      sum.answers = std::max(before.answers, out.answers);
-      sum.error_estimate = before.error_estimate;
-    }
-    sum.error_estimate += change;
-    left = change > allowed ? std::max(left, change) : left - change;
-    begin += length;
-    state = fine;
-    if (forced) in.velocity_jump = then.velocity_jump;
-    const bool aligned = std::fmod(begin, 2.0 * length) == 0.0;
-    const bool grows = hurries ? 1.0 - begin > 64.0 * length : change <= by_length / 6.0;
-    if (length < 1.0 && aligned && grows) length *= 2.0;
-  }
-  if (sum.shear_stress * sum.sliding_velocity < 0.0) sum.sliding_velocity = 0.0;
-  state.shear_stress = sum.shear_stress;
-  return sum;
-}
-
-}  // namespace
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   return options.tolerance ? advance_controlled(options, dt, inputs, state)

@@ -32,6 +32,18 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
 // To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like);
 
+// T at the end of a step with flux q: T_ad + q B.
+struct Heat {
+  Profile T_ad, B;
+};
+Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old);
+// The second stage of SDIRK2 from the rows the first one ended with.
+inline constexpr double kGamma = 0.29289321881345254;
+Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
+                          const NodeState& early);
+// Whether a second-order step stays between what was there and melting.
+bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T);
+
 // T = T_ad + q B, kept.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
 
@@ -43,5 +55,9 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
 
 // The velocity-driven step of a layer with inertia.
 NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+
+// A step by the options' own integrator, and one cut until its error is below the options' tolerance.
+NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
+NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 
 }  // namespace shearbus::physics::reference

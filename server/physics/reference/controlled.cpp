@@ -1,0 +1,92 @@
+// A step of the twin under a tolerance.
+#include <algorithm>
+#include <cmath>
+
+#include "server/physics/reference/parts.hpp"
+
+namespace shearbus::physics::reference {
+
+namespace {
+
+// A jump that turns or seems to stop in a substep: by how much it may be off.
+double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
+  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
+  const double acceleration = std::abs(in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
+  if (before == 0.0 || before * after > 0.0) return 0.0;
+  if (after == 0.0) return acceleration <= mobility * std::abs(s_before) ? 0.0 : std::abs(before);
+  const double after_turning = (std::abs(before) + std::abs(after)) / dt;
+  return std::abs(before) * (1.0 - after_turning / (after_turning + 2.0 * mobility * std::abs(s)));
+}
+
+}  // namespace
+
+// By substeps, in parts of the step: each is accepted where two halves of it change T0, heat
+// and jump by little, else tried again half as long; where they change very little the next is twice as long.
+NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  const bool forced = options.strategy == Strategy::kForceDriven;
+  const double T_melt = options.soft.melting_temperature;
+  const double range = std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
+  const double response = heat_of_step(options, dt, state, profile_of(state)).B[0];
+  const double shortest = std::exp2(-std::clamp(std::floor(std::log2(dt / (1e-12 / 64.0))), 1.0, 22.0));
+  NodeInputs in = inputs;
+  NodeOutputs sum;
+  double left = 0.25 * *options.tolerance;
+  double length = 1.0;
+  bool refined = false;
+  int attempts = 0;
+  for (double begin = 0.0; begin < 1.0;) {
+    NodeState coarse = state, fine = state;
+    const double s_before = state.shear_stress;
+    const NodeOutputs whole = advance_uncontrolled(options, length * dt, in, coarse);
+    NodeOutputs half[2];
+    NodeInputs then = in;
+    double turning = 0.0, s = s_before;
+    for (NodeOutputs& out : half) {
+      out = advance_uncontrolled(options, 0.5 * length * dt, then, fine);
+      if (!forced) continue;
+      turning +=
+          turning_error(inputs, 0.5 * length * dt, then.velocity_jump, out.velocity_jump_new, s, out.shear_stress);
+      s = out.shear_stress;
+      then.velocity_jump = out.velocity_jump_new;
+    }
+    const double rest = 1.0 - begin;
+    const double T0 =
+        std::abs(half[1].interface_temperature - whole.interface_temperature) * std::pow(length / rest, 1.5);
+    const double heat = response / dt * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat);
+    const double jump = std::sqrt(std::max(1.0, 1e-6 / dt)) * conducted_share(options) * response *
+                        std::max(std::abs(half[1].shear_stress), std::abs(whole.shear_stress)) *
+                        (std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning);
+    const double change = std::max({T0, heat, jump}) / range;
+    const double by_length = left * std::max(length / rest, 0.05 * length / (begin + length));
+    const double allowed = refined ? std::max(by_length, 0.25 * left) : by_length;
+    const bool hurries = ++attempts > 1024;
+    refined = change > allowed && length > 2.0 * shortest && !hurries;
+    if (refined) {
+      length *= 0.5;
+      continue;
+    }
+    for (const NodeOutputs& out : half) {
+      const NodeOutputs before = sum;
+      sum = out;
+      sum.shear_stress = forced ? before.shear_stress + 0.5 * length * out.shear_stress : out.shear_stress;
+      sum.sliding_velocity = before.sliding_velocity + 0.5 * length * out.sliding_velocity;
+      sum.friction_heat = before.friction_heat + out.friction_heat;
+      sum.first_order = before.first_order || out.first_order;
+      sum.answers = std::max(before.answers, out.answers);
+      sum.error_estimate = before.error_estimate;
+    }
+    sum.error_estimate += change;
+    left = change > allowed ? std::max(left, change) : left - change;
+    begin += length;
+    state = fine;
+    if (forced) in.velocity_jump = then.velocity_jump;
+    const bool aligned = std::fmod(begin, 2.0 * length) == 0.0;
+    const bool grows = hurries ? 1.0 - begin > 64.0 * length : change <= by_length / 6.0;
+    if (length < 1.0 && aligned && grows) length *= 2.0;
+  }
+  if (sum.shear_stress * sum.sliding_velocity < 0.0) sum.sliding_velocity = 0.0;
+  state.shear_stress = sum.shear_stress;
+  return sum;
+}
+
+}  // namespace shearbus::physics::reference

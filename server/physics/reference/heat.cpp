@@ -1,0 +1,152 @@
+// Heat of the twin: linear systems solved as they stand.
+#include <Eigen/SparseCore>
+#include <Eigen/SparseLU>
+#include <algorithm>
+#include <cmath>
+
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
+
+namespace shearbus::physics::reference {
+
+namespace {
+
+HeatGrid heat_grid_of(const ModelOptions& options) {
+  const Grid layer(options.grid);
+  if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
+  return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
+}
+
+}  // namespace
+
+double conducted_share(const ModelOptions& options) {
+  return options.hard_grid ? 1.0 : heat_partition(options.soft, options.hard);
+}
+
+Profile profile_of(const NodeState& state) {
+  Profile profile{state.hard_temperature, state.hard_temperature.size()};
+  profile.rows.insert(profile.rows.end(), state.temperature.begin(), state.temperature.end());
+  return profile;
+}
+
+void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B) {
+  std::vector<double> T = T_ad.rows;
+  for (std::size_t i = 0; i < T.size(); ++i) T[i] += flux * B.rows[i];
+  const auto at_interface = T.begin() + static_cast<std::ptrdiff_t>(T_ad.interface);
+  state.hard_temperature.assign(T.begin(), at_interface);
+  state.temperature.assign(at_interface, T.end());
+}
+
+namespace {
+
+// The rows of a node without profile, read as those before z = 0 and z = 0 itself: HeatModes' list, K's own integral.
+Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
+  const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
+  const std::size_t last = old.rows.size() - 1;
+  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
+  double T0 = old.rows[0];
+  for (std::size_t j = 0; j < modes.rate.size(); ++j) {
+    // Integrals over the step of exp(-rate s) times s / ((1 - early) dt), the share of q_early, and times the rest
+    // of 1.
+    const long double x = static_cast<long double>(modes.rate[j]) * dt;
+    const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
+    const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;
+    const long double gain = static_cast<long double>(modes.weight[j]) * dt;
+    const double first = early > 0.0 ? static_cast<double>(gain * moment / (1.0L - early)) : 0.0;
+    const double second = static_cast<double>(gain * mean) - first;
+    heat.T_ad.rows[j + 1] = old.rows[j + 1] * std::exp(-modes.rate[j] * dt);
+    T0 += heat.T_ad.rows[j + 1];
+    heat.T_ad.rows[j + 1] += first * early_flux;
+    heat.B.rows[j + 1] = second;
+  }
+  const double early_T0 = early > 0.0 ? modes.kernel.moment(dt) / ((1.0 - early) * dt) : 0.0;
+  heat.T_ad.rows[last] = T0 + early_T0 * early_flux;
+  heat.B.rows[last] = modes.kernel.integral(dt) - early_T0;
+  return heat;
+}
+
+}  // namespace
+
+Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
+  const HeatGrid grid = heat_grid_of(options);
+  const int n = grid.num_vertices();
+  std::vector<Eigen::Triplet<double>> entries;
+  Eigen::VectorXd rhs(n);
+  for (int i = 0; i < n; ++i) {
+    const double storage = grid.capacity(i, options.soft, options.hard) / dt;  // [W/(m2 K)]
+    double diagonal = storage;
+    if (i > 0) {
+      const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;
+      entries.emplace_back(i, i - 1, -k / grid.width[i - 1]);
+      diagonal += k / grid.width[i - 1];
+    }
+    if (i + 1 < n) {
+      const double k = (i < grid.interface ? options.hard : options.soft).conductivity;
+      entries.emplace_back(i, i + 1, -k / grid.width[i]);
+      diagonal += k / grid.width[i];
+    }
+    entries.emplace_back(i, i, diagonal);
+    const int vertex = i - grid.interface;
+    rhs[i] = storage * old.rows[i] + (vertex >= 0 && vertex < static_cast<int>(sources.size()) ? sources[vertex] : 0.0);
+  }
+  Eigen::SparseMatrix<double> matrix(n, n);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
+  const Eigen::VectorXd T = lu.solve(rhs);
+  return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
+}
+
+Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
+  return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
+                 {std::vector<double>(like.rows.size(), 0.0), like.interface});
+}
+
+Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {
+  if (options.modes) return heat_of_modes(options, dt, 0.0, 0.0, old);
+  const Profile T_ad = conduct(options, dt, {}, old);
+  return {T_ad, unit_response(options, dt, state.heat_shape, T_ad)};
+}
+
+Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
+                          const NodeState& early) {
+  if (options.modes) return heat_of_modes(options, dt, kGamma, early_flux, old);
+  Profile from = profile_of(early);
+  for (std::size_t i = 0; i < from.rows.size(); ++i)
+    from.rows[i] = old.rows[i] + (1.0 - kGamma) / kGamma * (from.rows[i] - old.rows[i]);
+  return heat_of_step(options, kGamma * dt, early, from);
+}
+
+bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T) {
+  if (options.modes) return T[0] < at_pressure(options.soft, pressure).melting_temperature;
+  const auto [lowest, highest] = std::minmax_element(T.rows.begin(), T.rows.end());
+  return *highest < at_pressure(options.soft, pressure).melting_temperature &&
+         *lowest >= *std::min_element(old.rows.begin(), old.rows.end()) * (1.0 - 1e-12);
+}
+
+NodeState initial_state(const ModelOptions& options) {
+  const Grid grid(options.grid);
+  const HeatGrid heat_grid = heat_grid_of(options);
+  NodeState state;
+  state.hard_temperature.assign(heat_grid.interface, options.initial_temperature);
+  state.temperature.assign(heat_grid.num_vertices() - heat_grid.interface, options.initial_temperature);
+  if (options.modes) {
+    const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
+    state.hard_temperature.assign(static_cast<std::size_t>(modes.num_rows()) - 1, 0.0);
+    state.hard_temperature.front() = options.initial_temperature;
+    state.temperature.assign(1, options.initial_temperature);
+  }
+  state.plastic_strain.assign(grid.num_vertices(), 0.0);
+  if (options.taylor_quinney_factor) {
+    for (double weight : grid.weight) {
+      state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
+    }
+  }
+  if (options.inertia) {
+    state.stress_field.assign(grid.num_vertices(), 0.0);
+    state.layer_velocity.assign(grid.num_cells(), 0.0);
+  }
+  return state;
+}
+
+}  // namespace shearbus::physics::reference
