@@ -26,6 +26,7 @@
 #include "hydro_stub/subgrid_law.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "server/service/scene_model.hpp"
+#include "shearbus_places.hpp"
 
 namespace {
 

@@ -10,6 +10,7 @@
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "proto/wire/scene_file.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
 namespace shearbus {

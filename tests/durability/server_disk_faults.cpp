@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "shearbus_places.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"
 

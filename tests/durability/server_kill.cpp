@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "server/embedded.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"
 

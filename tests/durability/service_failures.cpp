@@ -8,6 +8,7 @@
 
 #include "server/capsule_replay.hpp"
 #include "server/store/checkpoint.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/scenes.hpp"

@@ -7,6 +7,7 @@
 
 #include "proto/wire/scene_file.hpp"
 #include "shearbus/v1/envelope.pb.h"
+#include "shearbus_places.hpp"
 #include "tests/fuzz/checkpoint_sample.hpp"
 #include "tests/fuzz/mutate.hpp"
 #include "tests/fuzz/script.hpp"

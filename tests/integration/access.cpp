@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "proto/wire/key_file.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"

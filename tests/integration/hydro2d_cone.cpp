@@ -7,6 +7,7 @@
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "proto/wire/scene_file.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/hydro2d_plates.hpp"
 
 namespace shearbus {

@@ -15,6 +15,7 @@
 #include <sstream>
 #include <thread>
 
+#include "shearbus_places.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"
 

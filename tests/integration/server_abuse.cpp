@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "proto/wire/key_file.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"

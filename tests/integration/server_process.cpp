@@ -9,6 +9,7 @@
 #include <fstream>
 #include <thread>
 
+#include "shearbus_places.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus {

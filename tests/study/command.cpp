@@ -1,4 +1,5 @@
 #include "tests/study/command.hpp"
+#include "shearbus_places.hpp"
 
 #include <fmt/format.h>
 

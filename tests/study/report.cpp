@@ -11,6 +11,7 @@
 #include <fstream>
 #include <string>
 
+#include "shearbus_places.hpp"
 #include "tests/study/precision.hpp"
 
 namespace shearbus::study {

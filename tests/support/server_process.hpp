@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "shearbus_places.hpp"
 #include "tests/support/running_server.hpp"
 
 extern char** environ;

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <map>
 
+#include "shearbus_places.hpp"
 #include "tests/support/wire_samples.hpp"
 
 namespace shearbus::wire {

@@ -13,6 +13,7 @@
 #include "proto/wire/limits.hpp"
 #include "proto/wire/scene_file.hpp"
 #include "proto/wire/text.hpp"
+#include "shearbus_places.hpp"
 #include "tests/support/wire_samples.hpp"
 
 namespace shearbus::wire {
