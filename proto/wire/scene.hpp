@@ -17,7 +17,7 @@ enum class Heat { kUnspecified = 0, kProfile = 1, kModes = 2 };
 enum class Drive { kUnspecified = 0, kLayerShear = 1, kInterfaceSlip = 2 };
 enum class MeltingCurve { kUnspecified = 0, kConstant = 1, kLindemann = 2 };
 enum class PressureTerm { kUnspecified = 0, kLinear = 1, kCompressed = 2 };
-enum class FlowLaw { kUnspecified = 0, kSteinbergCochranGuinan = 1, kJohnsonCook = 2 };
+enum class FlowLaw { kUnspecified = 0, kSteinbergCochranGuinan = 1, kJohnsonCook = 2, kPrestonTonksWallace = 3 };
 enum class FrictionLaw { kUnspecified = 0, kConstant = 1, kVelocityWeakening = 2 };
 enum class InterfaceLaw {
   kUnspecified = 0,

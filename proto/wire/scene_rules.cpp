@@ -55,6 +55,18 @@ class Checker {
  private:
   void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text)}); }
 
+  // "johnson_cook or preston_tonks_wallace" as its words.
+  static std::vector<std::string> choices_in(std::string_view text) {
+    constexpr std::string_view kOr = " or ";
+    std::vector<std::string> choices;
+    for (std::size_t at = text.find(kOr); at != std::string_view::npos; at = text.find(kOr)) {
+      choices.emplace_back(text.substr(0, at));
+      text.remove_prefix(at + kOr.size());
+    }
+    choices.emplace_back(text);
+    return choices;
+  }
+
   // A field that another's choice makes meaningless: refused where it is given, not missed where it is not.
   bool unused(const Message& message, const FieldDescriptor& field, const std::string& name) {
     const std::string& condition = rule_of(field).used_with();
@@ -71,12 +83,13 @@ class Checker {
     const std::string& choice = chosen != 0 ? choices[static_cast<std::size_t>(value->index()) - 1]
                                 : open      ? choices.front()
                                             : rule_of(other).default_text();
-    if (choice == condition.substr(equals + 1)) return false;
+    const std::vector<std::string> wanted = choices_in(condition.substr(equals + 1));
+    if (std::find(wanted.begin(), wanted.end(), choice) != wanted.end()) return false;
     const bool present = message.GetReflection()->HasField(message, &field);
     if (present && open) return false;
     if (present)
       add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", name, other.name(),
-                            condition.substr(equals + 1), choice));
+                            fmt::join(wanted, "\" or \""), choice));
     return true;
   }
 

@@ -29,7 +29,7 @@ std::vector<StatePart> state_parts(const physics::Model& model) {
                              {"junction_strain", "1", layout.junction_strain, 1},
                              {"resting", "1", layout.resting, 2},
                              {"hottest_at_rest_k", "K", layout.weakest, 1},
-                             {"least_strength_at_rest_pa", "Pa", second_row(layout.weakest), 1},
+                             {"least_strain_at_rest", "1", second_row(layout.weakest), 1},
                              {"shadowed", "1", layout.shadowed, 1}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;

@@ -22,12 +22,12 @@ int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
 }
 
-// The layer of a lane that is no weaker anywhere: as hot as its hottest vertex, as little strained as its least
-// strained. Without source heat only evens out, and who does not flow does not harden, so that while it sleeps it stays
-// that.
+// A vertex that no vertex of a lane's layer is weaker than: as hot as the hottest, as little strained as the least
+// strained. It stays that while the lane sleeps: without a source heat only evens out, and a layer that does not flow
+// does not harden.
 struct WeakestVertex {
   double temperature;  // [K]
-  double strength;     // before softening, at rest: a rate only adds  [Pa]
+  double strain;       // plastic
 };
 
 WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
@@ -37,13 +37,13 @@ WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lan
   double hottest = T[0], least = strain[0];
   for (std::ptrdiff_t i = 1; i < problem.heat_grid.num_vertices(); ++i) hottest = std::max(hottest, T[i * kLanes]);
   for (std::ptrdiff_t i = 1; i < problem.grid.num_vertices(); ++i) least = std::min(least, strain[i * kLanes]);
-  return {hottest, hardened_strength(problem.options.soft, least)};
+  return {hottest, least};
 }
 
-// Whether no vertex can flow under a stress magnitude, rounding included. `soft`: at the pressure.
+// Whether no vertex can flow under a stress magnitude, rounding included: its flow stress at rest, to which a rate only
+// adds, is larger. `soft` is the material at the pressure.
 bool surely_rigid(const Material& soft, double pressure, double stress, const WeakestVertex& weakest) {
-  const double g = softening(soft, pressure, weakest.temperature + kRoundingOfT).g;
-  return kSqrt3 * stress <= kSurely * (weakest.strength * g);
+  return kSqrt3 * stress <= kSurely * flow_stress(soft, weakest.strain, pressure, weakest.temperature + kRoundingOfT);
 }
 
 // Interface slip, whose starting stress is that of a layer at yield.
@@ -158,7 +158,7 @@ void count_rest(const Problem& problem, const TileInputs& inputs, const double* 
       sleeps ? to_modes(*problem.basis, lane, trial + layout.first_temperature()) : 0.0;
   if (layout.weakest == TileLayout::kAbsent) return;
   trial[layout.weakest + lane] = sleeps ? weakest.temperature : 0.0;
-  trial[layout.weakest + kLanes + lane] = sleeps ? weakest.strength : 0.0;
+  trial[layout.weakest + kLanes + lane] = sleeps ? weakest.strain : 0.0;
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ struct TileLayout {
   std::size_t sticking = kAbsent;          // [kLanes]  1 where the interface ended the last step without slip, else 0
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t resting = kAbsent;           // [2][kLanes]  steps at rest; while asleep modes that live, else 0
-  std::size_t weakest = kAbsent;  // [2][kLanes]  while asleep: K of the hottest vertex; Pa, the least hardened strength
+  std::size_t weakest = kAbsent;  // [2][kLanes]  while asleep: K of the hottest vertex; the least plastic strain
   std::size_t shadowed = kAbsent;  // [kLanes]  1 where the node is solved in full beside, else 0
   std::size_t shadow = kAbsent;    // where the tile of the model in full begins, which solves it
   std::size_t doubles = 0;         // of a tile, a multiple of kLanes
