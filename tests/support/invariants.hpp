@@ -200,8 +200,9 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
   if (options.junctions) {
     const auto& [fraction, height, metal] = *options.junctions;
     const double grown = kDigits * size * a.dt / (kSqrt3 * height);
-    strength = {fraction * hardened_strength(metal, std::max(0.0, a.junction_strain - grown)),
-                fraction * hardened_strength(metal, a.junction_strain + grown)};
+    strength = {
+        fraction * SteinbergCochranGuinan::hardened(metal, std::max(0.0, a.junction_strain - grown), 0.0, 0.0, 0.0),
+        fraction * SteinbergCochranGuinan::hardened(metal, a.junction_strain + grown, 0.0, 0.0, 0.0)};
   }
   double mu = law.friction_coefficient;
   if (law.friction_law != FrictionLaw{}) {
@@ -335,11 +336,13 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
     // The rate of the step, or at most that of its last part, as well as a difference of strains tells it; slower than
-    // Johnson and Cook's r0 the stress tells strains by their hardening alone, to its last digits.
+    // the least rate of the law the stress tells strains by their hardening alone, to its last digits.
     const double dep = a.parts() * (ep - ep_old);
-    const double slope = is_johnson_cook(soft) && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt) : 0.0;
-    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * hardened_strength(soft, ep) / slope : 0.0);
     const double T = profile[static_cast<std::size_t>(i)];
+    const bool rated = properties_of(soft.flow_law).depends_on_rate;
+    const double slope = rated && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt, a.pressure, T) : 0.0;
+    const double at_rest = hardened_strength(soft, ep, 0.0, a.pressure, T);
+    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * at_rest / slope : 0.0);
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
