@@ -196,11 +196,11 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   gather(step.inputs.velocity_jump, lanes, in.velocity_jump);
   gather(step.inputs.pressure, lanes, in.pressure);
   gather(step.inputs.soft_shear_rate, lanes, in.soft_shear_rate);
-  gather(step.inputs.stress_minus, lanes, in.stress_minus);
-  gather(step.inputs.stress_plus, lanes, in.stress_plus);
-  gather(step.inputs.mass_minus, lanes, in.mass_minus);
-  gather(step.inputs.mass_plus, lanes, in.mass_plus);
-  gather(step.inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
+  gather(step.inputs.stress_soft, lanes, in.stress_minus);
+  gather(step.inputs.stress_hard, lanes, in.stress_plus);
+  gather(step.inputs.mass_soft, lanes, in.mass_minus);
+  gather(step.inputs.mass_hard, lanes, in.mass_plus);
+  gather(step.inputs.soft_plastic_strain_rate, lanes, in.soft_plastic_rate);
 
   physics::TileOutputs out;
   const auto book = [&](const physics::SecondInputs* second, const physics::SecondOutputs* second_out) {
@@ -215,8 +215,8 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   } else {
     physics::SecondInputs second;
     gather(step.inputs.second_velocity_jump, lanes, second.velocity_jump);
-    gather(step.inputs.second_stress_minus, lanes, second.stress_minus);
-    gather(step.inputs.second_stress_plus, lanes, second.stress_plus);
+    gather(step.inputs.second_stress_soft, lanes, second.stress_minus);
+    gather(step.inputs.second_stress_hard, lanes, second.stress_plus);
     physics::SecondOutputs second_out;
     model_.advance(step.operators, in, second, from, to, out, second_out);
     scatter(second_out.shear_stress, lanes, step.outputs.second_shear_stress);

@@ -84,10 +84,10 @@ std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
                {.velocity_jump = jump,
                 .second_velocity_jump = across,
                 .pressure = pressure,
-                .stress_minus = pull,
-                .stress_plus = pull,
-                .mass_minus = mass,
-                .mass_plus = mass},
+                .stress_soft = pull,
+                .stress_hard = pull,
+                .mass_soft = mass,
+                .mass_hard = mass},
                {.shear_stress = stress, .interface_temperature = temperature});
     if (commits) shard.commit();
   }
