@@ -190,7 +190,7 @@ TEST(Codec, SessionIdsHaveSixteenBytesOrNone) {
   EXPECT_EQ(code_of(envelope() + field(kOpenField, field(1, std::string()) + field(2, std::string(15, 'a')))),
             Code::kMalformed);
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kOpenField, field(2, std::string(16, 'a'))))).text,
-              HasSubstr("open_session has no scene"));
+              HasSubstr("open_session.scene is not given"));
 }
 
 TEST(Codec, ValuesOutsideTheirEnumAreRefused) {
