@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {

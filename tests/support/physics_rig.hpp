@@ -14,8 +14,8 @@
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/advance_one.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/model.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::testing {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {

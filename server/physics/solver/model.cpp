@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/ledger.hpp"
+#include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
 
@@ -266,7 +266,7 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
     awake(problem, operators, inputs, committed, trial, outputs);
   }
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) {
+    if (!contains(inputs.active, lane)) {
       copy_lane(committed, trial, problem.layout.doubles, lane);
     } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
                !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
@@ -306,8 +306,7 @@ void Model::Impl::step_shadow(const StepOperators& operators, const TileInputs& 
   } else {
     full->advance(operators.full(), sampled, before, after, in_full);
   }
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(sampled.active >> l & 1u)) continue;
+  for (const int l : lanes_of(sampled.active)) {
     const double across =
         second != nullptr ? second_in_full.shear_stress[l] - second_outputs->shear_stress[l] : 0.0;  // [Pa]
     outputs.shadow_temperature_error[l] = std::abs(in_full.interface_temperature[l] - outputs.interface_temperature[l]);

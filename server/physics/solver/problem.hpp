@@ -57,7 +57,7 @@ class LaneMaterials {
     if (!soft.varies_with_compression()) return;
     at_.emplace();
     for (int l = 0; l < kLanes; ++l) {
-      const bool active = (inputs.active >> l & 1u) != 0;
+      const bool active = contains(inputs.active, l);
       (*at_)[static_cast<std::size_t>(l)] = at_pressure(soft, active ? inputs.pressure[l] : 0.0);
     }
   }

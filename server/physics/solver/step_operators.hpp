@@ -13,7 +13,7 @@
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/layer/modes.hpp"
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 
 namespace shearbus::physics {

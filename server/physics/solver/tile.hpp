@@ -3,6 +3,7 @@
 // looks at its neighbour: its answer has the same bits whatever the other lanes hold.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
@@ -11,6 +12,39 @@
 namespace shearbus::physics {
 
 inline constexpr int kLanes = 8;
+
+// A set of lanes, ascending in a loop: bit i stands for lane i.
+class LaneSet {
+ public:
+  class Iterator {
+   public:
+    constexpr explicit Iterator(std::uint32_t left) : left_(left) {}
+    constexpr int operator*() const { return std::countr_zero(left_); }
+    constexpr Iterator& operator++() {
+      left_ &= left_ - 1;
+      return *this;
+    }
+    constexpr bool operator==(const Iterator&) const = default;
+
+   private:
+    std::uint32_t left_;
+  };
+  constexpr explicit LaneSet(std::uint32_t lanes) : lanes_(lanes & ((1u << kLanes) - 1)) {}
+  constexpr Iterator begin() const { return Iterator(lanes_); }
+  static constexpr Iterator end() { return Iterator(0); }
+
+ private:
+  std::uint32_t lanes_;
+};
+
+// `for (const int lane : lanes_of(active))`; the loop walks a copy of `active`.
+constexpr LaneSet lanes_of(std::uint32_t active) {
+  return LaneSet(active);
+}
+
+constexpr bool contains(std::uint32_t lanes, int lane) {
+  return (lanes >> lane & 1u) != 0;
+}
 
 enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
 

@@ -1,4 +1,4 @@
-#include "server/physics/solver/ledger.hpp"
+#include "server/physics/solver/around/ledger.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/sleep.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -149,8 +149,7 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
       layout.plastic_strain == TileLayout::kAbsent
           ? Lanes{}
           : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) continue;
+  for (const int lane : lanes_of(inputs.active)) {
     const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];

@@ -80,8 +80,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
   TileInputs along = inputs;
   Vector direction[kLanes];
   double stress_old[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
+  for (const int l : lanes_of(inputs.active)) {
     const LaneVectors lane = vectors_of(layout, inputs, second, committed, l);
     const Vector e =
         direction_of(trial_of(options, lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
@@ -95,8 +94,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
   advance_along(problem, operators, along, committed, trial, outputs);
 
   // 2. Its answer as vectors.
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
+  for (const int l : lanes_of(inputs.active)) {
     const LaneVectors lane = vectors_of(layout, inputs, second, committed, l);
     const Vector& e = direction[l];
     Vector stress = outputs.shear_stress[l] * e;
