@@ -234,21 +234,15 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   scatter(out.outcome, lanes, step.outputs.outcome);
   scatter(out.error_estimate, lanes, step.outputs.error_estimate);
 
-  return count_of(out, lanes.active, to);
+  return count_of(out, lanes.active);
 }
 
-StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active, const double* state) const {
-  const std::size_t shadowed = model_.layout().shadowed;
+StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active) {
   StepCount count;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if ((active >> lane & 1U) == 0) continue;
+  for (const int lane : physics::lanes_of(active)) {
     if ((out.outcome[lane] & ~physics::kAsleep) != 0) ++count.flagged;
     if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
     if ((out.outcome[lane] & physics::kAsleep) != 0) ++count.asleep;
-    if (shadowed == physics::TileLayout::kAbsent || state[shadowed + lane] == 0.0) continue;
-    ++count.shadowed;
-    count.shadow_temperature_error = std::max(count.shadow_temperature_error, out.shadow_temperature_error[lane]);
-    count.shadow_stress_error = std::max(count.shadow_stress_error, out.shadow_stress_error[lane]);
   }
   return count;
 }
@@ -257,9 +251,6 @@ StepCount& StepCount::operator+=(const StepCount& other) {
   flagged += other.flagged;
   failed += other.failed;
   asleep += other.asleep;
-  shadowed += other.shadowed;
-  shadow_temperature_error = std::max(shadow_temperature_error, other.shadow_temperature_error);
-  shadow_stress_error = std::max(shadow_stress_error, other.shadow_stress_error);
   return *this;
 }
 

@@ -50,10 +50,6 @@ struct ModelOptions {
   // Nodes at rest are not solved (MODEL.md section 3b). Without inertia, modes and SDIRK2, at most kMaxBasisVertices
   // that conduct.
   bool sleep = false;
-  // Of the nodes: solved in full beside, without sleep and with a profile in place of modes, and compared. More than 0
-  // keeps two states per node.
-  double shadow_share = 0.0;
-
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
@@ -75,7 +71,6 @@ class Model {
   const ModelOptions& options() const;
   const Grid& grid() const;
   const TileLayout& layout() const;
-  const Model* full() const;  // that of the shadow, where there is one
 
   // Things a user should know about this combination, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;

@@ -78,8 +78,6 @@ struct TileLayout {
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t resting = kAbsent;           // [2][kLanes]  steps at rest; while asleep modes that live, else 0
   std::size_t weakest = kAbsent;  // [2][kLanes]  while asleep: K of the hottest vertex; Pa, the least hardened strength
-  std::size_t shadowed = kAbsent;  // [kLanes]  1 where the node is solved in full beside, else 0
-  std::size_t shadow = kAbsent;    // where the tile of the model in full begins, which solves it
   std::size_t doubles = 0;         // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid (of a lane asleep those of HeatBasis), or
@@ -124,8 +122,6 @@ struct TileOutputs {
   alignas(64) double error_estimate[kLanes];         // of models with a tolerance only: see there   [1]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
-  double shadow_temperature_error[kLanes];  // of lanes that are shadowed: T0 apart from the node solved in full  [K]
-  double shadow_stress_error[kLanes];       // likewise s                                                    [Pa]
 };
 
 // Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
