@@ -95,8 +95,8 @@ class Bench {
     states_[1].resize(model_.layout().doubles);
     inputs_.active = (1U << kLanes) - 1;
     for (int l = 0; l < kLanes; ++l) {
-      inputs_.mass_minus[l] = options.soft.density * kHalfZone;
-      inputs_.mass_plus[l] = options.hard.density * kHalfZone;
+      inputs_.mass_soft[l] = options.soft.density * kHalfZone;
+      inputs_.mass_hard[l] = options.hard.density * kHalfZone;
     }
     operators_ = model_.operators(kStep);
     begin();
@@ -140,16 +140,10 @@ class Bench {
       inputs_.velocity_jump[l] = kJump + l;  // lanes differ a little, as nodes of one interface do
       inputs_.pressure[l] = pressure;
     }
-    const bool vectors = model_.options().tangential_components == 2;
-    if (vectors) {
-      model_.advance(*operators_, inputs_, second_, states_[0].data(), states_[1].data(), outputs_, second_outputs_);
-    } else {
-      model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
-    }
+    model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
     if (ledger) {
-      physics::TileLedger booked;
-      model_.book(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), booked,
-                  vectors ? &second_ : nullptr, vectors ? &second_outputs_ : nullptr);
+      physics::TileLedger energy;
+      model_.record_energy(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), energy);
     }
     states_[0].swap(states_[1]);
   }
@@ -172,9 +166,7 @@ class Bench {
   physics::Model model_;
   std::shared_ptr<const physics::StepOperators> operators_;
   physics::TileInputs inputs_;
-  physics::SecondInputs second_;
   physics::TileOutputs outputs_{};
-  physics::SecondOutputs second_outputs_{};
   std::vector<double> states_[2];
 };
 
@@ -216,11 +208,8 @@ std::string microseconds(double seconds) {
 
 Explanation explain(const wire::Scene& scene, bool each_part) {
   const service::SceneModel made = service::scene_model(scene);
-  Explanation told{.scene = scene.name,
-                   .cost = cost_of(scene, made.options, false),
-                   .parts = {},
-                   .everything = {},
-                   .together = {}};
+  Explanation told{
+      .scene = scene.name, .cost = cost_of(scene, made.options, false), .parts = {}, .everything = {}, .together = {}};
 
   // 1. Each part switched the other way, alone.
   for (const Switch& part : kSwitches) {

@@ -21,17 +21,17 @@ namespace shearbus::shard {
 
 // One value per row of the request; an empty column is zero. `second_` of a vector is its second tangential component.
 struct StepInputs {
-  std::span<const double> velocity_jump;           // [m/s]
-  std::span<const double> second_velocity_jump{};  // [m/s]
-  std::span<const double> pressure;                // [Pa]
-  std::span<const double> soft_shear_rate;         // [1/s]
-  std::span<const double> stress_minus;            // [Pa]
-  std::span<const double> second_stress_minus{};   // [Pa]
-  std::span<const double> stress_plus;             // [Pa]
-  std::span<const double> second_stress_plus{};    // [Pa]
-  std::span<const double> mass_minus;              // [kg/m2]
-  std::span<const double> mass_plus;               // [kg/m2]
-  std::span<const double> soft_plastic_rate{};     // [1/s]
+  std::span<const double> velocity_jump;               // [m/s]
+  std::span<const double> second_velocity_jump{};      // [m/s]
+  std::span<const double> pressure;                    // [Pa]
+  std::span<const double> soft_shear_rate;             // [1/s]
+  std::span<const double> stress_soft;                 // [Pa]
+  std::span<const double> second_stress_soft{};        // [Pa]
+  std::span<const double> stress_hard;                 // [Pa]
+  std::span<const double> second_stress_hard{};        // [Pa]
+  std::span<const double> mass_soft;                   // [kg/m2]
+  std::span<const double> mass_hard;                   // [kg/m2]
+  std::span<const double> soft_plastic_strain_rate{};  // [1/s]
 };
 
 // One value per row of the request; an empty column is not wanted.
@@ -56,9 +56,9 @@ struct StepOutputs {
 
 // Nodes of a step.
 struct StepCount {
-  std::uint64_t flagged = 0;              // whose outcome is neither 0 nor asleep
-  std::uint64_t failed = 0;               // of those: without an answer
-  std::uint64_t asleep = 0;               // at rest, not solved
+  std::uint64_t flagged = 0;  // whose outcome is neither 0 nor asleep
+  std::uint64_t failed = 0;   // of those: without an answer
+  std::uint64_t asleep = 0;   // at rest, not solved
 
   StepCount& operator+=(const StepCount& other);
 };

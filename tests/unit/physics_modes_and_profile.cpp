@@ -30,8 +30,8 @@ void fill(TileInputs& in, const TileOutputs& last, int n) {
   for (int l = 0; l < kLanes; ++l) {
     in.velocity_jump[l] = n % 90 == 0 ? (l % 2 == 0 ? 40.0 : -25.0) + 7.0 * l : last.velocity_jump_new[l];
     in.pressure[l] = l % 3 == 0 && n % 60 > 40 ? -1.0 : 6e9 + 5e8 * l;
-    in.mass_minus[l] = in.mass_plus[l] = 0.2;
-    in.stress_minus[l] = in.stress_plus[l] = n % 50 < 25 ? 120e6 : -90e6;
+    in.mass_soft[l] = in.mass_hard[l] = 0.2;
+    in.stress_soft[l] = in.stress_hard[l] = n % 50 < 25 ? 120e6 : -90e6;
   }
 }
 
@@ -43,7 +43,7 @@ TEST_P(ModesAndProfile, UnderConstantFluxTheDistanceIsTheProfilesOwnError) {
   Rig rig(without_profile(GetParam())), profile(with_profile(without_profile(GetParam())));
   const ModelOptions& o = rig.model.options();
   rig.set_all(100.0, 1e8);  // mu P, and bodies that nothing stops
-  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e12;
+  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
   profile.inputs = rig.inputs;
   const double flux = rig.conducted_share() * 0.3e8 * 100.0;
   for (int n = 1; n <= 400; ++n) {
@@ -84,8 +84,8 @@ TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
         each->set_all(60.0, 8e9);
         each->step(1e-9);
       }
-      apart[forgets] = std::max(apart[forgets], std::abs(profile.outputs.interface_temperature[0] -
-                                                         rig.outputs.interface_temperature[0]));
+      apart[forgets] = std::max(
+          apart[forgets], std::abs(profile.outputs.interface_temperature[0] - rig.outputs.interface_temperature[0]));
     }
   }
   EXPECT_LT(apart[0], 5.0);  // [K], of the 900 to melting
@@ -107,7 +107,8 @@ TEST(PhysicsModesAndProfile, UnderAToleranceBothAreWithinIt) {
     rig.step(1e-9);
     profile.step(1e-9);
     for (int l = 0; l < kLanes; ++l)
-      apart = std::max(apart, std::abs(profile.outputs.interface_temperature[l] - rig.outputs.interface_temperature[l]));
+      apart =
+          std::max(apart, std::abs(profile.outputs.interface_temperature[l] - rig.outputs.interface_temperature[l]));
   }
   EXPECT_GT(apart, 0.0);
   EXPECT_LT(apart, 2.0 * kTolerance * (options.soft.melting_temperature - 300.0));

@@ -82,10 +82,10 @@ std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
                {.velocity_jump = jump,
                 .second_velocity_jump = across,
                 .pressure = pressure,
-                .stress_minus = pull,
-                .stress_plus = pull,
-                .mass_minus = mass,
-                .mass_plus = mass},
+                .stress_soft = pull,
+                .stress_hard = pull,
+                .mass_soft = mass,
+                .mass_hard = mass},
                {.shear_stress = stress, .interface_temperature = temperature});
     if (commits) shard.commit();
   }
@@ -137,10 +137,10 @@ TEST(SavedModes, GoWithTheirNodes) {
 }
 
 std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {"OneSided",       "TwoSided", "PlasticWorkHeats", "PlasticLayer",
-                                    "Junctions",      "Inertia",  "TwoComponents",    "SecondOrder",
-                                    "WithoutProfile", "Sleep",    "SleepDriven",      "SleepPlasticLayer",
-                                    "ModesOfTwoComponents"};
+  constexpr const char* kNames[] = {
+      "OneSided",    "TwoSided",          "PlasticWorkHeats",    "PlasticLayer",   "Junctions",
+      "Inertia",     "TwoComponents",     "SecondOrder",         "WithoutProfile", "Sleep",
+      "SleepDriven", "SleepPlasticLayer", "ModesOfTwoComponents"};
   return kNames[model.param];
 }
 INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 13), name_of);

@@ -257,18 +257,13 @@ void advance_along(const Problem& problem, const StepOperators& operators, const
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
-  advance_along(*impl_, operators, inputs, committed, trial, outputs);
+  const auto step = impl_->options.tangential_components == 2 ? advance_two_components : advance_along;
+  step(*impl_, operators, inputs, committed, trial, outputs);
 }
 
-void Model::advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
-                    const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const {
-  advance_two_components(*impl_, operators, inputs, second, committed, trial, outputs, second_outputs);
-}
-
-void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-                 const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second,
-                 const SecondOutputs* second_outputs) const {
-  book_step(*impl_, operators.dt(), inputs, outputs, second, second_outputs, committed, trial, ledger);
+void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                          const double* committed, const double* trial, TileLedger& ledger) const {
+  physics::record_energy(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -89,15 +89,9 @@ class Model {
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
-  // The same where slip has two components: the scalar step along the direction of the trial stress.
-  void advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
-               const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const;
-
-  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing. `second`,
-  // `second_outputs`: where slip has two components.
-  void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-            const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second = nullptr,
-            const SecondOutputs* second_outputs = nullptr) const;
+  // Energy ledger of that step (MODEL.md section 7b): writes the active lanes of `ledger`, changes no state.
+  void record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                     const double* committed, const double* trial, TileLedger& ledger) const;
 
  private:
   struct Impl;

@@ -92,8 +92,7 @@ void advance_controlled(const Problem& problem, const StepOperators& operators, 
 void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                    const double* committed, double* trial, TileOutputs& outputs);
 void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
-                            SecondOutputs& second_outputs);
+                            const double* committed, double* trial, TileOutputs& outputs);
 
 // How often a step of a model with a tolerance may be halved.
 int most_times_halved(double dt);

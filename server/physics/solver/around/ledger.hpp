@@ -1,14 +1,13 @@
-// Where the energy of a step went (MODEL.md section 7b). Computed from the states before and after it, and only for
-// those who ask.
+// The energy ledger of a step (MODEL.md section 7b), computed from the states before and after the step and only on
+// request.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
 
-// The active lanes of `ledger`; the others are left alone. `second`, `second_outputs`: null with one component.
-void book_step(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
-               const SecondInputs* second, const SecondOutputs* second_outputs, const double* committed,
-               const double* trial, TileLedger& ledger);
+// Writes the active lanes of `ledger` and leaves the others alone. Terms in [J/m2].
+void record_energy(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
+                   const double* committed, const double* trial, TileLedger& ledger);
 
 }  // namespace shearbus::physics

@@ -1,4 +1,4 @@
-// The force-driven step of second order in time: SDIRK2 (server/physics/MODEL.md section 3).
+// The force-driven step of second order in time: SDIRK2 (server/physics/METHODS.md).
 #include <cmath>
 
 #include "server/physics/interface/stress_limit.hpp"

@@ -1,4 +1,4 @@
-// The velocity-driven step of second order in time: SDIRK2 (server/physics/MODEL.md section 3).
+// The velocity-driven step of second order in time: SDIRK2 (server/physics/METHODS.md).
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
