@@ -53,6 +53,7 @@ ModelOptions discretised(ModelOptions options, double tolerance) {
     options.hard_grid->cells = options.grid.cells;
     options.hard_grid->grading = options.grid.grading;
     options.hard_grid->matched = true;
+    options.modes.reset();
   } else if (options.strategy == Strategy::kForceDriven && !options.plastic_layer) {
     options.modes = {
         .accuracy = kKernelShare * tolerance, .shortest_step = kShortestControlledStep, .longest_time = kLongestTime};

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/ledger.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -89,6 +91,11 @@ ModelOptions in_full(ModelOptions options) {
   return options;
 }
 
+const ModelOptions& possible(const ModelOptions& options) {
+  if (std::vector<Refusal> found = refusals(options); !found.empty()) throw RefusedOptions(std::move(found));
+  return options;
+}
+
 }  // namespace
 
 Problem::Problem(const ModelOptions& model_options)
@@ -126,7 +133,7 @@ struct Model::Impl : Problem {
   std::optional<Model> full;  // that which solves it
 };
 
-Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(possible(options))) {}
 Model::~Model() = default;
 Model::Model(Model&&) noexcept = default;
 
