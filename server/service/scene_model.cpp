@@ -19,8 +19,8 @@
 namespace shearbus::service {
 namespace {
 
-bool is_steinberg_cochran_guinan(const physics::Material& m) {
-  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+physics::FlowLawProperties properties_of(const physics::Material& m) {
+  return physics::properties_of(m.flow_law);
 }
 
 physics::Material material_of(const wire::Body& body, const std::string& table) {
@@ -35,7 +35,7 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term == wire::PressureTerm::kCompressed)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  if (body.pressure_term == wire::PressureTerm::kCompressed && !is_steinberg_cochran_guinan(made.material))
+  if (body.pressure_term == wire::PressureTerm::kCompressed && !properties_of(made.material).has_pressure_term)
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
                                            "\"{}\" does not have",
@@ -70,7 +70,9 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
 
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
 wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
-  if (!is_steinberg_cochran_guinan(soft) && !(junctions.hardening_coefficient && junctions.hardening_exponent))
+  const bool soft_hardens_as_junctions =
+      physics::has_constant(soft.flow_law, &physics::Material::hardening_coefficient);
+  if (!soft_hardens_as_junctions && !(junctions.hardening_coefficient && junctions.hardening_exponent))
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
                                            "the soft body's flow law {} has none",
@@ -142,7 +144,7 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
   made.options.inertia = scene.layer.inertia;
-  if (scene.layer.inertia && !is_steinberg_cochran_guinan(made.options.soft))
+  if (scene.layer.inertia && !properties_of(made.options.soft).has_wave_return)
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("layer.inertia works with flow law {}, the soft body has {}: its waves' "
                                            "return to the yield stress is that law's",
@@ -155,7 +157,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.shadow_share = scene.layer.shadow_share;
   if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2) {
     made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
-    if (!is_steinberg_cochran_guinan(made.options.soft))
+    if (properties_of(made.options.soft).first_order_in_time)
       throw wire::Error({.code = wire::Code::kInvalidScene,
                          .text = fmt::format("layer.time_integrator = \"sdirk2\" works with flow law {}, the soft body "
                                              "has {}: its stress follows the rate of a step, to first order",

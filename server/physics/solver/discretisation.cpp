@@ -44,7 +44,7 @@ ModelOptions discretised(ModelOptions options, double tolerance) {
   options.tolerance = tolerance;
   const bool first_order = options.plastic_layer || options.junctions || options.inertia ||
                            options.interface.friction_law != FrictionLaw{} ||
-                           options.soft.flow_law != FlowLaws::place<SteinbergCochranGuinan>();
+                           properties_of(options.soft.flow_law).first_order_in_time;
   options.time_integrator = first_order ? TimeIntegrator::kBackwardEuler : TimeIntegrator::kSdirk2;
   const bool insulated = options.grid.far_boundary == FarBoundary::kInsulated ||
                          (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kInsulated);
