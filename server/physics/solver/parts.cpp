@@ -16,17 +16,6 @@ namespace {
 
 using enum Property;
 
-// A property that a law does not declare is taken to hold: the law is then refused wherever the property matters.
-template <class Law>
-constexpr bool depends_on_slip() {
-  if constexpr (requires { Law::kDependsOnSlip; }) return Law::kDependsOnSlip;
-  return true;
-}
-
-bool is_steinberg_cochran_guinan(const Material& m) {
-  return m.flow_law == FlowLaws::place<SteinbergCochranGuinan>();
-}
-
 // As [layer], to the depth that heat reaches in the hard body meanwhile.
 GridOptions matching_hard_grid(const ModelOptions& o) {
   GridOptions grid = o.grid;
@@ -38,7 +27,7 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
   Material metal = o.soft;
   metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
   metal.yield_strength = o.interface.yield_strength;
-  if (!is_steinberg_cochran_guinan(o.soft)) {
+  if (!has_constant(o.soft.flow_law, &Material::hardening_coefficient)) {
     metal.yield_strength_max = std::numeric_limits<double>::infinity();
     metal.hardening_coefficient = 125.0;
     metal.hardening_exponent = 0.1;
@@ -136,23 +125,19 @@ constexpr std::array kParts = {
          .when = "rough contact, small slip"},
     Part{.property = kSlipDependentFriction,
          .key = "interface.friction_law",
-         .is_on =
-             [](const ModelOptions& o) {
-               return FrictionLaws::with(o.interface.friction_law,
-                                         [](auto law) { return depends_on_slip<typename decltype(law)::type>(); });
-             },
+         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
          .goes_with = {kForceDriven, kConductingHardBody, kFixedHeatShare}},
-    Part{.property = kRateDependentFlow,
+    Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
-         .is_on = [](const ModelOptions& o) { return !is_steinberg_cochran_guinan(o.soft); },
+         .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).first_order_in_time; },
          .goes_with = Properties::through(kSlipDependentFriction)},
     Part{.property = kFlowWithoutWaveReturn,
          .key = "soft.flow_law",
-         .is_on = [](const ModelOptions& o) { return !is_steinberg_cochran_guinan(o.soft); },
-         .goes_with = Properties::through(kRateDependentFlow)},
+         .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_wave_return; },
+         .goes_with = Properties::through(kFirstOrderFlow)},
     Part{.property = kFlowWithoutPressureTerm,
          .key = "soft.flow_law",
-         .is_on = [](const ModelOptions& o) { return !is_steinberg_cochran_guinan(o.soft); },
+         .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_pressure_term; },
          .goes_with = Properties::through(kFlowWithoutWaveReturn)},
     Part{.property = kMeltingCurve,
          .key = "soft.melting_curve",
@@ -227,6 +212,10 @@ constexpr std::array kParts = {
          .equation = "MODEL.md, two components",
          .adds = "slip and stress are vectors in the interface",
          .when = "hosts in three dimensions"},
+    Part{.property = kTemperatureDependentFriction,
+         .key = "interface.friction_law",
+         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
+         .goes_with = Properties::through(kTwoComponents)},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -279,7 +268,7 @@ constexpr std::array kExclusions = {
     Exclusion{kSecondOrder, kInertia, "sdirk2 is of the heat only, and the waves are followed to first order"},
     Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
     Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
-    Exclusion{kSecondOrder, kRateDependentFlow, "its stress follows the rate of a step, to first order"},
+    Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},
     // Modes keep the interface temperature of one body and no profile.
     Exclusion{kModes, kVelocityDriven,
               "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
@@ -294,6 +283,10 @@ constexpr std::array kExclusions = {
               "the error is estimated from the interface temperature, and waves cross the layer unseen there"},
     Exclusion{kTolerance, kSleep,
               "sleep counts whole steps at rest, and a tolerance cuts the step of each node into pieces of its own"},
+    Exclusion{kTemperatureDependentFriction, kVelocityDriven,
+              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
+    Exclusion{kTemperatureDependentFriction, kSlipDependentFriction,
+              "friction that depends on slip is solved for before the temperature is known"},
     Exclusion{kTwoComponents, kInterfaceSlip, "the shear rate that drives the layer with that drive has no direction"},
     Exclusion{kTwoComponents, kInertia,
               "the stress of a step has one direction, and that of waves turns across the layer"},
@@ -413,6 +406,14 @@ Properties properties_of(const ModelOptions& options) {
   for (const Part& part : kParts)
     if (part.is_on(options)) on.add(part.property);
   return on;
+}
+
+bool goes_with(Property property, const ModelOptions& options) {
+  const Properties on = properties_of(options);
+  for (const Part& part : kParts)
+    if (part.property != property && on.has(part.property) && !go_together(part, part_of(property), kExclusions))
+      return false;
+  return true;
 }
 
 ModelOptions switched(ModelOptions options, const Part& part, bool on) {

@@ -28,7 +28,7 @@ enum class Property : std::uint8_t {
   kPlasticLayer,
   kJunctions,
   kSlipDependentFriction,
-  kRateDependentFlow,
+  kFirstOrderFlow,
   kFlowWithoutWaveReturn,
   kFlowWithoutPressureTerm,
   kMeltingCurve,
@@ -38,8 +38,9 @@ enum class Property : std::uint8_t {
   kSleep,
   kTolerance,
   kTwoComponents,
+  kTemperatureDependentFriction,
 };
-inline constexpr int kProperties = 21;
+inline constexpr int kProperties = 22;
 
 // A set of properties.
 class Properties {
@@ -103,6 +104,9 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
 
 Properties properties_of(const ModelOptions& options);
+
+// Whether the options go with a property, which they have or not.
+bool goes_with(Property property, const ModelOptions& options);
 
 // The options with a part switched on or off, and the discretisation that a tolerance then asks for.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
