@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/scene_file.hpp"
@@ -13,6 +14,7 @@
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
 
 namespace shearbus::service {
 namespace {
@@ -112,9 +114,20 @@ physics::InterfaceOptions interface_of(const wire::Interface& law) {
           .friction_coefficient_fast = law.friction_coefficient_fast,
           .velocity_decay = law.velocity_decay_s_per_m};
 }
+// By the table of server/physics/solver/parts.cpp.
+void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
+  const std::vector<physics::Refusal> refusals = physics::refusals(options);
+  if (refusals.empty()) return;
+  std::string text;
+  for (const physics::Refusal& refusal : refusals) text += (text.empty() ? "" : "\n") + refusal.text;
+  throw wire::Error({.code = wire::Code::kInvalidScene,
+                     .text = std::move(text),
+                     .remedy = "Leave out one of the two.",
+                     .field = refusals.front().key});
+}
+
 static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
-// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
-static_assert(wire::kMaxSleepCells + 2 * 50 <= physics::kMaxBasisVertices);
+static_assert(wire::kMaxSleepCells == physics::kMaxSleepCells);
 
 }  // namespace
 
@@ -175,6 +188,7 @@ SceneModel scene_model(const wire::Scene& scene) {
     made.options.junctions = junctions_of(*made.effective.junctions, made.options);
   }
   if (scene.tolerance) made.options = physics::discretised(made.options, *scene.tolerance);
+  refuse_what_excludes_each_other(made.options);
   made.effective.hydro.reset();
   made.effective.soft.given = physics::constants_of(made.options.soft);
   made.effective.hard.given = physics::constants_of(made.options.hard);

@@ -53,15 +53,14 @@ bool starts_at_yield(const Problem& problem, const TileInputs& inputs, int lane)
 }
 
 std::optional<LaneStep> driven_at_rest(const Problem& problem, const TileInputs& inputs, const double* committed,
-                                       const Material& soft, double dt, int lane) {
+                                       const Material& soft, double dt, double T0, int lane) {
   const double jump = inputs.velocity_jump[lane];
   const double pressure = inputs.pressure[lane];
   if (pressure <= 0.0) return LaneStep{0.0, jump, jump, 0.0, Regime::kOpen, false, true, false};
   const ElasticTrial trial =
       elastic_trial(problem, soft, inputs, lane, dt, stress_before(problem.layout, inputs, committed, lane));
-  const std::optional<double> mu = problem.options.friction_coefficient;
-  if (trial.heats() || starts_at_yield(problem, inputs, lane) || (mu && *mu * pressure < std::abs(trial.stress)))
-    return std::nullopt;
+  const double rubbing = interface_strength(problem.interface, soft, pressure, nullptr).friction(T0).stress;
+  if (trial.heats() || starts_at_yield(problem, inputs, lane) || rubbing < std::abs(trial.stress)) return std::nullopt;
   // A zero with the sign that it has where the layer is solved.
   const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;
   return LaneStep{trial.stress, slip, jump, 0.0, Regime::kStick, true, true, false};
@@ -74,7 +73,7 @@ std::optional<LaneStep> step_at_rest(const Problem& problem, const StepOperators
   const TileLayout& layout = problem.layout;
   std::optional<LaneStep> step;
   if (problem.options.strategy == Strategy::kVelocityDriven) {
-    step = driven_at_rest(problem, inputs, committed, soft, operators.dt(), lane);
+    step = driven_at_rest(problem, inputs, committed, soft, operators.dt(), T0, lane);
   } else {
     const HeatOperator& heat = operators.heat();
     step = InterfaceStep(problem, inputs, committed, soft, lane)
