@@ -166,10 +166,10 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
     copy(in.soft_plastic_strain_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
-  copy(in.stress_soft, request.f64(Field::kStressMinus));
-  copy(in.stress_hard, request.f64(Field::kStressPlus));
-  copy(in.mass_soft, request.f64(Field::kMassMinus));
-  copy(in.mass_hard, request.f64(Field::kMassPlus));
+  copy(in.stress_soft, request.f64(Field::kStressSoft));
+  copy(in.stress_hard, request.f64(Field::kStressHard));
+  copy(in.mass_soft, request.f64(Field::kMassSoft));
+  copy(in.mass_hard, request.f64(Field::kMassHard));
   impl_->session.start_trial(
       request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
   impl_->asked = &in;

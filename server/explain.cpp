@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 #include "proto/wire/text.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
