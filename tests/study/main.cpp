@@ -6,11 +6,11 @@
 #include <exception>
 #include <vector>
 
+#include "tests/campaign/report.hpp"
+#include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
 #include "tests/study/precision.hpp"
-#include "tests/study/stability_report.hpp"
 #include "tests/study/tolerance.hpp"
-#include "tests/study/user_scene.hpp"
 
 namespace {
 

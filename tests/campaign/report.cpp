@@ -1,4 +1,4 @@
-#include "tests/study/stability_report.hpp"
+#include "tests/campaign/report.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "proto/wire/text.hpp"
+#include "tests/campaign/campaign.hpp"
+#include "tests/campaign/controls.hpp"
+#include "tests/campaign/random.hpp"
+#include "tests/campaign/refusals.hpp"
 #include "tests/study/report.hpp"
-#include "tests/study/stability.hpp"
-#include "tests/study/stability_controls.hpp"
-#include "tests/study/stability_random.hpp"
-#include "tests/study/stability_refusals.hpp"
 
 namespace shearbus::study {
 
