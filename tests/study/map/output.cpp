@@ -1,4 +1,4 @@
-#include "client/map/output.hpp"
+#include "tests/study/map/output.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "client/map/limits.hpp"
+#include "tests/study/map/limits.hpp"
 
 namespace shearbus::map {
 namespace {
@@ -71,7 +71,7 @@ std::string map_json(const Map& map, const std::string& scene_name, const std::s
       "{{\n  \"producer\": {},\n  \"server_version\": {},\n  \"scene_name\": {},\n  \"effective_scene\": {},\n  "
       "\"dt_s\": {},\n  \"domain_share\": {},\n  \"pressure_pa\": {},\n  \"velocity_jump_m_per_s\": {},\n  "
       "\"observations\": [\n",
-      json_text("shearbus-map " + version), json_text(map.server_version), json_text(scene_name),
+      json_text("shearbus-study " + version), json_text(map.server_version), json_text(scene_name),
       json_text(map.effective_scene), map.dt_s, kDomainShare, json_numbers(map.axes.pressure_pa),
       json_numbers(map.axes.velocity_m_per_s));
   for (std::size_t k = 0; k < map.observations.size(); ++k) {
