@@ -1,4 +1,4 @@
-# Every library shearbus links, all from Debian 12 (deploy/packages.txt names their packages).
+# Every library shearbus links, all from Debian 12 (deploy/packages names their packages).
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Protobuf 3.21 REQUIRED)
@@ -21,5 +21,5 @@ if(SHEARBUS_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
 endif()
-# Debian's own interpreter: it is the one the python3-* packages of packages.txt are for.
+# Debian's own interpreter: it is the one the python3-* packages are for.
 find_program(SHEARBUS_PYTHON python3 PATHS /usr/bin NO_DEFAULT_PATH REQUIRED)
