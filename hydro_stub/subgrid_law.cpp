@@ -244,9 +244,13 @@ void SubgridLaw::close() {
   impl_->kept = false;
 }
 
-Spared SubgridLaw::spared() const {
-  auto [lines, json] = server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
-  return {std::move(lines), std::move(json)};
+OmittedCost SubgridLaw::omitted_cost() const {
+  const server::OmittedCost omitted = server::omitted_cost(impl_->session.effective_scene(), impl_->totals);
+  return {.lines = omitted.lines(),
+          .parts = omitted.parts,
+          .bytes_per_node = omitted.bytes_per_node,
+          .bytes_per_node_with_everything = omitted.bytes_per_node_with_everything,
+          .share_asleep = omitted.share_asleep};
 }
 
 }  // namespace shearbus::hydro

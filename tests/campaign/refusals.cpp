@@ -1,4 +1,4 @@
-#include "tests/study/stability_refusals.hpp"
+#include "tests/campaign/refusals.hpp"
 
 #include <algorithm>
 #include <functional>
