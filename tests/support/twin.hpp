@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "server/physics/interface/stress_limit.hpp"
 #include "tests/support/invariants.hpp"
 
 namespace shearbus::testing {
