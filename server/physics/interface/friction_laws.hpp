@@ -2,7 +2,10 @@
 // scene's enum.
 #pragma once
 
+#include <span>
+
 #include "server/physics/interface/coulomb.hpp"
+#include "server/physics/interface/state_variable.hpp"
 #include "server/physics/interface/velocity_weakening.hpp"
 #include "server/physics/material/law_list.hpp"
 
@@ -11,5 +14,17 @@ namespace shearbus::physics {
 using FrictionLaws = LawList<FrictionLaw,       // one line each
                              ConstantFriction,  //
                              VelocityWeakening>;
+
+// The states that a law declares as `static constexpr StateVariable kStates[]`; none without that member.
+inline std::span<const StateVariable> states_of(FrictionLaw law) {
+  return FrictionLaws::with(law, [](auto own) -> std::span<const StateVariable> {
+    using Law = typename decltype(own)::type;
+    if constexpr (requires { Law::kStates; }) {
+      return Law::kStates;
+    } else {
+      return {};
+    }
+  });
+}
 
 }  // namespace shearbus::physics

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "server/physics/layer/conduction.hpp"
+#include "server/physics/layer/lanes.hpp"
 #include "server/physics/material/material.hpp"
-#include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/lanes.hpp"
 #include "server/physics/material/material.hpp"
-#include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
 

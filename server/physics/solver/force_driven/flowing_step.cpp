@@ -1,5 +1,5 @@
-// The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
-// interface law together.
+#include "server/physics/solver/force_driven/flowing_step.hpp"
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,5 @@
-// The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
-// stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
+#include "server/physics/solver/force_driven/step.hpp"
+
 #include <cstddef>
 
 #include "server/physics/solver/force_driven/interface_step.hpp"
@@ -73,6 +73,17 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
         problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },
         operators.max_halvings(), inputs, committed, trial, outputs);
   }
+}
+
+std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                     const TileInputs& inputs, const double* committed,
+                                                     const Material& soft, double T0, int lane) {
+  const HeatOperator& heat = operators.heat();
+  const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
+  const LaneStep step =
+      InterfaceStep(problem, inputs, committed, soft, lane).from(before, heat.dt, *heat.layer_response(), T0);
+  if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
+  return RestingStep{step};
 }
 
 }  // namespace shearbus::physics
