@@ -34,24 +34,12 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
       return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
     };
 
-    LaneResult result;
-    result.step = step_from(heat_of(0), before);
-    result.heat = result.step.flux * heat_of(0).dt;
-    std::uint8_t outcome = 0;
-    if (!result.step.unique) outcome = kSubstepped;
-    if (result.step.unique || max_halvings == 0) {
-      flux[lane] = result.step.flux;
-    } else {
-      // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
-      divide_step(
-          heat_of, max_halvings, n, lane, before, T_old, T, result,
-          [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
-    }
-    if (result.step.several) outcome |= kMultipleRoots;
-    set_outputs(result, lane, outputs);
-    outputs.outcome[lane] = outcome;
-    trial[layout.shear_stress + lane] = result.step.stress;
-    trial[layout.regime + lane] = static_cast<double>(result.step.regime);
+    // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
+    const LaneResult result = step_or_divide(
+        step_from(heat_of(0), before), heat_of, max_halvings, {lane, before, n, T_old, T},
+        [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
+    flux[lane] = result.flux;
+    write_answer(result, layout, lane, trial, outputs);
     if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
   }
 
