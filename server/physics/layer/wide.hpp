@@ -1,8 +1,7 @@
-// Kernels over lanes or vertices are compiled twice, the wider version taken where the machine has the registers. Every
-// value is computed by the same products and sums in the same order either way (none fused: contraction is off), so its
-// bits are the same; tests/unit/physics_bits.cpp holds them. Sanitizers start too late for functions chosen at load
-// time. All that a kernel calls is put into it (flatten): a call left in a loop over lanes, as the compiler leaves them
-// in long kernels, is one value at a time.
+// SHEARBUS_WIDE compiles a kernel twice; the loader chooses the AVX2 version where the machine has it. Both versions
+// compute every value by the same operations in the same order (contraction is off), so the bits are the same;
+// tests/unit/physics_bits.cpp checks them. Sanitizers initialise too late for functions chosen by the loader.
+// `flatten` inlines every call: a call that remains in a loop over lanes prevents vectorisation.
 #pragma once
 
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && \
