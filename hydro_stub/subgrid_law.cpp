@@ -102,8 +102,8 @@ struct SubgridLaw::Impl {
       : embedded(embed(where)),
         client(client_options(where.address, embedded)),
         session(enter(client)),
-        wants_plastic_strain_rate(session.effective_scene().interface &&
-                                  session.effective_scene().interface->plastic_layer),
+        wants_soft_plastic_strain_rate(session.effective_scene().interface &&
+                                       session.effective_scene().interface->plastic_layer),
         request(session.request()),
         server(embedded ? "in this process" : where.address.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {
@@ -118,8 +118,8 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_plastic_strain_rate;  // of hosts that compute it
-  Batch request;                   // filled anew each step
+  bool wants_soft_plastic_strain_rate;  // of hosts that compute it
+  Batch request;                        // filled anew each step
   std::string server;
   bool outlives_process;
   LawTime time;
@@ -157,9 +157,9 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
 
 void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   const Stopwatch stopwatch(impl_->time);
-  if (impl_->wants_plastic_strain_rate && !in.soft_plastic_strain_rate.empty()) {
+  if (impl_->wants_soft_plastic_strain_rate && !in.soft_plastic_strain_rate.empty()) {
     impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
-    impl_->wants_plastic_strain_rate = false;
+    impl_->wants_soft_plastic_strain_rate = false;
   }
   Batch& request = impl_->request;
   if (request.has(Field::kSoftPlasticStrainRate))
@@ -244,9 +244,13 @@ void SubgridLaw::close() {
   impl_->kept = false;
 }
 
-Spared SubgridLaw::spared() const {
-  auto [lines, json] = server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
-  return {std::move(lines), std::move(json)};
+OmittedCost SubgridLaw::omitted_cost() const {
+  const server::OmittedCost omitted = server::omitted_cost(impl_->session.effective_scene(), impl_->totals);
+  return {.lines = omitted.lines(),
+          .parts = omitted.parts,
+          .bytes_per_node = omitted.bytes_per_node,
+          .bytes_per_node_with_everything = omitted.bytes_per_node_with_everything,
+          .share_asleep = omitted.share_asleep};
 }
 
 }  // namespace shearbus::hydro

@@ -194,8 +194,7 @@ void run(const Options& options) {
   fmt::print("  velocity jump               {}\n", input.jump_origin());
   for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
   fmt::print("{}", tally.text(time));
-  for (const auto& [label, value] :
-       server::spared(session.effective_scene(), totals, service.embedded.has_value()).lines)
+  for (const auto& [label, value] : server::omitted_cost(session.effective_scene(), totals).lines())
     fmt::print("  {:<28}{}\n", label, value);
   fmt::print("  result                      {}{}\n", options.out.string(), replaced ? " (replaced)" : "");
   if (tally.failed_node_steps() > 0)

@@ -296,18 +296,12 @@ struct SessionClosed {
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
   std::uint64_t asleep_node_steps = 0;
-  std::uint64_t shadowed_node_steps = 0;
-  double shadow_temperature_error_k = 0.0;
-  double shadow_stress_error_pa = 0.0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "requests", m.requests);
     v(2, "node_steps", m.node_steps);
     v(3, "solver_ns", m.solver_ns);
     v(6, "asleep_node_steps", m.asleep_node_steps);
-    v(7, "shadowed_node_steps", m.shadowed_node_steps);
-    v(8, "shadow_temperature_error_k", m.shadow_temperature_error_k);
-    v(9, "shadow_stress_error_pa", m.shadow_stress_error_pa);
   }
 };
 struct Histogram {

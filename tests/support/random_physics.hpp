@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -128,10 +129,13 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
       options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
     }
   }
-  const bool of_one_limit = !options.taylor_quinney_factor && !options.plastic_layer && !options.junctions &&
-                            options.interface.friction_law == FrictionLaw{} && !is_johnson_cook(soft);
-  if (of_one_limit && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
-  if (strategy == Strategy::kForceDriven && !options.hard_grid && !options.plastic_layer && draw.chance(0.5)) {
+  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
+    options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+    options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
+    options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
+  }
+  if (goes_with(Property::kSecondOrder, options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (goes_with(Property::kModes, options) && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
@@ -201,14 +205,14 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     }
     in.soft_shear_rate[l] = draw.chance(0.5) ? 0.0 : draw.sign() * draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     if (draw.chance(0.3)) {
-      in.mass_minus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
-      in.mass_plus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_soft[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_hard[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
     }
     if (rig.model.options().plastic_layer) {
-      in.soft_plastic_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
+      in.soft_plastic_strain_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     }
-    in.stress_minus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
-    in.stress_plus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+    in.stress_soft[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+    in.stress_hard[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
   }
 }
 
@@ -222,9 +226,9 @@ inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
     second = length * std::sin(angle);
   };
   for (int l = 0; l < kLanes; ++l) {
-    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
-    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
-    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
+    turn(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]);
+    turn(rig.inputs.stress_soft[l], rig.inputs.second_stress_soft[l]);
+    turn(rig.inputs.stress_hard[l], rig.inputs.second_stress_hard[l]);
   }
 }
 

@@ -272,7 +272,6 @@ class RandomScene {
       scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     scene.layer.sleep = flip() && !scene.layer.inertia && scene.layer.heat == Heat::kProfile &&
                         scene.layer.time_integrator == TimeIntegrator::kBackwardEuler;
-    if (scene.layer.sleep || (scene.layer.heat == Heat::kModes && flip())) scene.layer.shadow_share = number(1e-3, 1);
     if (!scene.velocity_driven.taylor_quinney_factor && !scene.layer.inertia && random_() % 4 == 0) {
       scene.tolerance = number(1e-6, 0.1);
       scene.layer = {.thickness_m = scene.layer.thickness_m,
@@ -368,7 +367,6 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
     ASSERT_EQ(again.layer.sleep, scene.layer.sleep);
-    ASSERT_EQ(again.layer.shadow_share, scene.layer.shadow_share);
     ASSERT_EQ(again.tolerance, scene.tolerance);
     ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.layer.time_integrator, scene.layer.time_integrator);
@@ -491,11 +489,6 @@ TEST(SceneReference, TellsOfEveryTable) {
     EXPECT_THAT(reference, HasSubstr(heading));
   EXPECT_THAT(reference, HasSubstr("| `thickness_m` | number | m | 2e-05 | above 0 and at most 1 m |"));
   EXPECT_THAT(reference, HasSubstr("| `end_time_s` | number | s | required |"));
-}
-
-TEST(JsonString, EscapesWhatWouldEndIt) {
-  EXPECT_EQ(json_string("layer.heat = \"modes\""), R"("layer.heat = \"modes\"")");
-  EXPECT_EQ(json_string("a\\b\n\x01"), R"("a\\b\u000a\u0001")");
 }
 
 TEST(Nearest, FindsASlipOfTheFingerOnly) {
