@@ -353,19 +353,22 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
   reply->batch = wire::Batch::of(wanted, num_rows, member.scene.tangential_components);
   auto& upscale = reply->body.emplace<wire::Upscale>();
-  const shard::StepInputs inputs = inputs_of(request.batch);
-  shard::StepOutputs outputs = outputs_of(reply->batch);
-  std::vector<std::uint8_t> outcomes(outputs.outcome.empty() ? num_rows : 0);  // where the host does not want them
-  if (outputs.outcome.empty()) outputs.outcome = outcomes;
+  shard::StepColumns columns = step_columns(request.batch, reply->batch);
+  std::vector<std::uint8_t> unasked(reply->batch.has(Field::kOutcome) ? 0
+                                                                      : num_rows);  // outcomes, for the server alone
+  if (!unasked.empty())
+    columns.outputs.emplace_back(shard::AnswerColumn{&physics::TileOutputs::outcome, std::span(unasked)});
+  const std::span<const std::uint8_t> outcomes =
+      unasked.empty() ? reply->batch.u8(Field::kOutcome) : std::span(unasked);
   std::uint64_t solver_started_ns = 0;
   shard::StepCount count;
   std::optional<shard::Shard::Attempt> attempt;
   if (step.policy == wire::Policy::kAllOrNothing) {
     solver_started_ns = options_.now_ns();
-    attempt = shard.attempt(rows, *operators, inputs, outputs, step.commit_previous);
+    attempt = shard.attempt(rows, *operators, columns, step.commit_previous);
     if (attempt->count.failed != 0) {
-      leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, step.commit_previous});
-      refuse_failed_step(request.batch, shard.nodes(), outputs.outcome);
+      leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, step.commit_previous});
+      refuse_failed_step(request.batch, shard.nodes(), outcomes);
     }
   }
   keep(arrival, member.id, &member);
@@ -373,12 +376,12 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
   if (step.commit_previous) shard.commit();
   if (attempt) {
-    shard.take(*attempt);
+    shard.adopt(*attempt);
     count = attempt->count;
   } else {
     solver_started_ns = options_.now_ns();
-    count = shard.step(rows, *operators, inputs, outputs);
-    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, false});
+    count = shard.step(rows, *operators, columns);
+    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, false});
   }
   const std::uint64_t ended_ns = options_.now_ns();
   if (step.mode == wire::Mode::kAdvance) shard.commit();
