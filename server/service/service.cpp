@@ -196,6 +196,23 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   reply.body = std::move(welcome);
 }
 
+// Refuses a new session whatever its scene and nodes are.
+void Service::check_may_open(const wire::Request& request) const {
+  check_epoch(request, nullptr);
+  if (request.sequence != 0)
+    throw Error({.code = Code::kSequenceGap,
+                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
+                 .remedy = "Send it with sequence 0."});
+  if (draining_ && !replaying_)
+    throw Error({.code = Code::kDraining,
+                 .text = "the server takes no new sessions: it will end when those it has are closed",
+                 .remedy = "Open the session on another server."});
+  if (metrics_.sessions >= options_.max_sessions)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
+                 .remedy = "Close sessions that are no longer used."});
+}
+
 Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   reply->session_id = open.session_id;
@@ -212,20 +229,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
     return repeat(*known->second);
   }
-  check_epoch(request, nullptr);
-  if (request.sequence != 0)
-    throw Error({.code = Code::kSequenceGap,
-                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
-                 .remedy = "Send it with sequence 0."});
-  if (draining_ && !replaying_)
-    throw Error({.code = Code::kDraining,
-                 .text = "the server takes no new sessions: it will end when those it has are closed",
-                 .remedy = "Open the session on another server."});
-  if (metrics_.sessions >= options_.max_sessions)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
-                 .remedy = "Close sessions that are no longer used."});
-
+  check_may_open(request);
   const auto node_ids = check_opening_nodes(request.batch, open.domain);
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene);

@@ -107,6 +107,7 @@ class Service : private store::Recovery {
   void top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const;
   wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
+  void check_may_open(const wire::Request& request) const;
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
