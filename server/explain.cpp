@@ -13,9 +13,11 @@
 #include <optional>
 #include <utility>
 
+#include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/strategy_columns.hpp"
 #include "proto/wire/text.hpp"
+#include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 
@@ -33,57 +35,62 @@ constexpr int kSteps = 60;
 constexpr int kRepeats = 5;
 constexpr std::chrono::milliseconds kLongest{40};  // of one measurement
 
-// A part as a change of the scene; `set` is called with what the scene shall be.
+// A part of the model as a change of the scene.
 struct Switch {
   const char* name;
   const char* meaning;
-  bool (*is_on)(const wire::Scene&);
-  void (*set)(wire::Scene&, bool);
+  bool (*is_on)(const v1::Scene&);
+  void (*set)(v1::Scene&, bool);
 };
 
 constexpr std::array kSwitches = {
     Switch{"hard_layer", "the hard body conducts on a grid of its own, in place of a fixed share of the heat",
-           [](const wire::Scene& s) { return s.hard_layer.has_value(); },
-           [](wire::Scene& s, bool on) {
-             if (on)
-               s.hard_layer.emplace();
-             else
-               s.hard_layer.reset();
+           [](const v1::Scene& s) { return s.has_hard_layer(); },
+           [](v1::Scene& s, bool on) {
+             s.clear_hard_layer();
+             if (on) s.mutable_hard_layer();
            }},
     Switch{"interface.plastic_layer", "the layer flows and hardens beside the slip",
-           [](const wire::Scene& s) { return s.interface && s.interface->plastic_layer; },
-           [](wire::Scene& s, bool on) {
-             if (s.interface) s.interface->plastic_layer = on;
+           [](const v1::Scene& s) { return s.interface().plastic_layer(); },
+           [](v1::Scene& s, bool on) {
+             if (s.has_interface()) s.mutable_interface()->set_plastic_layer(on);
            }},
     Switch{"junctions", "contact on a part of the area, which hardens with the slip",
-           [](const wire::Scene& s) { return s.junctions.has_value(); },
-           [](wire::Scene& s, bool on) {
-             s.junctions.reset();
-             if (on) s.junctions = wire::Junctions{.contact_fraction = 0.5, .height_m = 1e-6};
+           [](const v1::Scene& s) { return s.has_junctions(); },
+           [](v1::Scene& s, bool on) {
+             s.clear_junctions();
+             if (!on) return;
+             s.mutable_junctions()->set_contact_fraction(0.5);
+             s.mutable_junctions()->set_height_m(1e-6);
            }},
     Switch{"velocity_driven.taylor_quinney_factor", "plastic work heats the layer where it flows",
-           [](const wire::Scene& s) { return s.velocity_driven.taylor_quinney_factor.has_value(); },
-           [](wire::Scene& s, bool on) {
-             s.velocity_driven.taylor_quinney_factor = on ? std::optional(1.0) : std::nullopt;
+           [](const v1::Scene& s) { return s.velocity_driven().has_taylor_quinney_factor(); },
+           [](v1::Scene& s, bool on) {
+             s.mutable_velocity_driven()->clear_taylor_quinney_factor();
+             if (on) s.mutable_velocity_driven()->set_taylor_quinney_factor(1.0);
            }},
-    Switch{"layer.inertia", "shear waves cross the layer", [](const wire::Scene& s) { return s.layer.inertia; },
-           [](wire::Scene& s, bool on) { s.layer.inertia = on; }},
+    Switch{"layer.inertia", "shear waves cross the layer", [](const v1::Scene& s) { return s.layer().inertia(); },
+           [](v1::Scene& s, bool on) { s.mutable_layer()->set_inertia(on); }},
     Switch{"tangential_components", "slip and stress have a second direction",
-           [](const wire::Scene& s) { return s.tangential_components == 2; },
-           [](wire::Scene& s, bool on) { s.tangential_components = on ? 2 : 1; }},
+           [](const v1::Scene& s) { return s.tangential_components() == 2; },
+           [](v1::Scene& s, bool on) { s.set_tangential_components(on ? 2 : 1); }},
     Switch{"soft.melting_curve", "melting follows the pressure",
-           [](const wire::Scene& s) { return s.soft.melting_curve == wire::MeltingCurve::kLindemann; },
-           [](wire::Scene& s, bool on) {
-             s.soft.melting_curve = on ? wire::MeltingCurve::kLindemann : wire::MeltingCurve::kConstant;
+           [](const v1::Scene& s) { return s.soft().melting_curve() == v1::MELTING_CURVE_LINDEMANN; },
+           [](v1::Scene& s, bool on) {
+             s.mutable_soft()->set_melting_curve(on ? v1::MELTING_CURVE_LINDEMANN : v1::MELTING_CURVE_CONSTANT);
            }},
     Switch{"layer.heat = \"profile\"", "the temperature across the layer, not of the interface alone",
-           [](const wire::Scene& s) { return s.layer.heat == wire::Heat::kProfile; },
-           [](wire::Scene& s, bool on) {
-             s.layer.heat = on ? wire::Heat::kProfile : wire::Heat::kModes;
-             if (on) s.layer.modes.reset();
+           [](const v1::Scene& s) { return s.layer().heat() != v1::HEAT_MODES; },
+           [](v1::Scene& s, bool on) {
+             s.mutable_layer()->clear_heat();
+             s.mutable_layer()->clear_modes();
+             if (!on) s.mutable_layer()->set_heat(v1::HEAT_MODES);
            }},
-    Switch{"layer.sleep", "nodes at rest are not solved", [](const wire::Scene& s) { return s.layer.sleep; },
-           [](wire::Scene& s, bool on) { s.layer.sleep = on; }},
+    Switch{"layer.sleep", "nodes at rest are not solved", [](const v1::Scene& s) { return s.layer().sleep(); },
+           [](v1::Scene& s, bool on) {
+             s.mutable_layer()->clear_sleep();
+             if (on) s.mutable_layer()->set_sleep(true);
+           }},
 };
 constexpr const char* kLedger = "energy ledger";
 
@@ -180,17 +187,17 @@ class Bench {
   std::vector<double> states_[2];
 };
 
-std::uint64_t bytes_per_node(const wire::Scene& scene, const physics::ModelOptions& options, bool ledger) {
+std::uint64_t bytes_per_node(const physics::ModelOptions& options, bool ledger) {
   std::uint64_t bytes = shard::Shard::bytes_per_node(physics::Model(options));
-  for (const wire::Field field : wire::columns_of(scene.strategy).reply)
+  for (const wire::Field field : wire::columns_of(service::strategy_of(options)).reply)
     bytes += wire::size_of(wire::element_of(field));
   if (ledger) bytes += wire::kLedgerColumns.size() * sizeof(double);
   return bytes;
 }
 
-SceneCost cost_of(const wire::Scene& scene, const physics::ModelOptions& options, bool ledger) {
+SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
   Bench bench(options);
-  return {.bytes_per_node = bytes_per_node(scene, options, ledger),
+  return {.bytes_per_node = bytes_per_node(options, ledger),
           .slipping_s = bench.slipping(ledger),
           .resting_s = bench.resting(),
           .step_length_s = bench.step_length()};
@@ -210,7 +217,7 @@ struct Tried {
   std::optional<physics::ModelOptions> options;
   std::string refused;
 };
-Tried tried(const wire::Scene& scene) {
+Tried tried(const v1::Scene& scene) {
   try {
     return {service::scene_model(scene).options, {}};
   } catch (const wire::Error& error) {
@@ -225,20 +232,19 @@ std::string microseconds(double seconds) {
 
 }  // namespace
 
-Explanation explain(const wire::Scene& scene, bool each_part) {
-  wire::Scene plain = scene;
-  plain.layer.shadow_share = 0.0;
+Explanation explain(const v1::Scene& scene, bool each_part) {
+  v1::Scene plain = scene;
+  plain.mutable_layer()->clear_shadow_share();
   const service::SceneModel made = service::scene_model(plain);
-  const SceneCost plain_cost = cost_of(plain, made.options, false);
-  Explanation told{.scene = scene.name, .cost = plain_cost, .parts = {}, .everything = {}, .together = {}};
-  const double share = scene.layer.shadow_share;
-  if (share > 0.0)
-    told.cost = expected_cost(cost_of(scene, service::scene_model(scene).options, false), plain_cost, share);
+  const SceneCost plain_cost = cost_of(made.options, false);
+  Explanation told{.scene = scene.name(), .cost = plain_cost, .parts = {}, .everything = {}, .together = {}};
+  const double share = scene.layer().shadow_share();
+  if (share > 0.0) told.cost = expected_cost(cost_of(service::scene_model(scene).options, false), plain_cost, share);
 
   // 1. Each part switched the other way, alone.
   for (const Switch& part : kSwitches) {
     ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    wire::Scene other = plain;
+    v1::Scene other = plain;
     part.set(other, !found.on);
     if (!each_part) {
       told.parts.push_back(std::move(found));
@@ -249,7 +255,7 @@ Explanation explain(const wire::Scene& scene, bool each_part) {
     } else {
       const double sign = found.on ? 1.0 : -1.0;
       const auto here = static_cast<std::int64_t>(plain_cost.bytes_per_node);
-      const auto there = static_cast<std::int64_t>(bytes_per_node(other, *model.options, false));
+      const auto there = static_cast<std::int64_t>(bytes_per_node(*model.options, false));
       found.bytes_per_node = found.on ? here - there : there - here;
       found.slipping_s = sign * (plain_cost.slipping_s - Bench(*model.options).slipping(false));
     }
@@ -268,19 +274,23 @@ Explanation explain(const wire::Scene& scene, bool each_part) {
                           .slipping_s = told.cost.slipping_s - plain_cost.slipping_s});
 
   // 2. Everything that goes together, taken on one by one; sleep only leaves out.
-  wire::Scene all = plain;
-  all.layer.sleep = false;
+  v1::Scene all = plain;
+  all.mutable_layer()->clear_sleep();
   for (const Switch& part : kSwitches) {
     if (part.name == std::string_view("layer.sleep")) continue;
-    wire::Scene more = all;
+    v1::Scene more = all;
     part.set(more, true);
     if (!part.is_on(more) || !tried(more).options) continue;
     all = std::move(more);
     told.together.emplace_back(part.name);
   }
   told.together.emplace_back(kLedger);
-  told.everything = cost_of(all, *tried(all).options, true);
+  told.everything = cost_of(*tried(all).options, true);
   return told;
+}
+
+Explanation explain(std::string text, std::string file, bool each_part) {
+  return explain(scene::parse(std::move(text), std::move(file)).scene, each_part);
 }
 
 std::string Explanation::text(std::size_t nodes) const {
@@ -322,9 +332,10 @@ std::vector<std::string> Explanation::left_out() const {
   return names;
 }
 
-Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here) {
-  wire::Scene plain = effective;
-  plain.layer.shadow_share = 0.0;  // a check, not a part of the scene
+Spared spared(const std::string& effective_scene, const wire::SessionClosed& totals, bool here) {
+  const v1::Scene effective = scene::parse(effective_scene, "the effective scene").scene;
+  v1::Scene plain = effective;
+  plain.mutable_layer()->clear_shadow_share();  // a check, not a part of the scene
   const Explanation told = explain(plain, false);
   const std::vector<std::string> names = told.left_out();
   Spared out;
@@ -340,12 +351,12 @@ Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, b
                          R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
                          fmt::join(quoted, ", "), told.cost.bytes_per_node, told.everything.bytes_per_node,
                          told.cost.slipping_s, told.everything.slipping_s);
-  if (effective.layer.sleep && totals.node_steps > 0) {
+  if (effective.layer().sleep() && totals.node_steps > 0) {
     const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
     out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * share));
     out.json += fmt::format(R"(, "share_asleep": {:.17g})", share);
   }
-  if (effective.layer.shadow_share > 0.0 && totals.node_steps > 0) {
+  if (effective.layer().shadow_share() > 0.0 && totals.node_steps > 0) {
     out.lines.emplace_back(
         "solved in full beside",
         fmt::format("{} node-steps: T0 apart by at most {:.1e} K, s by {:.1e} Pa", totals.shadowed_node_steps,

@@ -9,7 +9,10 @@
 #include <vector>
 
 #include "proto/wire/messages.hpp"
-#include "proto/wire/scene.hpp"
+
+namespace shearbus::v1 {
+class Scene;
+}
 
 namespace shearbus::server {
 
@@ -43,7 +46,8 @@ struct Explanation {
 
 // `each_part`: with what every single part costs; else only which are on, and the cost of all. Throws wire::Error where
 // the scene is not in order.
-Explanation explain(const wire::Scene& scene, bool each_part = true);
+Explanation explain(const v1::Scene& scene, bool each_part = true);
+Explanation explain(std::string text, std::string file, bool each_part = true);
 
 // What a run was spared, for its summary.
 struct Spared {
@@ -51,6 +55,6 @@ struct Spared {
   std::string json;                                        // an object of the same numbers
 };
 // Times are measured on this machine; `here`: where the layers were computed as well.
-Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here);
+Spared spared(const std::string& effective_scene, const wire::SessionClosed& totals, bool here);
 
 }  // namespace shearbus::server

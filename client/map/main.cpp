@@ -10,7 +10,7 @@
 
 #include "client/map/output.hpp"
 #include "client/map/sweep.hpp"
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/reader.hpp"
 
 namespace {
 
@@ -83,16 +83,15 @@ int main(int argc, char** argv) {
   }
   using namespace shearbus;  // NOLINT(google-build-using-namespace)
   try {
-    const wire::SceneFile scene = wire::load_scene_file(options.scene);
     const auto range = [](const std::vector<double>& ends, std::size_t count) {
       return map::log_spaced(ends[0], ends[1], count);
     };
     const map::Map made = map::sweep(
-        scene.scene,
+        {.text = scene::load_text(options.scene), .file = options.scene.string()},
         {range(options.pressures_pa, options.num_pressures), range(options.velocities_m_per_s, options.num_velocities)},
         options.times_s, options.dt_s);
     for (const std::string& warning : made.warnings) fmt::print(stderr, "shearbus-map: warning: {}\n", warning);
-    map::write(made, scene.scene.name, SHEARBUS_VERSION, options.out);
+    map::write(made, made.scene_name, SHEARBUS_VERSION, options.out);
     fmt::print("{}{}: nodes.csv, map.json\n", map::summary(made), options.out.string());
     return 0;
   } catch (const Error& fault) {

@@ -7,15 +7,18 @@
 
 namespace shearbus::replay {
 
-HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop)
+HistoryInput::HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop)
     : history_(history),
-      force_driven_(scene.strategy == wire::Strategy::kForceDriven),
-      components_(scene.tangential_components) {
+      force_driven_(session.strategy == wire::Strategy::kForceDriven),
+      components_(session.tangential_components) {
   if (closed_loop && !force_driven_)
-    throw Error(
-        {.code = Code::kInvalidValue,
-         .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven", scene.name),
-         .remedy = "Leave --closed-loop out: the history imposes the jump."});
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven",
+                                     session.scene_name),
+                 .remedy = "Leave --closed-loop out: the history imposes the jump."});
+  const auto session_takes = [&](Field field) {
+    return std::ranges::find(session.optional_columns, field) != session.optional_columns.end();
+  };
   need(Field::kPressure, "pressure");
   if (force_driven_) {
     need(Field::kStressMinus, "stress_minus");
@@ -23,16 +26,15 @@ HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, boo
     for (const Column& mass : {Column{Field::kMassMinus, "mass_minus"}, Column{Field::kMassPlus, "mass_plus"}})
       history_.has(mass.dataset) ? fixed_.push_back(mass) : missing_.push_back(fmt::format("/{} [N]", mass.dataset));
     choose_jump(closed_loop);
-    take(Field::kSoftPlasticStrainRate, "soft_plastic_strain_rate", scene.interface && scene.interface->plastic_layer,
+    take(Field::kSoftPlasticStrainRate, "soft_plastic_strain_rate", session_takes(Field::kSoftPlasticStrainRate),
          "without interface.plastic_layer there is no plastic strain to set against it");
   } else {
     need(Field::kVelocityJump, "velocity_jump");
     jump_origin_ = "imposed by /velocity_jump";
-    take(Field::kSoftShearRate, "soft_shear_rate", scene.velocity_driven.drive == wire::Drive::kInterfaceSlip,
+    take(Field::kSoftShearRate, "soft_shear_rate", session_takes(Field::kSoftShearRate),
          "drive layer_shear takes the jump instead");
   }
-  refuse_what_is_missing(scene);
-  if (history_.has("initial_temperature")) initial_temperature_ = history_.per_node("initial_temperature");
+  refuse_what_is_missing(session);
 }
 
 std::string HistoryInput::second(const std::string& dataset) {
@@ -90,18 +92,18 @@ void HistoryInput::choose_jump(bool closed_loop) {
   }
 }
 
-void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
+void HistoryInput::refuse_what_is_missing(const wire::SessionOpened& session) const {
   if (missing_.empty()) return;
   const char* const other = force_driven_ ? "velocity_driven" : "force_driven";
   const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_minus")
                                                   : history_.has("stress_minus") && history_.has("mass_minus");
-  throw Error(
-      {.code = Code::kInvalidValue,
-       .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks", scene.name,
-                           force_driven_ ? "force_driven" : "velocity_driven", fmt::join(missing_, ", ")),
-       .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
-                                      : "See client/replay/README.md for what a history holds.",
-       .field = "strategy"});
+  throw Error({.code = Code::kInvalidValue,
+               .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks",
+                                   session.scene_name, force_driven_ ? "force_driven" : "velocity_driven",
+                                   fmt::join(missing_, ", ")),
+               .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
+                                              : "See client/replay/README.md for what a history holds.",
+               .field = "strategy"});
 }
 
 void HistoryInput::prepare(Batch& request) const {

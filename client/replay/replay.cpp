@@ -10,10 +10,10 @@
 #include "client/include/shearbus/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
+#include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
 
@@ -37,19 +37,6 @@ struct Service {
   std::optional<server::Embedded> embedded;
   Client client;
 };
-
-// What a server refuses in a scene is shown where it stands in the file.
-Session open(Client& client, const wire::SceneFile& scene, const wire::HistoryReader& history,
-             const HistoryInput& input) {
-  try {
-    return client.open(scene.scene, history.node_ids(), {.initial_temperature_k = input.initial_temperature_k()});
-  } catch (const Error& error) {
-    Status status = error.status();
-    if (status.code != Code::kInvalidScene) throw;
-    status.text = fmt::format("{}: {}", scene.where(status.field), status.text);
-    throw Error(status);
-  }
-}
 
 enum Output : std::size_t { kStress, kVelocity, kTemperature, kRegime, kOutcome, kHeat, kJump };
 
@@ -156,23 +143,24 @@ std::string plural(std::size_t count, const char* noun) {
 }  // namespace
 
 void explain(const fs::path& scene) {
-  fmt::print("{}", server::explain(wire::load_scene_file(scene).scene).text());
+  fmt::print("{}", server::explain(scene::load_text(scene), scene.string()).text());
 }
 
 void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
-  const wire::SceneFile scene = wire::load_scene_file(options.scene);
+  const std::string scene = scene::load_text(options.scene);
   wire::HistoryReader history(options.history);
-  HistoryInput input(history, scene.scene, options.closed_loop);
-  if (options.check)
-    input.check_all_rows();
-  else
-    refuse_to_write_over_the_history(options);
+  if (!options.check) refuse_to_write_over_the_history(options);
+  const std::vector<double> initial_temperature =
+      history.has("initial_temperature") ? history.per_node("initial_temperature") : std::vector<double>();
   RunTime time{.reading = Clock::now() - start};
 
   Service service(options.server);
-  Session session = open(service.client, scene, history, input);
+  Session session = service.client.open(scene, options.scene.string(), history.node_ids(),
+                                        {.initial_temperature_k = initial_temperature});
+  HistoryInput input(history, session.opened(), options.closed_loop);
+  if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
   const std::string extent =
@@ -188,7 +176,7 @@ void run(const Options& options) {
   const std::map<std::string, std::string> meta = {
       {"producer", "shearbus-replay " + options.version},
       {"server_version", service.client.welcome().server_version},
-      {"scene", wire::scene_to_toml(session.effective_scene())},
+      {"scene", session.effective_scene()},
       {"input_file", options.history.filename().string()},
       {"input_hash", wire::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
@@ -203,7 +191,7 @@ void run(const Options& options) {
   time.total = Clock::now() - start;
 
   fmt::print("{}: {}\n", options.history.string(), extent);
-  fmt::print("  scene                       {} ({})\n", scene.scene.name, options.scene.string());
+  fmt::print("  scene                       {} ({})\n", session.opened().scene_name, options.scene.string());
   fmt::print("  velocity jump               {}\n", input.jump_origin());
   for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
   fmt::print("{}", tally.text(time));

@@ -7,9 +7,11 @@
 #include <span>
 
 #include "proto/wire/batch.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::wire {
+
+// Same numbers as shearbus.v1.Strategy, where they are explained.
+enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 
 struct StrategyColumns {
   std::span<const Field> required;  // of a downscale, besides the optional node_id

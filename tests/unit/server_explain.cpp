@@ -16,7 +16,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::uint64_t bytes_of_session(const wire::Scene& scene) {
+std::uint64_t bytes_of_session(const v1::Scene& scene) {
   support::ServiceHarness harness;
   const auto ids = support::node_ids(3);
   const support::Answer opened = harness.ask(support::ServiceHarness::opening(scene, ids));
@@ -28,13 +28,13 @@ const ScenePart& part(const Explanation& told, const std::string& name) {
 }
 
 TEST(Explain, MemoryIsThatOfASession) {
-  wire::Scene scene = support::force_scene();
+  v1::Scene scene = support::force_scene();
   const Explanation told = explain(scene);
   EXPECT_EQ(told.cost.bytes_per_node, bytes_of_session(scene));
   // What a part would take is what it takes once it is there.
   const std::int64_t without = static_cast<std::int64_t>(bytes_of_session(scene));
   const std::int64_t would = part(told, "hard_layer").bytes_per_node;
-  scene.hard_layer.emplace();
+  scene.mutable_hard_layer();
   EXPECT_EQ(static_cast<std::int64_t>(bytes_of_session(scene)), without + would);
   const Explanation with = explain(scene);
   EXPECT_TRUE(part(with, "hard_layer").on);
@@ -44,10 +44,10 @@ TEST(Explain, MemoryIsThatOfASession) {
 }
 
 TEST(Explain, AShadowIsPaidFor) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.heat = wire::Heat::kModes;
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
   const Explanation without = explain(scene, false);
-  scene.layer.shadow_share = 0.3;
+  scene.mutable_layer()->set_shadow_share(0.3);
   const Explanation with = explain(scene, false);
   EXPECT_EQ(with.cost.bytes_per_node, bytes_of_session(scene));
   const ScenePart& shadow = part(with, "layer.shadow_share");
@@ -68,7 +68,7 @@ TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
 }
 
 TEST(Explain, TimesAreMeasured) {
-  wire::Scene scene = support::velocity_scene(60);
+  v1::Scene scene = support::velocity_scene(60);
   const Explanation told = explain(scene);
   for (const SceneCost& cost : {told.cost, told.everything}) {
     EXPECT_GT(cost.slipping_s, 1e-8);
@@ -81,12 +81,12 @@ TEST(Explain, TimesAreMeasured) {
 }
 
 TEST(Explain, ARunIsToldWhatSlept) {
-  wire::Scene scene = support::force_scene();
-  EXPECT_EQ(spared(scene, {.node_steps = 10}, false).lines.size(), 1U);
-  scene.layer.sleep = true;
-  scene.layer.shadow_share = 0.5;
+  v1::Scene scene = support::force_scene();
+  EXPECT_EQ(spared(support::text_of(scene), {.node_steps = 10}, false).lines.size(), 1U);
+  scene.mutable_layer()->set_sleep(true);
+  scene.mutable_layer()->set_shadow_share(0.5);
   const auto [lines, json] = spared(
-      scene,
+      support::text_of(scene),
       {.node_steps = 200, .asleep_node_steps = 50, .shadowed_node_steps = 20, .shadow_temperature_error_k = 3e-11},
       true);
   ASSERT_EQ(lines.size(), 3U);

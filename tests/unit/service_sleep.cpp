@@ -18,10 +18,10 @@ using wire::Mode;
 
 constexpr std::size_t kNodes = 21;  // three tiles, the last in part
 
-wire::Scene sleepy_scene() {
-  wire::Scene scene = support::force_scene();
-  scene.layer.sleep = true;
-  scene.layer.shadow_share = 0.4;
+v1::Scene sleepy_scene() {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_sleep(true);
+  scene.mutable_layer()->set_shadow_share(0.4);
   return scene;
 }
 
@@ -34,7 +34,7 @@ wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids 
 }
 
 struct Host {
-  explicit Host(const wire::Scene& scene) : ids(support::node_ids(kNodes)) {
+  explicit Host(const v1::Scene& scene) : ids(support::node_ids(kNodes)) {
     harness.ask(ServiceHarness::opening(scene, ids));
   }
   Answer step(Mode mode = Mode::kAdvance) {
@@ -73,10 +73,10 @@ TEST(ServiceSleep, SleepersAreCountedAndAreNoRemark) {
 
 // Without a profile: how far a session's nodes are from those with one, by the sample drawn.
 TEST(ServiceSleep, AShadowOfModesIsReportedAtTheClose) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
-  scene.layer.heat = wire::Heat::kModes;
-  scene.layer.shadow_share = 0.4;
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+  scene.mutable_layer()->set_shadow_share(0.4);
   Host host(scene);
   for (int n = 0; n < 30; ++n) host.step();
   const auto totals = std::get<wire::SessionClosed>(host.tell(wire::CloseSession{}).reply.body);
