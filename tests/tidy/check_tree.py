@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Holds the tree to the design: who may include whom (the table in README.md), what the top level holds, that every source is
+"""Holds the tree to the design: who may include whom (the table in server/ARCHITECTURE.md), what the top level holds, that every source is
 built, and that no file names a machine. Run with --self-test to see each rule fail on a tree made for it."""
 import argparse
 import json
@@ -26,10 +26,10 @@ MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
 
-def table(readme):
-    """Room -> what it may include, from the README's table."""
+def table(page):
+    """Room -> what it may include, from the table of the page server/ARCHITECTURE.md."""
     rows = {}
-    section = readme.split("## Who may include whom", 1)[1].split("\n## ", 1)[0]
+    section = page.split("## Who may include whom", 1)[1].split("\n## ", 1)[0]
     for line in section.splitlines():
         cells = [c.strip().strip("`") for c in line.strip().strip("|").split("|")]
         if len(cells) == 2 and cells[0] != "room" and not set(cells[0]) <= {"-"}:
@@ -46,7 +46,7 @@ def include_faults(root, rows):
         name = path.relative_to(root).as_posix()
         owners = [room for room in rows if below(name, room)]
         if not owners:
-            yield f"{name}: belongs to no room of the README's table"
+            yield f"{name}: belongs to no room of the table in server/ARCHITECTURE.md"
             continue
         room = max(owners, key=len)
         if rows[room] == ["anything"]:
@@ -90,7 +90,7 @@ def unbuilt_faults(root, compile_commands):
 
 
 def faults(root, compile_commands):
-    yield from include_faults(root, table((root / "README.md").read_text()))
+    yield from include_faults(root, table((root / "server/ARCHITECTURE.md").read_text()))
     yield from top_level_faults(root)
     yield from machine_faults(root)
     yield from unbuilt_faults(root, compile_commands)
@@ -102,8 +102,9 @@ def self_test():
         root = pathlib.Path(scratch)
         for house in ("proto", "server/physics/layer", "server/service", "client", "hydro_stub", "tests", "deploy", "extra"):
             (root / house).mkdir(parents=True)
-        (root / "README.md").write_text("## Who may include whom\n\n| room | may include |\n|---|---|\n| server/physics | Eigen |\n"
-                                        "| server/service | server/physics/material |\n| tests | anything |\n")
+        (root / "server/ARCHITECTURE.md").write_text(
+            "## Who may include whom\n\n| room | may include |\n|---|---|\n| server/physics | Eigen |\n"
+            "| server/service | server/physics/material |\n| tests | anything |\n")
         (root / "CMakeLists.txt").write_text("# from " + "/ho" + "me/someone/shearbus\n")
         (root / "server/physics/layer/heat.cpp").write_text('#include <zmq.hpp>\n#include <vector>\n#include <Eigen/Core>\n'
                                                             '#include "server/physics/layer/grid.hpp"\n')
