@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "hydro.pb.h"
+#include "hydro_stub/hydro.pb.h"
 #include "proto/scene/reader.hpp"
 
 namespace shearbus::hydro {

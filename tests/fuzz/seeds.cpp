@@ -165,13 +165,11 @@ void scene_seeds(const Corpus& corpus) {
   const std::filesystem::path source = SHEARBUS_SOURCE_DIR;
   for (const char* directory : {"client/examples", "hydro_stub/problems"})
     for (const auto& entry : std::filesystem::directory_iterator(source / directory))
-      if (entry.path().extension() == ".toml") {
-        std::ifstream file(entry.path());
-        corpus.add("scene", entry.path().stem().string(), std::string(std::istreambuf_iterator<char>(file), {}));
-      }
+      if (entry.path().extension() == ".toml")
+        corpus.add("scene", entry.path().stem().string(), scene::load_text(entry.path()));
   corpus.add("scene", "velocity", scene::to_toml(with_options(Strategy::kVelocityDriven)));
   corpus.add("scene", "force", scene::to_toml(with_options(Strategy::kForceDriven)));
-  corpus.add("scene", "sample", scene::to_toml(wire::samples::scene()));
+  corpus.add("scene", "sample", wire::samples::kScene);
 }
 
 void write(const Corpus& corpus) {
