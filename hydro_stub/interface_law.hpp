@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,24 +21,24 @@ struct InterfaceInputs {
   explicit InterfaceInputs(std::size_t nodes)
       : velocity_jump(nodes),
         pressure(nodes),
-        stress_minus(nodes),
-        stress_plus(nodes),
-        mass_minus(nodes),
-        mass_plus(nodes) {}
+        stress_soft(nodes),
+        stress_hard(nodes),
+        mass_soft(nodes),
+        mass_hard(nodes) {}
 
   std::uint64_t step = 0;
   double time = 0.0;                  // t(n+1/2)  [s]
   double dt = 0.0;                    // [s]
   std::vector<double> velocity_jump;  // [V] at n-1/2                               [m/s]
   std::vector<double> pressure;       // at n, compression positive                 [Pa]
-  std::vector<double> stress_minus;   // at n, in the soft zone next to the interface  [Pa]
-  std::vector<double> stress_plus;    // at n, in the hard zone                     [Pa]
-  std::vector<double> mass_minus;     // of half the soft zone                      [kg/m2]
-  std::vector<double> mass_plus;      // of half the hard zone                      [kg/m2]
+  std::vector<double> stress_soft;    // at n, in the soft zone next to the interface  [Pa]
+  std::vector<double> stress_hard;    // at n, in the hard zone                     [Pa]
+  std::vector<double> mass_soft;      // of half the soft zone                      [kg/m2]
+  std::vector<double> mass_hard;      // of half the hard zone                      [kg/m2]
   // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
-  std::vector<double> zone_plastic_rate;  // of the shear along the interface, not negative  [1/s]
+  std::vector<double> soft_plastic_strain_rate;  // of the shear along the interface, not negative  [1/s]
 };
 
 // What the law answers.
@@ -69,10 +70,13 @@ struct LawTime {
   std::chrono::nanoseconds cpu{0};      // of the host's own thread, spent on asking
 };
 
-// What a run was spared that did not ask for everything.
-struct Spared {
-  std::vector<std::pair<std::string, std::string>> lines;  // of its summary: label and text
-  std::string json;                                        // the same numbers, an object; or empty
+// Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
+struct OmittedCost {
+  std::vector<std::pair<std::string, std::string>> lines;  // of the summary: label and text
+  std::vector<std::string> parts;
+  std::uint64_t bytes_per_node = 0;                  // of the run
+  std::uint64_t bytes_per_node_with_everything = 0;  // with every part that could have been on
+  std::optional<double> share_asleep;                // of the node-steps; absent: no node could sleep
 };
 
 class InterfaceLaw {
@@ -98,18 +102,18 @@ class InterfaceLaw {
   virtual std::string cannot_keep() const { return {}; }
   // The run is over: what was kept may go.
   virtual void close() {}
-  // What the run was spared, once it is closed.
-  virtual Spared spared() const { return {}; }
+  // After close().
+  virtual OmittedCost omitted_cost() const { return {}; }
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.
 struct FreeJump {
   double jump;        // the jump at n+1/2 that no friction would leave  [m/s]
-  double compliance;  // dt (1/m_minus + 1/m_plus)                       [m/(s Pa)]
+  double compliance;  // dt (1/m_soft + 1/m_hard)                       [m/(s Pa)]
 };
 inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {
-  return {in.velocity_jump[i] + in.dt * (in.stress_minus[i] / in.mass_minus[i] + in.stress_plus[i] / in.mass_plus[i]),
-          in.dt * (1.0 / in.mass_minus[i] + 1.0 / in.mass_plus[i])};
+  return {in.velocity_jump[i] + in.dt * (in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i]),
+          in.dt * (1.0 / in.mass_soft[i] + 1.0 / in.mass_hard[i])};
 }
 
 }  // namespace shearbus::hydro

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
@@ -42,7 +42,7 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
 
 // One row of the columns of a step; what the capsule does not have was 0.
 wire::Batch row_of(const store::Capsule& capsule, const physics::ModelOptions& options) {
-  const wire::StrategyColumns columns = wire::columns_of(service::strategy_of(options));
+  const wire::StrategyColumns& columns = wire::columns_of(service::strategy_of(options));
   std::vector<wire::Field> fields(columns.required.begin(), columns.required.end());
   fields.insert(fields.end(), columns.optional.begin(), columns.optional.end());
   wire::Batch row = wire::Batch::of(fields, 1, static_cast<std::uint32_t>(options.tangential_components));
@@ -92,7 +92,7 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   const wire::Batch row = row_of(capsule, made.options);
   const auto reply = wire::columns_of(service::strategy_of(made.options)).reply;
   std::vector<wire::Field> wanted(reply.begin(), reply.end());
-  for (const wire::Field field : wire::kColumnsOnRequest)
+  for (const wire::Field field : wire::columns_of(service::strategy_of(made.options)).on_request)
     if (std::ranges::find(capsule.answer, wire::name(field), &store::CapsuleValue::name) != capsule.answer.end())
       wanted.push_back(field);
   wire::Batch answer = wire::Batch::of(wanted, 1, static_cast<std::uint32_t>(made.options.tangential_components));

@@ -14,9 +14,8 @@
 #include <utility>
 
 #include "proto/scene/scene.hpp"
+#include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
-#include "proto/wire/text.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
@@ -102,8 +101,8 @@ class Bench {
     states_[1].resize(model_.layout().doubles);
     inputs_.active = (1U << kLanes) - 1;
     for (int l = 0; l < kLanes; ++l) {
-      inputs_.mass_minus[l] = options.soft.density * kHalfZone;
-      inputs_.mass_plus[l] = options.hard.density * kHalfZone;
+      inputs_.mass_soft[l] = options.soft.density * kHalfZone;
+      inputs_.mass_hard[l] = options.hard.density * kHalfZone;
     }
     operators_ = model_.operators(kStep);
     begin();
@@ -141,24 +140,16 @@ class Bench {
     double temperature[kLanes];
     std::fill_n(temperature, kLanes, model_.options().initial_temperature);
     model_.initialise(states_[0].data(), temperature);
-    if (const std::size_t shadowed = model_.layout().shadowed; shadowed != physics::TileLayout::kAbsent)
-      std::fill_n(states_[0].begin() + static_cast<std::ptrdiff_t>(shadowed), kLanes, 1.0);
   }
   void step(double pressure, bool ledger) {
     for (int l = 0; l < kLanes; ++l) {
       inputs_.velocity_jump[l] = kJump + l;  // lanes differ a little, as nodes of one interface do
       inputs_.pressure[l] = pressure;
     }
-    const bool vectors = model_.options().tangential_components == 2;
-    if (vectors) {
-      model_.advance(*operators_, inputs_, second_, states_[0].data(), states_[1].data(), outputs_, second_outputs_);
-    } else {
-      model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
-    }
+    model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
     if (ledger) {
-      physics::TileLedger booked;
-      model_.book(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), booked,
-                  vectors ? &second_ : nullptr, vectors ? &second_outputs_ : nullptr);
+      physics::TileLedger energy;
+      model_.record_energy(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), energy);
     }
     states_[0].swap(states_[1]);
   }
@@ -181,9 +172,7 @@ class Bench {
   physics::Model model_;
   std::shared_ptr<const physics::StepOperators> operators_;
   physics::TileInputs inputs_;
-  physics::SecondInputs second_;
   physics::TileOutputs outputs_{};
-  physics::SecondOutputs second_outputs_{};
   std::vector<double> states_[2];
 };
 
@@ -203,15 +192,6 @@ SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
           .step_length_s = bench.step_length()};
 }
 
-// Of a scene and the same without its shadow: tiles without a sampled node are not stepped twice.
-SceneCost expected_cost(const SceneCost& shadowed, const SceneCost& plain, double share) {
-  const double of_tiles = 1.0 - std::pow(1.0 - share, kLanes);
-  return {.bytes_per_node = shadowed.bytes_per_node,
-          .slipping_s = std::lerp(plain.slipping_s, shadowed.slipping_s, of_tiles),
-          .resting_s = std::lerp(plain.resting_s, shadowed.resting_s, of_tiles),
-          .step_length_s = shadowed.step_length_s};
-}
-
 // The model of a scene, or why there is none.
 struct Tried {
   std::optional<physics::ModelOptions> options;
@@ -226,71 +206,68 @@ Tried tried(const v1::Scene& scene) {
   }
 }
 
+// The scene with every part that goes together with those before it, in the order of kSwitches, and their names. Without
+// sleep, which adds no physics.
+struct FullScene {
+  v1::Scene scene;
+  std::vector<std::string> parts;
+};
+FullScene with_everything(const v1::Scene& scene) {
+  FullScene full{.scene = scene, .parts = {}};
+  full.scene.mutable_layer()->clear_sleep();
+  for (const Switch& part : kSwitches) {
+    if (part.name == std::string_view("layer.sleep")) continue;
+    v1::Scene more = full.scene;
+    part.set(more, true);
+    if (!part.is_on(more) || !tried(more).options) continue;
+    full.scene = std::move(more);
+    full.parts.emplace_back(part.name);
+  }
+  return full;
+}
+
 std::string microseconds(double seconds) {
   return fmt::format("{:.2f} µs", 1e6 * seconds);
 }
 
 }  // namespace
 
-Explanation explain(const v1::Scene& scene, bool each_part) {
-  v1::Scene plain = scene;
-  plain.mutable_layer()->clear_shadow_share();
-  const service::SceneModel made = service::scene_model(plain);
-  const SceneCost plain_cost = cost_of(made.options, false);
-  Explanation told{.scene = scene.name(), .cost = plain_cost, .parts = {}, .everything = {}, .together = {}};
-  const double share = scene.layer().shadow_share();
-  if (share > 0.0) told.cost = expected_cost(cost_of(service::scene_model(scene).options, false), plain_cost, share);
+Explanation explain(const v1::Scene& scene) {
+  const service::SceneModel made = service::scene_model(scene);
+  Explanation told{
+      .scene = scene.name(), .cost = cost_of(made.options, false), .parts = {}, .everything = {}, .together = {}};
 
   // 1. Each part switched the other way, alone.
   for (const Switch& part : kSwitches) {
     ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    v1::Scene other = plain;
+    v1::Scene other = scene;
     part.set(other, !found.on);
-    if (!each_part) {
-      told.parts.push_back(std::move(found));
-      continue;
-    }
     if (const Tried model = tried(other); !model.options) {
       found.excluded = model.refused;
     } else {
       const double sign = found.on ? 1.0 : -1.0;
-      const auto here = static_cast<std::int64_t>(plain_cost.bytes_per_node);
+      const auto here = static_cast<std::int64_t>(told.cost.bytes_per_node);
       const auto there = static_cast<std::int64_t>(bytes_per_node(*model.options, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (plain_cost.slipping_s - Bench(*model.options).slipping(false));
+      found.slipping_s = sign * (told.cost.slipping_s - Bench(*model.options).slipping(false));
     }
     told.parts.push_back(std::move(found));
   }
   told.parts.push_back({.name = kLedger,
                         .meaning = "where the energy of each node's step went, for requests that name its columns",
                         .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = each_part ? Bench(made.options).slipping(true) - plain_cost.slipping_s : 0.0});
-  if (share > 0.0)
-    told.parts.push_back({.name = "layer.shadow_share",
-                          .on = true,
-                          .meaning = "a sample of the nodes is solved in full beside, and compared",
-                          .bytes_per_node = static_cast<std::int64_t>(told.cost.bytes_per_node) -
-                                            static_cast<std::int64_t>(plain_cost.bytes_per_node),
-                          .slipping_s = told.cost.slipping_s - plain_cost.slipping_s});
+                        .slipping_s = Bench(made.options).slipping(true) - told.cost.slipping_s});
 
-  // 2. Everything that goes together, taken on one by one; sleep only leaves out.
-  v1::Scene all = plain;
-  all.mutable_layer()->clear_sleep();
-  for (const Switch& part : kSwitches) {
-    if (part.name == std::string_view("layer.sleep")) continue;
-    v1::Scene more = all;
-    part.set(more, true);
-    if (!part.is_on(more) || !tried(more).options) continue;
-    all = std::move(more);
-    told.together.emplace_back(part.name);
-  }
+  // 2. Everything that goes together.
+  auto [all, names] = with_everything(scene);
+  told.together = std::move(names);
   told.together.emplace_back(kLedger);
   told.everything = cost_of(*tried(all).options, true);
   return told;
 }
 
-Explanation explain(std::string text, std::string file, bool each_part) {
-  return explain(scene::parse(std::move(text), std::move(file)).scene, each_part);
+Explanation explain(std::string text, std::string file) {
+  return explain(scene::parse(std::move(text), std::move(file)).scene);
 }
 
 std::string Explanation::text(std::size_t nodes) const {
@@ -324,49 +301,29 @@ std::string Explanation::text(std::size_t nodes) const {
   return out + fmt::format("  everything on       {}\n", fmt::join(together, ", "));
 }
 
-std::vector<std::string> Explanation::left_out() const {
-  std::vector<std::string> names;
-  for (const ScenePart& part : parts)
-    if (!part.on && std::ranges::find(together, part.name) != together.end() && part.name != kLedger)
-      names.push_back(part.name);
-  return names;
+std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
+  std::vector<std::pair<std::string, std::string>> lines = {
+      {"left out",
+       fmt::format("{}; {} of {} B per node", parts.empty() ? "nothing" : fmt::format("{}", fmt::join(parts, ", ")),
+                   bytes_per_node, bytes_per_node_with_everything)}};
+  if (share_asleep)
+    lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * *share_asleep));
+  return lines;
 }
 
-Spared spared(const std::string& effective_scene, const wire::SessionClosed& totals, bool here) {
+OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals) {
   const v1::Scene effective = scene::parse(effective_scene, "the effective scene").scene;
-  v1::Scene plain = effective;
-  plain.mutable_layer()->clear_shadow_share();  // a check, not a part of the scene
-  const Explanation told = explain(plain, false);
-  const std::vector<std::string> names = told.left_out();
-  Spared out;
-  out.lines.emplace_back(
-      "left out",
-      fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step{}",
-                  names.empty() ? "nothing" : fmt::format("{}", fmt::join(names, ", ")), told.cost.bytes_per_node,
-                  told.everything.bytes_per_node, microseconds(told.cost.slipping_s),
-                  microseconds(told.everything.slipping_s), here ? "" : " on this machine"));
-  std::vector<std::string> quoted(names.size());
-  std::ranges::transform(names, quoted.begin(), wire::json_string);
-  out.json = fmt::format(R"({{"left_out": [{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
-                         R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
-                         fmt::join(quoted, ", "), told.cost.bytes_per_node, told.everything.bytes_per_node,
-                         told.cost.slipping_s, told.everything.slipping_s);
-  if (effective.layer().sleep() && totals.node_steps > 0) {
-    const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
-    out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * share));
-    out.json += fmt::format(R"(, "share_asleep": {:.17g})", share);
-  }
-  if (effective.layer().shadow_share() > 0.0 && totals.node_steps > 0) {
-    out.lines.emplace_back(
-        "solved in full beside",
-        fmt::format("{} node-steps: T0 apart by at most {:.1e} K, s by {:.1e} Pa", totals.shadowed_node_steps,
-                    totals.shadow_temperature_error_k, totals.shadow_stress_error_pa));
-    out.json += fmt::format(
-        R"(, "shadowed_node_steps": {}, "shadow_temperature_error_k": {:.17g}, "shadow_stress_error_pa": {:.17g})",
-        totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa);
-  }
-  out.json += "}";
-  return out;
+  const FullScene full = with_everything(effective);
+  OmittedCost omitted{.parts = {},
+                      .bytes_per_node = bytes_per_node(service::scene_model(effective).options, false),
+                      .bytes_per_node_with_everything = bytes_per_node(*tried(full.scene).options, true),
+                      .share_asleep = {}};
+  for (const Switch& part : kSwitches)
+    if (!part.is_on(effective) && std::ranges::find(full.parts, part.name) != full.parts.end())
+      omitted.parts.emplace_back(part.name);
+  if (effective.layer().sleep() && totals.node_steps > 0)
+    omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
+  return omitted;
 }
 
 }  // namespace shearbus::server

@@ -10,7 +10,7 @@
 #include "proto/wire/batch.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus::wire {
 
@@ -166,9 +166,6 @@ struct SessionClosed {
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
   std::uint64_t asleep_node_steps = 0;
-  std::uint64_t shadowed_node_steps = 0;
-  double shadow_temperature_error_k = 0.0;
-  double shadow_stress_error_pa = 0.0;
 };
 struct Histogram {
   std::string name;

@@ -1,6 +1,7 @@
 #include "server/service/scene_model.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <limits>
@@ -15,40 +16,37 @@
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
 
 namespace shearbus::service {
 namespace {
 
-bool is_steinberg_cochran_guinan(const physics::Material& m) {
-  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+// Thrown by the conversion: faults by their keys, which the caller places in the text.
+struct Refused {
+  std::vector<scene::Fault> faults;
+  std::string remedy;
+};
+
+[[noreturn]] void refuse(std::string key, std::string text, std::string remedy) {
+  throw Refused{{{std::move(key), std::move(text), {}}}, std::move(remedy)};
 }
 
 physics::Material material_of(const v1::Body& body, const std::string& table) {
   physics::MaterialResult made = physics::make_material(body.material(), scene::numbers_of(body),
                                                         physics::FlowLaws::numbered(static_cast<int>(body.flow_law())));
   if (!made.fault.empty())
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
-                       .remedy = "Name a material of the catalog, or give every constant.",
-                       .field = table + "." + made.fault_field});
+    refuse(table + "." + made.fault_field, fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
+           "Name a material of the catalog, or give every constant.");
   if (body.melting_curve() == v1::MELTING_CURVE_LINDEMANN)
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED && !is_steinberg_cochran_guinan(made.material))
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
-                                           "\"{}\" does not have",
-                                           table, physics::FlowLaws::name_of(made.material.flow_law)),
-                       .remedy = "Leave it out, or take flow_law = \"steinberg_cochran_guinan\".",
-                       .field = table + ".pressure_term"});
   if (const std::string_view missing = physics::constant_missing_for_options(made.material); !missing.empty())
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = "
-                                           "\"compressed\" need the compression at a pressure",
-                                           table, missing),
-                       .remedy = "Give it, or leave both options at their defaults.",
-                       .field = fmt::format("{}.{}", table, missing)});
+    refuse(fmt::format("{}.{}", table, missing),
+           fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                       "compression at a pressure",
+                       table, missing),
+           "Give it, or leave both options at their defaults.");
   return made.material;
 }
 
@@ -70,13 +68,14 @@ void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
 
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
 void fill_junctions(v1::Junctions& junctions, const physics::Material& soft) {
-  if (!is_steinberg_cochran_guinan(soft) &&
-      !(junctions.has_hardening_coefficient() && junctions.has_hardening_exponent()))
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
-                                           "the soft body's flow law {} has none",
-                                           physics::FlowLaws::name_of(soft.flow_law)),
-                       .field = "junctions.hardening_coefficient"});
+  const bool soft_hardens_as_junctions =
+      physics::has_constant(soft.flow_law, &physics::Material::hardening_coefficient);
+  if (!soft_hardens_as_junctions && !(junctions.has_hardening_coefficient() && junctions.has_hardening_exponent()))
+    refuse("junctions.hardening_coefficient",
+           fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: the soft body's "
+                       "flow law {} has none",
+                       physics::FlowLaws::name_of(soft.flow_law)),
+           "Give both.");
   if (!junctions.has_yield_strength_max_pa() && std::isfinite(soft.yield_strength_max))
     junctions.set_yield_strength_max_pa(soft.yield_strength_max);
   if (!junctions.has_hardening_coefficient()) junctions.set_hardening_coefficient(soft.hardening_coefficient);
@@ -112,41 +111,30 @@ physics::InterfaceOptions interface_of(const v1::Interface& law) {
           .velocity_decay = law.velocity_decay_s_per_m()};
 }
 
-// What [layer] says; `soft` of the options is known.
-void take_layer(const v1::Layer& layer, physics::ModelOptions& options) {
+void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
   options.grid = grid_of(layer);
   options.initial_temperature = layer.initial_temperature_k();
   options.inertia = layer.inertia();
   options.sleep = layer.sleep();
-  options.shadow_share = layer.shadow_share();
   if (layer.time_integrator() == v1::TIME_INTEGRATOR_SDIRK2) options.time_integrator = physics::TimeIntegrator::kSdirk2;
   if (layer.heat() == v1::HEAT_MODES)
     options.modes = physics::ModesOptions{.accuracy = layer.modes().accuracy(),
                                           .shortest_step = layer.modes().shortest_step_s(),
                                           .longest_time = layer.modes().longest_time_s()};
-  if (is_steinberg_cochran_guinan(options.soft)) return;
-  const std::string_view law = physics::FlowLaws::name_of(options.soft.flow_law);
-  if (layer.inertia())
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("layer.inertia works with flow law {}, the soft body has {}: its waves' "
-                                           "return to the yield stress is that law's",
-                                           physics::SteinbergCochranGuinan::kName, law),
-                       .remedy = "leave out layer.inertia, or choose another soft body",
-                       .field = "layer.inertia"});
-  if (layer.time_integrator() == v1::TIME_INTEGRATOR_SDIRK2)
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("layer.time_integrator = \"sdirk2\" works with flow law {}, the soft body "
-                                           "has {}: its stress follows the rate of a step, to first order",
-                                           physics::SteinbergCochranGuinan::kName, law),
-                       .remedy = "leave out layer.time_integrator, or choose another soft body",
-                       .field = "layer.time_integrator"});
+}
+
+// By the table of server/physics/solver/parts.cpp.
+void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
+  std::vector<scene::Fault> faults;
+  for (physics::Refusal& refusal : physics::refusals(options))
+    faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
+  if (!faults.empty()) throw Refused{std::move(faults), "Leave out one of the two."};
 }
 
 static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
-// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
-static_assert(wire::kMaxSleepCells + 2 * 50 <= physics::kMaxBasisVertices);
+static_assert(wire::kMaxSleepCells == physics::kMaxSleepCells);
 
-// A checked scene with its defaults; the constants it leaves to the server are filled in.
+// A checked scene with its defaults. Fills in the constants that the scene leaves to the server.
 SceneModel convert(v1::Scene& scene) {
   SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
   physics::ModelOptions& options = made.options;
@@ -155,7 +143,7 @@ SceneModel convert(v1::Scene& scene) {
   options.strategy = scene.strategy() == v1::STRATEGY_FORCE_DRIVEN ? physics::Strategy::kForceDriven
                                                                    : physics::Strategy::kVelocityDriven;
   options.tangential_components = static_cast<int>(scene.tangential_components());
-  take_layer(scene.layer(), options);
+  set_layer(scene.layer(), options);
   const v1::VelocityDriven& driven = scene.velocity_driven();
   options.drive =
       driven.drive() == v1::DRIVE_INTERFACE_SLIP ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
@@ -172,6 +160,7 @@ SceneModel convert(v1::Scene& scene) {
     options.junctions = junctions_of(scene.junctions(), options);
   }
   if (scene.has_tolerance()) options = physics::discretised(options, scene.tolerance());
+  refuse_what_excludes_each_other(options);
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
   made.effective = scene::to_toml(scene);
@@ -185,8 +174,8 @@ SceneModel scene_model(std::string_view text, const std::string& file) {
     const scene::Document document = scene::read(text, file, message);
     try {
       return convert(message);
-    } catch (const wire::Error& error) {
-      throw wire::Error(document.placed(error.status()));
+    } catch (const Refused& refused) {
+      document.refuse(refused.faults, refused.remedy);
     }
   });
 }
@@ -194,11 +183,18 @@ SceneModel scene_model(std::string_view text, const std::string& file) {
 SceneModel scene_model(const v1::Scene& given) {
   return wire::with_message<v1::Scene>([&](v1::Scene& message) {
     message = given;
-    const std::vector<scene::Fault> faults = scene::faults_of(message);
-    if (faults.empty()) return convert(message);
-    std::string lines = faults.front().text;
-    for (std::size_t i = 1; i < faults.size(); ++i) lines += "\n" + faults[i].text;
-    throw wire::Error({.code = wire::Code::kInvalidScene, .text = lines, .field = faults.front().path});
+    Refused refused{scene::faults_of(message), {}};
+    try {
+      if (refused.faults.empty()) return convert(message);
+    } catch (Refused& found) {
+      refused = std::move(found);
+    }
+    std::vector<std::string> lines;
+    for (const scene::Fault& fault : refused.faults) lines.push_back(fault.text);
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{}", fmt::join(lines, "\n")),
+                       .remedy = refused.remedy,
+                       .field = refused.faults.front().path});
   });
 }
 

@@ -27,7 +27,6 @@ v1::Scene scene_with(const Problem& problem, const Setting& setting) {
     layer.clear_heat();
     layer.clear_modes();
     layer.clear_sleep();
-    layer.clear_shadow_share();
     scene.set_tolerance(setting.tolerance);
     return scene;
   }
@@ -299,8 +298,8 @@ double message_ns(const Problem& problem, const Setting& setting) {
   std::ranges::fill(request.f64(Field::kVelocityJump), problem.velocity_jump);
   std::ranges::fill(request.f64(Field::kPressure), problem.pressure);
   if (forced) {
-    std::ranges::fill(request.f64(Field::kMassMinus), problem.mass);
-    std::ranges::fill(request.f64(Field::kMassPlus), problem.mass);
+    std::ranges::fill(request.f64(Field::kMassSoft), problem.mass);
+    std::ranges::fill(request.f64(Field::kMassHard), problem.mass);
   }
   std::vector<double> spent;
   for (int i = 0; i < kRounds; ++i) {

@@ -401,26 +401,34 @@ TEST(SceneRules, NameTheFirstFieldAtFault) {
   EXPECT_EQ(faults[1].text, "interface.yield_strength_pa = nan is not a finite number");
 }
 
-TEST(SceneRules, APlasticLayerIsAnOptionOfForceDriven) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_interface()->set_plastic_layer(true);
-  EXPECT_TRUE(faults_in(scene).empty());
-  scene.set_strategy(v1::STRATEGY_VELOCITY_DRIVEN);
-  EXPECT_EQ(faults_in(scene).front().path, "interface.plastic_layer");
+// What the physics excludes has its place in the text, too; the rules are those of server/physics/solver/parts.hpp.
+TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
+  const std::string force =
+      "name = 'x'\nstrategy = 'force_driven'\nsoft.material = 'aluminium_dlp'\nhard.material = 'steel_dlp'\n"
+      "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 2e8\n";
+  const std::string junctions = "[junctions]\ncontact_fraction = 0.3\nheight_m = 1e-7\n";
+  EXPECT_EQ(refusal_of(force + "plastic_layer = true\n"), "");
+  EXPECT_EQ(refusal_of(force + junctions), "");
+  EXPECT_THAT(refusal_of(force + "plastic_layer = true\n" + junctions),
+              StartsWith("scene.toml:9:1: [junctions] does not go with interface.plastic_layer = true: "));
+  std::string velocity = force;
+  velocity.replace(velocity.find("force_driven"), 12, "velocity_driven");
+  EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));
+  EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:8:1: [junctions]"));
+  // Several at once, each on its line, in the order of the text.
+  const std::string several =
+      refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\ntime_integrator = 'sdirk2'\n");
+  EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));
+  EXPECT_THAT(
+      several,
+      HasSubstr("\nscene.toml:11:1: layer.time_integrator = \"sdirk2\" does not go with interface.plastic_layer"));
+  EXPECT_LT(several.find(":10:1:"), several.find(":11:1:"));
 }
 
-TEST(SceneRules, JunctionsAreOfForceDrivenAndOfALayerThatDoesNotFlow) {
+TEST(SceneRules, ASharedAreaIsAFraction) {
   v1::Scene scene = support::force_scene();
-  scene.mutable_junctions()->set_contact_fraction(0.3);
-  scene.mutable_junctions()->set_height_m(1e-7);
-  EXPECT_TRUE(faults_in(scene).empty());
-  scene.mutable_interface()->set_plastic_layer(true);
-  EXPECT_THAT(faults_in(scene).front().text, HasSubstr("[junctions] and interface.plastic_layer exclude each other"));
-  scene.mutable_interface()->set_plastic_layer(false);
-  scene.set_strategy(v1::STRATEGY_VELOCITY_DRIVEN);
-  EXPECT_THAT(faults_in(scene).front().text, HasSubstr("[junctions] is an option of strategy force_driven"));
-  scene.set_strategy(v1::STRATEGY_FORCE_DRIVEN);
   scene.mutable_junctions()->set_contact_fraction(1.5);
+  scene.mutable_junctions()->set_height_m(1e-7);
   EXPECT_EQ(faults_in(scene).front().path, "junctions.contact_fraction");
 }
 
@@ -464,11 +472,6 @@ TEST(SceneReference, HasEveryTable) {
   }
   EXPECT_THAT(scene, HasSubstr("| `thickness_m` | number | m | 2e-05 | above 0 and at most 1 m |"));
   EXPECT_THAT(hydro, HasSubstr("| `end_time_s` | number | s | required |"));
-}
-
-TEST(JsonString, EscapesWhatWouldEndIt) {
-  EXPECT_EQ(wire::json_string("layer.heat = \"modes\""), R"("layer.heat = \"modes\"")");
-  EXPECT_EQ(wire::json_string("a\\b\n\x01"), R"("a\\b\u000a\u0001")");
 }
 
 TEST(Nearest, FindsASlipOfTheFingerOnly) {

@@ -43,21 +43,6 @@ TEST(Explain, MemoryIsThatOfASession) {
   EXPECT_GT(with.everything.bytes_per_node, with.cost.bytes_per_node);
 }
 
-TEST(Explain, AShadowIsPaidFor) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
-  const Explanation without = explain(scene, false);
-  scene.mutable_layer()->set_shadow_share(0.3);
-  const Explanation with = explain(scene, false);
-  EXPECT_EQ(with.cost.bytes_per_node, bytes_of_session(scene));
-  const ScenePart& shadow = part(with, "layer.shadow_share");
-  EXPECT_TRUE(shadow.on);
-  EXPECT_EQ(shadow.bytes_per_node, static_cast<std::int64_t>(with.cost.bytes_per_node) -
-                                       static_cast<std::int64_t>(without.cost.bytes_per_node));
-  EXPECT_GT(shadow.slipping_s, 0.0);
-  EXPECT_TRUE(part(with, "layer.heat = \"profile\"").excluded.empty());
-}
-
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
   EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("needs strategy velocity_driven"));
@@ -80,22 +65,27 @@ TEST(Explain, TimesAreMeasured) {
   EXPECT_THAT(told.text(10), HasSubstr("a step of 10 nodes"));
 }
 
-TEST(Explain, ARunIsToldWhatSlept) {
+TEST(OmittedCost, NamesTheMissingPartsTheirMemoryAndTheShareAsleep) {
   v1::Scene scene = support::force_scene();
-  EXPECT_EQ(spared(support::text_of(scene), {.node_steps = 10}, false).lines.size(), 1U);
+  const OmittedCost awake = omitted_cost(support::text_of(scene), {.node_steps = 10});
+  EXPECT_EQ(awake.lines().size(), 1U);
+  EXPECT_FALSE(awake.share_asleep);
+  EXPECT_EQ(awake.bytes_per_node, bytes_of_session(scene));
+  EXPECT_EQ(awake.bytes_per_node_with_everything, explain(scene).everything.bytes_per_node);
   scene.mutable_layer()->set_sleep(true);
-  scene.mutable_layer()->set_shadow_share(0.5);
-  const auto [lines, json] = spared(
-      support::text_of(scene),
-      {.node_steps = 200, .asleep_node_steps = 50, .shadowed_node_steps = 20, .shadow_temperature_error_k = 3e-11},
-      true);
-  ASSERT_EQ(lines.size(), 3U);
+  const OmittedCost omitted = omitted_cost(support::text_of(scene), {.node_steps = 200, .asleep_node_steps = 50});
+  ASSERT_FALSE(omitted.parts.empty());
+  EXPECT_EQ(omitted.parts.front(), "hard_layer");
+  EXPECT_EQ(omitted.share_asleep, 0.25);
+  const auto lines = omitted.lines();
+  ASSERT_EQ(lines.size(), 2U);
   EXPECT_THAT(lines[0].second, HasSubstr("hard_layer"));
   EXPECT_THAT(lines[1].second, HasSubstr("25.0 %"));
-  EXPECT_THAT(lines[2].second, HasSubstr("20 node-steps"));
-  EXPECT_THAT(lines[2].second, HasSubstr("3.0e-11 K"));
-  EXPECT_THAT(json, HasSubstr(R"("left_out": ["hard_layer", )"));
-  EXPECT_THAT(json, HasSubstr(R"("share_asleep": 0.25, "shadowed_node_steps": 20)"));
+}
+
+TEST(OmittedCost, IsTheSameInEveryRun) {
+  const v1::Scene scene = support::velocity_scene(60);
+  EXPECT_EQ(omitted_cost(scene, {}).lines(), omitted_cost(scene, {}).lines());
 }
 
 }  // namespace

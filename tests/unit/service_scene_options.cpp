@@ -284,36 +284,6 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
 }
 
-TEST(SceneOptions, AShadowIsRefusedWhereNodesAreSolvedInFull) {
-  constexpr const char* kWhy = "without layer.sleep or layer.heat = \"modes\" all of them are";
-  for (v1::Scene scene : {support::velocity_scene(), support::force_scene()}) {
-    scene.mutable_layer()->set_shadow_share(0.1);
-    EXPECT_EQ(refusal_of(scene).field, "layer.shadow_share");
-    EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
-    scene.mutable_layer()->set_sleep(true);
-    EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
-  }
-  v1::Scene scene = support::force_scene();
-  scene.mutable_layer()->set_shadow_share(0.1);
-  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
-  EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
-  EXPECT_EQ(scene_model(scene_model(scene).effective, "effective").options.shadow_share, 0.1);
-  // With a tolerance, where that means modes.
-  scene.clear_layer();
-  scene.mutable_layer()->set_thickness_m(scene.layer().thickness_m());
-  scene.mutable_layer()->set_shadow_share(0.1);
-
-  scene.set_tolerance(1e-2);
-  const SceneModel made = scene_model(scene);
-  EXPECT_TRUE(made.options.modes.has_value());
-  EXPECT_EQ(made.options.shadow_share, 0.1);
-  scene.mutable_interface()->set_plastic_layer(true);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
-  scene.mutable_interface()->set_plastic_layer(false);
-  scene.mutable_hard_layer();
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
-}
-
 TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
   v1::Scene scene = support::velocity_scene();
   EXPECT_EQ(scene_model(scene).options.tangential_components, 1);

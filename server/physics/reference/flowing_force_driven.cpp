@@ -20,11 +20,11 @@ struct FlowingStep {
       : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
     T_ad = conduct(options, dt, {}, profile_of(state));
     B = unit_response(options, dt, {}, T_ad);
-    jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
-    per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+    jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+    per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
     const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
     direction = leads < 0.0 ? -1.0 : 1.0;
-    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_rate : 0.0;
+    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate : 0.0;
     ceiling_strength = strength_ceiling(soft);
     T_melt = at_pressure(soft, in.pressure).melting_temperature;
   }
@@ -37,9 +37,9 @@ struct FlowingStep {
   }
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
+  double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
   double limit(double q) const {  // of the interface
-    return std::min(options.interface.friction_coefficient * in.pressure,
-                    options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
+    return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
   double ceiling(double q) const {  // of the layer
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
@@ -186,7 +186,8 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.friction_heat = taken.flux * dt;
   out.interface_temperature = state.temperature[0];
   const bool melting = state.temperature[taken.sticks ? hottest : 0] >= 0.99 * step.T_melt;
-  const bool coulomb = options.interface.friction_coefficient * in.pressure <= step.limit(taken.flux);
+  const double friction = step.friction(taken.flux);
+  const bool coulomb = friction > 0.0 && friction <= step.limit(taken.flux);
   out.regime = taken.sticks && !flows     ? Regime::kStick
                : !taken.sticks && coulomb ? Regime::kCoulomb
                : melting                  ? Regime::kMelting

@@ -1,0 +1,71 @@
+// What a tolerance is made of in place of cells and methods (MODEL.md section 3c).
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "server/physics/solver/model.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/text.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// The grid. Its error is what the quasi-steady part of a layer with an insulated face makes of it, or with none what
+// the flow does that gathers at the interface: measured, of second order in the growth of the cells.
+constexpr double kGrowthInsulated = 7.0;  // of neighbouring cells, over sqrt(tolerance)
+constexpr double kGrowthHalfSpace = 20.0;
+constexpr double kMostGrowth = 1.0;
+// The first cells resolve how far heat goes in this time, and the skin in which the flow gathers near melting  [s]
+constexpr double kShortTime = 1e-11;  // down to kShortTimeTolerance, then as its cube
+constexpr double kShortestTime = 1e-14;
+constexpr double kShortTimeTolerance = 1e-3;
+
+constexpr double kKernelShare = 0.1;   // of the tolerance: the error of the modes' kernel
+constexpr double kLongestTime = 1e-3;  // heat older than this is forgotten by a half-space without profile  [s]
+
+// Cells grow by a ratio g outward, from (g - 1) delta, where delta is how far heat goes in the short time: then every
+// cell is (g - 1) times as wide as its distance from there.
+GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
+  const double growth =
+      1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
+  const double part = std::min(1.0, tolerance / kShortTimeTolerance);
+  const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
+  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // of the last cell to the first
+  grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
+  grid.grading = std::pow(ratio, 1.0 / grid.cells);
+  grid.matched = true;
+  return grid;
+}
+
+}  // namespace
+
+ModelOptions discretised(ModelOptions options, double tolerance) {
+  options.tolerance = tolerance;
+  options.time_integrator =
+      goes_with(Property::kSecondOrder, options) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
+  const bool insulated = options.grid.far_boundary == FarBoundary::kInsulated ||
+                         (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kInsulated);
+  options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance, insulated);
+  if (options.hard_grid) {
+    options.hard_grid->cells = options.grid.cells;
+    options.hard_grid->grading = options.grid.grading;
+    options.hard_grid->matched = true;
+  }
+  options.modes.reset();
+  if (goes_with(Property::kModes, options))
+    options.modes = {
+        .accuracy = kKernelShare * tolerance, .shortest_step = kShortestControlledStep, .longest_time = kLongestTime};
+  return options;
+}
+
+std::string discretisation_of(const ModelOptions& options, std::size_t modes) {
+  const char* steps = options.time_integrator == TimeIntegrator::kSdirk2
+                          ? ", sdirk2 in as many substeps as a step takes"
+                          : ", backward Euler in as many substeps as a step takes";
+  if (modes > 0) return text_of("tolerance ", *options.tolerance, ": no cells but ", modes, " modes", steps);
+  return text_of("tolerance ", *options.tolerance, ": ", options.grid.cells, " cells growing by ",
+                 Digits{4, options.grid.grading}, steps);
+}
+
+}  // namespace shearbus::physics

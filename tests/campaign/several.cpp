@@ -1,0 +1,60 @@
+// Where a physics has steps with several answers, for the row that asks for them.
+#include <algorithm>
+#include <cmath>
+
+#include "server/physics/layer/modes.hpp"
+#include "tests/campaign/campaign.hpp"
+
+namespace shearbus::study::stability {
+
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs
+
+namespace {
+
+constexpr double kLongestStep = 1e-5;  // of the campaign  [s]
+constexpr double kStickShare = 0.9;    // of what it could carry, the stress under which the interface sticks
+constexpr double kClearly = 0.8;       // of the stress of most heating, what is left of the limit there
+
+// What the interface carries at rest.
+double limit_at(const ModelOptions& o, double pressure, const Material& soft, double T) {
+  return std::min(o.interface.friction_coefficient * pressure,
+                  o.interface.yield_strength * softening(soft, pressure, T).g / kSqrt3);
+}
+
+}  // namespace
+
+// With [v] = c - b s an interface can stick under s = c/b, and half of that stress heats most: by heating * b s^2/4.
+// Where the limit there has fallen below c/2b it slips as well, with more than that slip or with less.
+std::optional<SeveralAnswers> several_answers(const Physics& physics) {
+  const ModelOptions& o = physics.options;
+  const Host& host = physics.host;
+  // Junctions harden, friction that weakens and layers that flow have answers of other kinds; a step whose error is
+  // controlled is taken in parts so short that each has one.
+  if (o.strategy != Strategy::kForceDriven || o.junctions || o.plastic_layer || o.tolerance ||
+      o.interface.friction_law != FrictionLaw{}) {
+    return std::nullopt;
+  }
+  const Material soft = at_pressure(o.soft, host.pressure);
+  const double T_melt = soft.melting_temperature;
+  const HeatKernel kernel(o.soft, o.grid);
+  const double mobility =
+      0.5 * (1.0 / (o.soft.density * host.half_zone_soft) + 1.0 / (o.hard.density * host.half_zone_hard));
+  for (double dt = std::max(host.dt, shortest_step(o)); dt <= kLongestStep; dt *= 2.0) {
+    const double b = mobility * dt;
+    const double heating = heat_partition(o.soft, o.hard) * kernel.integral(dt);
+    std::optional<SeveralAnswers> best;
+    double least = kClearly;
+    for (double below = 1e-3; below < 0.5 * T_melt; below *= 1.1) {
+      const double stress = kStickShare * limit_at(o, host.pressure, soft, T_melt - below);
+      const double hottest = T_melt - below + heating * b * stress * stress / 4.0;
+      const double left = limit_at(o, host.pressure, soft, std::min(hottest, T_melt)) / (0.5 * stress);
+      if (!(left < least)) continue;
+      least = left;
+      best = {.dt = dt, .temperature = T_melt - below, .below = below, .slip = b * stress};
+    }
+    if (best) return best;
+  }
+  return std::nullopt;
+}
+
+}  // namespace shearbus::study::stability
