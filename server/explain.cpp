@@ -13,9 +13,10 @@
 #include <optional>
 #include <utility>
 
-#include "proto/scene/scene.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
@@ -34,63 +35,11 @@ constexpr int kSteps = 60;
 constexpr int kRepeats = 5;
 constexpr std::chrono::milliseconds kLongest{40};  // of one measurement
 
-// A part of the model as a change of the scene.
-struct Switch {
-  const char* name;
-  const char* meaning;
-  bool (*is_on)(const v1::Scene&);
-  void (*set)(v1::Scene&, bool);
-};
+using physics::Property;
 
-constexpr std::array kSwitches = {
-    Switch{"hard_layer", "the hard body conducts on a grid of its own, in place of a fixed share of the heat",
-           [](const v1::Scene& s) { return s.has_hard_layer(); },
-           [](v1::Scene& s, bool on) {
-             s.clear_hard_layer();
-             if (on) s.mutable_hard_layer();
-           }},
-    Switch{"interface.plastic_layer", "the layer flows and hardens beside the slip",
-           [](const v1::Scene& s) { return s.interface().plastic_layer(); },
-           [](v1::Scene& s, bool on) {
-             if (s.has_interface()) s.mutable_interface()->set_plastic_layer(on);
-           }},
-    Switch{"junctions", "contact on a part of the area, which hardens with the slip",
-           [](const v1::Scene& s) { return s.has_junctions(); },
-           [](v1::Scene& s, bool on) {
-             s.clear_junctions();
-             if (!on) return;
-             s.mutable_junctions()->set_contact_fraction(0.5);
-             s.mutable_junctions()->set_height_m(1e-6);
-           }},
-    Switch{"velocity_driven.taylor_quinney_factor", "plastic work heats the layer where it flows",
-           [](const v1::Scene& s) { return s.velocity_driven().has_taylor_quinney_factor(); },
-           [](v1::Scene& s, bool on) {
-             s.mutable_velocity_driven()->clear_taylor_quinney_factor();
-             if (on) s.mutable_velocity_driven()->set_taylor_quinney_factor(1.0);
-           }},
-    Switch{"layer.inertia", "shear waves cross the layer", [](const v1::Scene& s) { return s.layer().inertia(); },
-           [](v1::Scene& s, bool on) { s.mutable_layer()->set_inertia(on); }},
-    Switch{"tangential_components", "slip and stress have a second direction",
-           [](const v1::Scene& s) { return s.tangential_components() == 2; },
-           [](v1::Scene& s, bool on) { s.set_tangential_components(on ? 2 : 1); }},
-    Switch{"soft.melting_curve", "melting follows the pressure",
-           [](const v1::Scene& s) { return s.soft().melting_curve() == v1::MELTING_CURVE_LINDEMANN; },
-           [](v1::Scene& s, bool on) {
-             s.mutable_soft()->set_melting_curve(on ? v1::MELTING_CURVE_LINDEMANN : v1::MELTING_CURVE_CONSTANT);
-           }},
-    Switch{"layer.heat = \"profile\"", "the temperature across the layer, not of the interface alone",
-           [](const v1::Scene& s) { return s.layer().heat() != v1::HEAT_MODES; },
-           [](v1::Scene& s, bool on) {
-             s.mutable_layer()->clear_heat();
-             s.mutable_layer()->clear_modes();
-             if (!on) s.mutable_layer()->set_heat(v1::HEAT_MODES);
-           }},
-    Switch{"layer.sleep", "nodes at rest are not solved", [](const v1::Scene& s) { return s.layer().sleep(); },
-           [](v1::Scene& s, bool on) {
-             s.mutable_layer()->clear_sleep();
-             if (on) s.mutable_layer()->set_sleep(true);
-           }},
-};
+// Parts that take the place of others or leave work out, and so add no physics.
+constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
+                                    Property::kModes,         Property::kSleep,        Property::kTolerance};
 constexpr const char* kLedger = "energy ledger";
 
 // One tile of a model, stepped as a host would.
@@ -192,36 +141,29 @@ SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
           .step_length_s = bench.step_length()};
 }
 
-// The model of a scene, or why there is none.
-struct Tried {
-  std::optional<physics::ModelOptions> options;
-  std::string refused;
-};
-Tried tried(const v1::Scene& scene) {
-  try {
-    return {service::scene_model(scene).options, {}};
-  } catch (const wire::Error& error) {
-    const std::string& text = error.status().text;  // the first of its reasons
-    return {std::nullopt, text.substr(0, text.find('\n'))};
-  }
+// Why a model of these options cannot be made; empty: it can.
+std::string refusal_of(const physics::ModelOptions& options) {
+  if (const std::string_view missing = physics::constant_missing_for_options(options.soft); !missing.empty())
+    return fmt::format("soft.{} is missing", missing);
+  const auto refusals = physics::refusals(options);
+  return refusals.empty() ? std::string() : refusals.front().text;
 }
 
-// The scene with every part that goes together with those before it, in the order of kSwitches, and their names. Without
-// sleep, which adds no physics.
-struct FullScene {
-  v1::Scene scene;
+// Every part that adds physics and goes together with those before it, in the order of the table, and their keys.
+struct FullModel {
+  physics::ModelOptions options;
   std::vector<std::string> parts;
 };
-FullScene with_everything(const v1::Scene& scene) {
-  FullScene full{.scene = scene, .parts = {}};
-  full.scene.mutable_layer()->clear_sleep();
-  for (const Switch& part : kSwitches) {
-    if (part.name == std::string_view("layer.sleep")) continue;
-    v1::Scene more = full.scene;
-    part.set(more, true);
-    if (!part.is_on(more) || !tried(more).options) continue;
-    full.scene = std::move(more);
-    full.parts.emplace_back(part.name);
+FullModel with_everything(const physics::ModelOptions& options) {
+  FullModel full{.options = options, .parts = {}};
+  for (const Property property : {Property::kModes, Property::kSleep})
+    full.options = physics::switched(full.options, physics::part_of(property), false);
+  for (const physics::Part& part : physics::parts()) {
+    if (part.set == nullptr || std::ranges::find(kAddNothing, part.property) != kAddNothing.end()) continue;
+    physics::ModelOptions more = physics::switched(full.options, part, true);
+    if (!refusal_of(more).empty()) continue;
+    full.options = std::move(more);
+    full.parts.emplace_back(part.key);
   }
   return full;
 }
@@ -232,42 +174,39 @@ std::string microseconds(double seconds) {
 
 }  // namespace
 
-Explanation explain(const v1::Scene& scene) {
-  const service::SceneModel made = service::scene_model(scene);
-  Explanation told{
-      .scene = scene.name(), .cost = cost_of(made.options, false), .parts = {}, .everything = {}, .together = {}};
+Explanation explain(std::string_view scene, const std::string& file) {
+  const service::SceneModel made = service::scene_model(scene, file);
+  const physics::ModelOptions& options = made.options;
+  Explanation explanation{
+      .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
 
   // 1. Each part switched the other way, alone.
-  for (const Switch& part : kSwitches) {
-    ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    v1::Scene other = scene;
-    part.set(other, !found.on);
-    if (const Tried model = tried(other); !model.options) {
-      found.excluded = model.refused;
-    } else {
+  for (const physics::Part& part : physics::parts()) {
+    if (part.set == nullptr) continue;
+    ScenePart found{.name = std::string(part.key), .on = part.is_on(options), .meaning = std::string(part.adds)};
+    const physics::ModelOptions other = physics::switched(options, part, !found.on);
+    found.excluded = refusal_of(other);
+    if (found.excluded.empty()) {
       const double sign = found.on ? 1.0 : -1.0;
-      const auto here = static_cast<std::int64_t>(told.cost.bytes_per_node);
-      const auto there = static_cast<std::int64_t>(bytes_per_node(*model.options, false));
+      const auto here = static_cast<std::int64_t>(explanation.cost.bytes_per_node);
+      const auto there = static_cast<std::int64_t>(bytes_per_node(other, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (told.cost.slipping_s - Bench(*model.options).slipping(false));
+      found.slipping_s = sign * (explanation.cost.slipping_s - Bench(other).slipping(false));
     }
-    told.parts.push_back(std::move(found));
+    explanation.parts.push_back(std::move(found));
   }
-  told.parts.push_back({.name = kLedger,
-                        .meaning = "where the energy of each node's step went, for requests that name its columns",
-                        .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = Bench(made.options).slipping(true) - told.cost.slipping_s});
+  explanation.parts.push_back(
+      {.name = kLedger,
+       .meaning = "where the energy of each node's step went, for requests that name its columns",
+       .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
+       .slipping_s = Bench(options).slipping(true) - explanation.cost.slipping_s});
 
   // 2. Everything that goes together.
-  auto [all, names] = with_everything(scene);
-  told.together = std::move(names);
-  told.together.emplace_back(kLedger);
-  told.everything = cost_of(*tried(all).options, true);
-  return told;
-}
-
-Explanation explain(std::string text, std::string file) {
-  return explain(scene::parse(std::move(text), std::move(file)).scene);
+  auto [all, names] = with_everything(options);
+  explanation.together = std::move(names);
+  explanation.together.emplace_back(kLedger);
+  explanation.everything = cost_of(all, true);
+  return explanation;
 }
 
 std::string Explanation::text(std::size_t nodes) const {
@@ -312,16 +251,16 @@ std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
 }
 
 OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals) {
-  const v1::Scene effective = scene::parse(effective_scene, "the effective scene").scene;
-  const FullScene full = with_everything(effective);
+  const physics::ModelOptions options = service::scene_model(effective_scene, "the effective scene").options;
+  const FullModel full = with_everything(options);
   OmittedCost omitted{.parts = {},
-                      .bytes_per_node = bytes_per_node(service::scene_model(effective).options, false),
-                      .bytes_per_node_with_everything = bytes_per_node(*tried(full.scene).options, true),
+                      .bytes_per_node = bytes_per_node(options, false),
+                      .bytes_per_node_with_everything = bytes_per_node(full.options, true),
                       .share_asleep = {}};
-  for (const Switch& part : kSwitches)
-    if (!part.is_on(effective) && std::ranges::find(full.parts, part.name) != full.parts.end())
-      omitted.parts.emplace_back(part.name);
-  if (effective.layer().sleep() && totals.node_steps > 0)
+  for (const physics::Part& part : physics::parts())
+    if (!part.is_on(options) && std::ranges::find(full.parts, part.key) != full.parts.end())
+      omitted.parts.emplace_back(part.key);
+  if (options.sleep && totals.node_steps > 0)
     omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
   return omitted;
 }

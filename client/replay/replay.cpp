@@ -167,7 +167,7 @@ void run(const Options& options) {
       {"input_hash", wire::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
   };
-  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.effective_scene()), meta,
+  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
                              history.start_time_s());
   Tally tally(history.node_ids());
   replay(options, history, input, session, writer, tally, time);

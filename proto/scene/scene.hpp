@@ -26,7 +26,8 @@ SceneFile load(const std::filesystem::path& path);
 // The same onto an empty message of the caller's own.
 Document read(std::string_view text, std::string file, v1::Scene& scene);
 
-// The rules of a scene that look at more than one key; `scene` has its defaults.
+// The rules between keys that the schema cannot express; `scene` has its defaults. Which options of the physics exclude each other is known
+// to the physics alone (server/physics/solver/parts.hpp). A rule that needs a value at fault is not checked.
 void check_scene(const v1::Scene& scene, Findings& findings);
 
 // Every fault of a scene that does not come from a text. Fills in its defaults.

@@ -25,8 +25,6 @@ inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
 inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any other string of a header
 inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, and what is said about it
-inline constexpr std::uint32_t kMaxInertiaCells = 1'000;             // across a layer with inertia
-inline constexpr std::uint32_t kMaxSleepCells = 900;                 // across both bodies, where nodes sleep
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "proto/scene/scene.hpp"
-#include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/with_message.hpp"
 #include "server/physics/interface/friction_laws.hpp"
@@ -130,9 +129,6 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
     faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
   if (!faults.empty()) throw Refused{std::move(faults), "Leave out one of the two."};
 }
-
-static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
-static_assert(wire::kMaxSleepCells == physics::kMaxSleepCells);
 
 // A checked scene with its defaults. Fills in the constants that the scene leaves to the server.
 SceneModel convert(v1::Scene& scene) {
