@@ -107,7 +107,9 @@ physics::InterfaceOptions interface_of(const v1::Interface& law) {
           .friction_law =
               physics::FrictionLaws::numbered(static_cast<int>(law.friction_law())).value_or(physics::FrictionLaw{}),
           .friction_coefficient_fast = law.friction_coefficient_fast(),
-          .velocity_decay = law.velocity_decay_s_per_m()};
+          .velocity_decay = law.velocity_decay_s_per_m(),
+          .friction_reference_temperature = law.friction_reference_temperature_k(),
+          .friction_softening_exponent = law.friction_softening_exponent()};
 }
 
 void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {

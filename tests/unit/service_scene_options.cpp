@@ -375,6 +375,21 @@ TEST(SceneOptions, AFrictionLawComesWithItsOwnConstantsAndComesBack) {
   expect_own(made);
 }
 
+TEST(SceneOptions, FrictionThatSoftensComesWithItsOwnConstantsAndComesBack) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_interface()->set_friction_law(v1::FRICTION_LAW_THERMAL_SOFTENING);
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("interface.friction_reference_temperature_k is missing"));
+  scene.mutable_interface()->set_friction_reference_temperature_k(300.0);
+  scene.mutable_interface()->set_friction_softening_exponent(2.0);
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.interface.friction_law, physics::FrictionLaws::place<physics::ThermalSoftening>());
+  EXPECT_EQ(made.options.interface.friction_reference_temperature, 300.0);
+  EXPECT_EQ(made.options.interface.friction_softening_exponent, 2.0);
+  expect_own(made);
+  scene.mutable_interface()->set_friction_reference_temperature_k(2000.0);  // above melting
+  EXPECT_EQ(refusal_of(scene).field, "interface.friction_reference_temperature_k");
+}
+
 // The scene's choices are the registered laws, in their order.
 TEST(SceneOptions, EveryRegisteredLawHasItsWord) {
   const std::string reference = scene::reference_of(*v1::Scene::descriptor());
