@@ -7,8 +7,8 @@
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/problem2d.hpp"
 #include "hydro_stub/restart.hpp"
+#include "hydro_stub/scene.hpp"
 #include "proto/wire/dump.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
@@ -20,10 +20,10 @@ struct RunOptions {
 };
 
 // Leaves interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and
-// summary.json in `options.out`, and prints the summary. `effective` is the scene with the constants it was run with.
+// summary.json in `options.out`, and prints the summary. `effective` is the scene with the constants of the run.
 // With `from` the run goes on from that dump. Throws Interrupted after SIGINT or SIGTERM, wire::Error or
 // std::exception; then there are no histories and no summary.
-void run_problem2d(const wire::Scene& scene, const wire::Scene& effective, Problem2d problem, InterfaceLaw& law,
+void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from);
 
 }  // namespace shearbus::hydro

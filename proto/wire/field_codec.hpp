@@ -36,18 +36,14 @@ struct FieldPath {
   throw Error({.code = code, .text = (text.empty() ? "the header" : text) + " " + fault, .field = text});
 }
 
-// The scene as a protobuf message.
-std::string scene_bytes(const Scene& scene);
-Scene read_scene(std::span<const std::byte> bytes, const std::string& path, bool strict);
-
 template <typename T>
 concept Varint = std::unsigned_integral<T> || std::is_enum_v<T>;
 
 // ---- writing ----
 
-// Text as a peer takes it: valid UTF-8 of at most kMaxTextBytes. A longer text is cut, an invalid byte replaced.
-inline std::string sent_text(const std::string& text) {
-  return text.size() <= kMaxTextBytes && is_utf8(text) ? text : as_utf8(text, kMaxTextBytes);
+// Text as a peer takes it: valid UTF-8 of at most `most` bytes. A longer text is cut, an invalid byte replaced.
+inline std::string sent_text(const std::string& text, std::size_t most = kMaxTextBytes) {
+  return text.size() <= most && is_utf8(text) ? text : as_utf8(text, most);
 }
 
 // Writes the fields that differ from the default of proto3, which is zero or nothing. A struct is always written.
@@ -71,7 +67,6 @@ class FieldWriter {
   void write(std::uint32_t number, const std::string& value) const {
     if (!value.empty()) out_.bytes(number, sent_text(value));
   }
-  void write(std::uint32_t number, const Scene& value) const { out_.bytes(number, scene_bytes(value)); }
   void write(std::uint32_t number, const Id& value) const {
     if (value != Id{}) out_.bytes(number, {reinterpret_cast<const char*>(value.data()), value.size()});
   }
@@ -102,6 +97,22 @@ class FieldWriter {
   template <typename T>
   void write(std::uint32_t number, const Required<T>& row) const {
     write(number, row.value);
+  }
+  template <typename T>
+  void write(std::uint32_t number, const KnownOnly<T>& row) const {
+    write(number, row.value);
+  }
+  template <typename T>
+  void write(std::uint32_t number, const LongText<T>& row) const {
+    if (!row.value.empty()) out_.bytes(number, sent_text(row.value, kMaxSceneBytes));
+  }
+  template <typename T>
+  void write(std::uint32_t number, const SceneText<T>& row) const {
+    if (row.value.size() > kMaxSceneBytes)
+      refuse_field(Code::kLimit, {nullptr, "scene"},
+                   fmt::format("has {} bytes, at most {} allowed", row.value.size(), kMaxSceneBytes));
+    if (!is_utf8(row.value)) refuse_field(Code::kInvalidScene, {nullptr, "scene"}, "is not UTF-8");
+    out_.bytes(number, row.value);
   }
   template <typename T>
   void write(std::uint32_t number, const AtMost<T>& row) const {
@@ -153,6 +164,10 @@ struct RequiredFields {
     }
     if (!given) refuse_field(Code::kMalformed, {&path, name}, "is not given" + expected);
   }
+  template <typename T>
+  void operator()(std::uint32_t, const char* name, const SceneText<T>& row) const {
+    if (row.value.empty()) refuse_field(Code::kMalformed, {&path, name}, "is not given");
+  }
 };
 
 // Puts one field of a message into the member of its row.
@@ -183,10 +198,9 @@ class FieldReader {
         refuse_field(Code::kMalformed, path, fmt::format("= {} is no value of {}", value, names_of(T{}).type));
     return static_cast<T>(value);
   }
-  std::string text(const FieldPath& path) const {
-    if (found_.bytes.size() > kMaxTextBytes)
-      refuse_field(Code::kLimit, path,
-                   fmt::format("has {} bytes, at most {} allowed", found_.bytes.size(), kMaxTextBytes));
+  std::string text(const FieldPath& path, std::size_t most = kMaxTextBytes) const {
+    if (found_.bytes.size() > most)
+      refuse_field(Code::kLimit, path, fmt::format("has {} bytes, at most {} allowed", found_.bytes.size(), most));
     if (!is_utf8(found_.text())) refuse_field(Code::kMalformed, path, "is not UTF-8");
     return std::string(found_.text());
   }
@@ -200,9 +214,6 @@ class FieldReader {
   }
   void read(const FieldPath& path, std::string& value) {
     if (is(WireType::kLength)) value = text(path);
-  }
-  void read(const FieldPath& path, Scene& value) {
-    if (is(WireType::kLength)) value = read_scene(found_.bytes, path.text(), strict_);
   }
   void read(const FieldPath& path, Id& value) {
     if (is(WireType::kLength)) value = read_id(found_.bytes, path);
@@ -218,6 +229,21 @@ class FieldReader {
   template <typename T>
   void read(const FieldPath& path, Required<T>& row) {
     read(path, row.value);
+  }
+  template <typename T>
+  void read(const FieldPath& path, LongText<T>& row) {
+    if (is(WireType::kLength)) row.value = text(path, kMaxSceneBytes);
+  }
+  template <typename T>
+  void read(const FieldPath& path, SceneText<T>& row) {
+    if (is(WireType::kLength)) row.value = text(path, kMaxSceneBytes);
+  }
+  template <typename T>
+  void read(const FieldPath& path, KnownOnly<T>& row) {
+    std::vector<std::uint32_t> numbers;
+    read(path, numbers);
+    for (const std::uint32_t number : numbers)
+      if (number != 0 && may_be_sent(Field{}, number)) row.value.push_back(static_cast<Field>(number));
   }
   template <typename T>
   void read(const FieldPath& path, AtMost<T>& row) {

@@ -51,6 +51,36 @@ AtMost<T> at_most_fixed(std::size_t most, T& value) {
   return {value, most, true};
 }
 
+// Columns that a peer offers: those that this side does not know are left out.
+template <typename T>
+struct KnownOnly {
+  T& value;
+};
+template <typename T>
+KnownOnly<T> known_only(T& value) {
+  return {value};
+}
+
+// The text of a scene: required, longer than other texts may be, and never cut or mended.
+template <typename T>
+struct SceneText {
+  T& value;
+};
+template <typename T>
+SceneText<T> scene_text(T& value) {
+  return {value};
+}
+
+// A text that may be as long as that of a scene, because it lists the faults of one.
+template <typename T>
+struct LongText {
+  T& value;
+};
+template <typename T>
+LongText<T> long_text(T& value) {
+  return {value};
+}
+
 // The body of a message: its number and name in the oneof of the header.
 struct BodyRow {
   std::uint32_t number;

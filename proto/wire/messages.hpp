@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "proto/wire/batch.hpp"
+#include "proto/wire/columns.hpp"
 #include "proto/wire/field_rows.hpp"
 #include "proto/wire/limits.hpp"
-#include "proto/wire/scene.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::wire {
@@ -48,16 +48,18 @@ struct Hello {
 };
 struct OpenSession {
   static constexpr BodyRow kBody = {17, "open_session", true};
-  Scene scene;
+  std::string scene;       // TOML text
+  std::string scene_file;  // its name, for messages about it
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: none
 
   static void fields(auto&& v, auto& m) {
-    v(1, "scene", required(m.scene));
+    v(1, "scene", scene_text(m.scene));
     v(2, "session_id", m.session_id);
     v(3, "resume_token", m.resume_token);
     v(4, "domain", m.domain);
+    v(5, "scene_file", m.scene_file);
   }
 };
 struct Downscale {
@@ -218,14 +220,28 @@ struct Welcome {
 };
 struct SessionOpened {
   static constexpr BodyRow kBody = {17, "session_opened"};
-  Scene effective_scene;
+  std::string effective_scene;  // canonical TOML text
   std::uint64_t bytes_per_node = 0;
   std::vector<std::string> warnings;
+  Strategy strategy = Strategy::kUnspecified;
+  std::uint32_t tangential_components = 1;
+  std::vector<Field> required_columns;    // of a step, besides the optional node_id
+  std::vector<Field> optional_columns;    // of a step
+  std::vector<Field> reply_columns;       // where the request names none
+  std::vector<Field> columns_on_request;  // where the request names them
+  std::string scene_name;
 
   static void fields(auto&& v, auto& m) {
-    v(1, "effective_scene", required(m.effective_scene));
+    v(1, "effective_scene", scene_text(m.effective_scene));
     v(2, "bytes_per_node", m.bytes_per_node);
     v(3, "warnings", m.warnings);
+    v(4, "strategy", m.strategy);
+    v(5, "tangential_components", m.tangential_components);
+    v(6, "required_columns", known_only(m.required_columns));
+    v(7, "optional_columns", known_only(m.optional_columns));
+    v(8, "reply_columns", known_only(m.reply_columns));
+    v(9, "columns_on_request", known_only(m.columns_on_request));
+    v(10, "scene_name", m.scene_name);
   }
 };
 struct SessionResumed {

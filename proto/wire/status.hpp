@@ -69,7 +69,7 @@ struct Status {
 
   static void fields(auto&& v, auto& m) {
     v(1, "code", required(m.code));
-    v(2, "text", m.text);
+    v(2, "text", long_text(m.text));
     v(3, "remedy", m.remedy);
     v(4, "field", m.field);
     v(5, "node_ids", at_most_fixed(kMaxNodesNamed, m.node_ids));

@@ -1,8 +1,8 @@
 #include "server/service/columns.hpp"
 
+#include <array>
 #include <cstdint>
-#include <type_traits>
-#include <vector>
+#include <iterator>
 
 #include "proto/wire/messages.hpp"
 
@@ -82,10 +82,61 @@ void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply
     columns.emplace_back(shard::AnswerColumn<Lane, std::uint8_t>{member, reply.u8(field, component)});
 }
 
+// ---- columns of a model ----
+
+constexpr std::array kConditions = {
+    ColumnCondition{Field::kSoftPlasticStrainRate, wire::Kind::kInput,
+                    [](const physics::ModelOptions& options) { return options.plastic_layer; },
+                    wire::Code::kUnsupported,
+                    "has no use in a force-driven layer without interface.plastic_layer, which has no plastic strain",
+                    "Leave the column out, or set interface.plastic_layer = true."},
+    ColumnCondition{
+        Field::kSoftShearRate, wire::Kind::kInput,
+        [](const physics::ModelOptions& options) { return options.drive == physics::Drive::kInterfaceSlip; },
+        wire::Code::kShape, "drives the layer only with velocity_driven.drive = \"interface_slip\"",
+        "Leave the column out, or change the drive."},
+    ColumnCondition{Field::kUnspecified, wire::Kind::kLedger,
+                    [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
+                    "is of layers with one stress, and with layer.inertia it varies",
+                    "Leave out the columns of the energy ledger."},
+    ColumnCondition{Field::kErrorEstimate, wire::Kind::kOutput,
+                    [](const physics::ModelOptions& options) { return options.tolerance.has_value(); },
+                    wire::Code::kUnsupported,
+                    "is of scenes with a tolerance, and this one has none: its steps are not controlled",
+                    "Leave it out, or open the session with a tolerance in place of cells and grading."},
+};
+
 }  // namespace
 
 std::string name_of(const wire::Column& column) {
   return std::string(wire::name(column.field)) + (column.component == 0 ? "" : "_second");
+}
+
+wire::Strategy strategy_of(const physics::ModelOptions& options) {
+  return options.strategy == physics::Strategy::kForceDriven ? wire::Strategy::kForceDriven
+                                                             : wire::Strategy::kVelocityDriven;
+}
+
+const ColumnCondition* unmet_condition(Field field, const physics::ModelOptions& options) {
+  const wire::ColumnRow* row = wire::find_column(field);
+  if (row == nullptr || row->use(strategy_of(options)) == wire::Use::kNone) return nullptr;
+  for (const ColumnCondition& condition : kConditions) {
+    const bool meant =
+        condition.field == field || (condition.field == Field::kUnspecified && condition.kind == row->kind);
+    if (meant && !condition.holds(options)) return &condition;
+  }
+  return nullptr;
+}
+
+ModelColumns columns_of(const physics::ModelOptions& options) {
+  const auto met = [&](std::span<const Field> fields) {
+    std::vector<Field> list;
+    std::ranges::copy_if(fields, std::back_inserter(list),
+                         [&](Field field) { return !unmet_condition(field, options); });
+    return list;
+  };
+  const wire::StrategyColumns& all = wire::columns_of(strategy_of(options));
+  return {met(all.required), met(all.optional), met(all.reply), met(all.on_request)};
 }
 
 shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply) {

@@ -1,16 +1,42 @@
-// The columns of a session's steps: as a shard moves them.
+// The columns of a session's steps: those that a model has, and those of a request and its reply as a shard moves them.
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/columns.hpp"
+#include "proto/wire/status.hpp"
+#include "server/physics/solver/model.hpp"
 #include "server/shard/step_columns.hpp"
 
 namespace shearbus::service {
 
 // The name of a column in a capsule: its field's name, with an ending for the second tangential component.
 std::string name_of(const wire::Column& column);
+
+wire::Strategy strategy_of(const physics::ModelOptions& options);
+
+// Why a model lacks a column of its strategy.
+struct ColumnCondition {
+  wire::Field field;  // kUnspecified: every column of the kind
+  wire::Kind kind;
+  bool (*holds)(const physics::ModelOptions&);  // the model has the column
+  wire::Code code;
+  const char* fault;  // behind the column's name
+  const char* remedy;
+};
+// Null where the model has the column, or no model of its strategy has it.
+const ColumnCondition* unmet_condition(wire::Field field, const physics::ModelOptions& options);
+
+// The columns of the model's strategy whose conditions the model meets.
+struct ModelColumns {
+  std::vector<wire::Field> required;
+  std::vector<wire::Field> optional;
+  std::vector<wire::Field> reply;
+  std::vector<wire::Field> on_request;
+};
+ModelColumns columns_of(const physics::ModelOptions& options);
 
 // The columns that a request holds and a reply has room for. The batches must outlive them.
 shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply);

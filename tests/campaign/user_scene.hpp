@@ -5,14 +5,14 @@
 #include <optional>
 #include <string>
 
-#include "proto/wire/scene_file.hpp"
+#include "hydro_stub/scene.hpp"
 #include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study {
 
 // Reads a scene that a server opens and that has a shear layer to study. Throws with expected, found and remedy, and
 // the place in the file.
-wire::SceneFile load_scene_with_layer(const std::filesystem::path& path);
+hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
 // What the command line says of the host in the scene's place; absent: as the scene's problem, or else as in the paper.
 struct HostGiven {
@@ -26,6 +26,6 @@ struct UserScene {
   std::string text;            // what its physics is, for people
   std::string host;            // likewise its host, and who said so
 };
-UserScene user_scene(const wire::SceneFile& file, const HostGiven& given);
+UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given);
 
 }  // namespace shearbus::study

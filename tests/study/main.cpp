@@ -32,8 +32,8 @@ struct Options : CommandOptions {
 std::vector<Problem> problems_of(const Options& options) {
   if (options.scene.empty()) return fixed_problems();
   std::vector<Problem> problems;
-  problems.push_back(problem_of(load_scene_with_layer(options.scene).scene, options.velocity_jump, options.pressure,
-                                1.0, options.end));
+  problems.push_back(problem_of(load_scene_with_layer(options.scene).scene.scene(), options.velocity_jump,
+                                options.pressure, 1.0, options.end));
   return problems;
 }
 

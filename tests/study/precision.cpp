@@ -17,28 +17,33 @@
 
 namespace shearbus::study {
 
-wire::Scene scene_with(const Problem& problem, const Setting& setting) {
-  wire::Scene scene = problem.scene;
+v1::Scene scene_with(const Problem& problem, const Setting& setting) {
+  v1::Scene scene = problem.scene;
   if (setting.tolerance > 0.0) {
-    scene.layer = {.thickness_m = scene.layer.thickness_m,
-                   .far_boundary = scene.layer.far_boundary,
-                   .initial_temperature_k = scene.layer.initial_temperature_k,
-                   .inertia = scene.layer.inertia};
-    scene.tolerance = setting.tolerance;
+    v1::Layer& layer = *scene.mutable_layer();
+    layer.clear_cells();
+    layer.clear_grading();
+    layer.clear_time_integrator();
+    layer.clear_heat();
+    layer.clear_modes();
+    layer.clear_sleep();
+    scene.set_tolerance(setting.tolerance);
     return scene;
   }
-  scene.tolerance.reset();
-  scene.layer.time_integrator = setting.sdirk2 ? wire::TimeIntegrator::kSdirk2 : wire::TimeIntegrator::kBackwardEuler;
+  scene.clear_tolerance();
+  scene.mutable_layer()->set_time_integrator(setting.sdirk2 ? v1::TIME_INTEGRATOR_SDIRK2
+                                                            : v1::TIME_INTEGRATOR_BACKWARD_EULER);
   if (setting.cells > 0) {
-    scene.layer.cells = setting.cells;
-    scene.layer.grading = setting.grading;
-    scene.layer.heat = wire::Heat::kProfile;
-    scene.layer.modes.reset();
+    scene.mutable_layer()->set_cells(setting.cells);
+    scene.mutable_layer()->set_grading(setting.grading);
+    scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
+    scene.mutable_layer()->clear_modes();
   } else {
-    scene.layer.heat = wire::Heat::kModes;
-    scene.layer.modes = wire::HeatModes{.accuracy = setting.accuracy,
-                                        .shortest_step_s = 0.4 * problem.end / setting.steps,
-                                        .longest_time_s = problem.end};
+    scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+    scene.mutable_layer()->clear_modes();
+    scene.mutable_layer()->mutable_modes()->set_accuracy(setting.accuracy);
+    scene.mutable_layer()->mutable_modes()->set_shortest_step_s(0.4 * problem.end / setting.steps);
+    scene.mutable_layer()->mutable_modes()->set_longest_time_s(problem.end);
   }
   return scene;
 }
@@ -129,7 +134,7 @@ Reference by_extrapolation(const Problem& problem, bool quick) {
   const bool modes = allows(problem, {.accuracy = 1e-9, .steps = 1000});
   const bool second_order = allows(problem, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
   const int steps = modes ? (quick ? 20000 : 400000) : quick ? 400 : 16000;
-  const std::uint32_t cells = quick ? 120 : problem.scene.layer.inertia ? 800 : 1600;
+  const std::uint32_t cells = quick ? 120 : problem.scene.layer().inertia() ? 800 : 1600;
   const double grading = std::pow(1.08, 60.0 / cells);
   const auto at = [&](bool sdirk2, std::uint32_t n, int m) {
     if (modes) return run(problem, {.sdirk2 = sdirk2, .accuracy = 1e-9, .steps = m}, nullptr, 1);
@@ -287,9 +292,9 @@ double message_ns(const Problem& problem, const Setting& setting) {
   std::vector<std::uint64_t> ids(kNodes);
   std::iota(ids.begin(), ids.end(), 1);
   Client client({.endpoint = server.endpoint(), .context = server.context()});
-  Session session = client.open(scene_with(problem, setting), ids);
+  Session session = client.open(support::text_of(scene_with(problem, setting)), "scene", ids);
   Batch request = session.request();
-  const bool forced = problem.scene.strategy == wire::Strategy::kForceDriven;
+  const bool forced = problem.scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
   std::ranges::fill(request.f64(Field::kVelocityJump), problem.velocity_jump);
   std::ranges::fill(request.f64(Field::kPressure), problem.pressure);
   if (forced) {

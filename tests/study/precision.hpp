@@ -53,7 +53,7 @@ struct SweepOptions {
   bool quick = false;  // few settings, for tests
 };
 
-wire::Scene scene_with(const Problem& problem, const Setting& setting);
+v1::Scene scene_with(const Problem& problem, const Setting& setting);
 double melting_range(const Problem& problem);  // T_melt - T_ref  [K]
 std::function<double(double)> at_samples(const Answer& answer, double end);
 
