@@ -67,7 +67,7 @@ struct LedgerRow {
   LedgerTerm term;
 };
 constexpr LedgerRow kLedger[] = {
-#define LEDGER(enumerator, ...) {Field::enumerator, LedgerTerm::enumerator},
+#define LEDGER(enumerator, term, ...) {Field::enumerator, LedgerTerm::term},
 #include "proto/wire/columns.inc"
 };
 

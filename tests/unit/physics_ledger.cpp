@@ -21,8 +21,8 @@ TileLedger booked_step(Rig& rig, double dt) {
 
 double sum_of_sizes(TileLedger& ledger, int lane) {
   double sum = 0.0;
-  for (LedgerTerm t : {LedgerTerm::kInterfaceWork, LedgerTerm::kHeatToSoft, LedgerTerm::kHeatToHard,
-                       LedgerTerm::kPlasticWork, LedgerTerm::kElasticEnergy}) {
+  for (LedgerTerm t : {LedgerTerm::kWork, LedgerTerm::kHeatToSoft, LedgerTerm::kHeatToHard, LedgerTerm::kPlasticWork,
+                       LedgerTerm::kElastic}) {
     sum += std::abs(ledger(t, lane));
   }
   return sum;
@@ -47,7 +47,7 @@ TEST_P(PhysicsLedger, HeatReleasedIsHeatStored) {
           ASSERT_NEAR(ledger(LedgerTerm::kHeatToSoft, l) + ledger(LedgerTerm::kHeatToHard, l),
                       rig.outputs.friction_heat[l], 1e-12 * size);
         } else {
-          ASSERT_EQ(ledger(LedgerTerm::kStoredHeatHard, l), 0.0);
+          ASSERT_EQ(ledger(LedgerTerm::kStoredHard, l), 0.0);
           ASSERT_NEAR(ledger(LedgerTerm::kHeatToSoft, l) * (1.0 / rig.conducted_share() - 1.0),
                       ledger(LedgerTerm::kHeatToHard, l), 1e-12 * size);
         }
@@ -114,7 +114,7 @@ TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
   double work = 0.0, plastic = 0.0, residual = 0.0, lost = 0.0, s_old = 0.0;
   for (int n = 0; n < 1000; ++n) {
     TileLedger ledger = booked_step(rig, 1e-9);
-    work += ledger(LedgerTerm::kInterfaceWork, 0);
+    work += ledger(LedgerTerm::kWork, 0);
     plastic += ledger(LedgerTerm::kPlasticWork, 0);
     residual += ledger(LedgerTerm::kEnergyResidual, 0);
     lost += spring * (rig.stress() - s_old) * (rig.stress() - s_old);
@@ -139,7 +139,7 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   double work = 0.0, plastic = 0.0, heat = 0.0, residual = 0.0, most_elastic = 0.0;
   for (int n = 0; n < 300; ++n) {
     TileLedger ledger = booked_step(rig, 1e-9);
-    work += ledger(LedgerTerm::kInterfaceWork, 0);
+    work += ledger(LedgerTerm::kWork, 0);
     plastic += ledger(LedgerTerm::kPlasticWork, 0);
     heat += ledger(LedgerTerm::kHeatToSoft, 0) + ledger(LedgerTerm::kHeatToHard, 0);
     residual += ledger(LedgerTerm::kEnergyResidual, 0);
@@ -168,7 +168,7 @@ TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
     ASSERT_LE(std::abs(ledger(LedgerTerm::kEnergyResidual, 0) + elastic),
               std::abs(s - s_old) * 100.0 * 1e-9 + 1e-12 * (work + stored))
         << n;
-    work += ledger(LedgerTerm::kInterfaceWork, 0);
+    work += ledger(LedgerTerm::kWork, 0);
     residual += ledger(LedgerTerm::kEnergyResidual, 0) + elastic;
     s_old = s;
   }
@@ -190,8 +190,8 @@ TEST(PhysicsLedgerOfForces, WithoutAProfileTheHeatIsStillStored) {
       TileLedger ledger = booked_step(rig, 1e-9);
       const double entered = rig.outputs.friction_heat[0];
       ASSERT_GT(entered, 0.0);
-      ASSERT_NEAR(ledger(LedgerTerm::kStoredHeatSoft, 0), entered, 1e-9 * entered) << n;
-      ASSERT_NEAR(ledger(LedgerTerm::kEnergyResidual, 0), 0.0, 1e-10 * ledger(LedgerTerm::kInterfaceWork, 0)) << n;
+      ASSERT_NEAR(ledger(LedgerTerm::kStoredSoft, 0), entered, 1e-9 * entered) << n;
+      ASSERT_NEAR(ledger(LedgerTerm::kEnergyResidual, 0), 0.0, 1e-10 * ledger(LedgerTerm::kWork, 0)) << n;
     }
   }
 }

@@ -156,8 +156,7 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
         ASSERT_NEAR(sleeper.model.interface_temperature(sleeper.committed.data(), l),
                     sleeper.outputs.interface_temperature[l], 1e-8);
         apart_s = std::max(apart_s, std::abs(sleeper.outputs.shear_stress[l] - solved.outputs.shear_stress[l]));
-        for (const LedgerTerm term :
-             {LedgerTerm::kStoredHeatSoft, LedgerTerm::kStoredHeatHard, LedgerTerm::kHeatResidual})
+        for (const LedgerTerm term : {LedgerTerm::kStoredSoft, LedgerTerm::kStoredHard, LedgerTerm::kHeatResidual})
           apart_heat = std::max(apart_heat, std::abs(mine(term, l) - theirs(term, l)));
       }
     }

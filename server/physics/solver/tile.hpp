@@ -55,17 +55,17 @@ struct TileOutputs {
 
 // Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
 enum class LedgerTerm : std::uint8_t {
-  kInterfaceWork,
+  kWork,
   kHeatToSoft,
   kHeatToHard,
   kPlasticWork,
-  kStoredHeatSoft,
-  kStoredHeatHard,
-  kElasticEnergy,
+  kStoredSoft,
+  kStoredHard,
+  kElastic,
   kHeatResidual,
   kEnergyResidual
 };
-inline constexpr std::size_t kLedgerTerms = static_cast<std::size_t>(LedgerTerm::kEnergyResidual) + 1;
+inline constexpr std::size_t kLedgerTerms = 9;
 
 struct TileLedger {
   alignas(64) double term[kLedgerTerms][kLanes] = {};

@@ -109,13 +109,13 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
     const bool two_sided = options.hard_grid.has_value();
     const double to_soft = two_sided ? stored.soft[lane] : heat;
     const double to_hard = two_sided ? stored.hard[lane] : heat * (1.0 / problem.heat_partition - 1.0);
-    ledger(LedgerTerm::kInterfaceWork, lane) = work;
+    ledger(LedgerTerm::kWork, lane) = work;
     ledger(LedgerTerm::kHeatToSoft, lane) = to_soft;
     ledger(LedgerTerm::kHeatToHard, lane) = to_hard;
     ledger(LedgerTerm::kPlasticWork, lane) = plastic;
-    ledger(LedgerTerm::kStoredHeatSoft, lane) = stored.soft[lane];
-    ledger(LedgerTerm::kStoredHeatHard, lane) = stored.hard[lane];
-    ledger(LedgerTerm::kElasticEnergy, lane) = elastic;
+    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft[lane];
+    ledger(LedgerTerm::kStoredHard, lane) = stored.hard[lane];
+    ledger(LedgerTerm::kElastic, lane) = elastic;
     ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft[lane] - stored.hard[lane];
     ledger(LedgerTerm::kEnergyResidual, lane) = work - to_soft - to_hard - cold_share(options) * plastic - elastic;
   }
