@@ -261,7 +261,7 @@ TEST(Codec, ReplyHasABodyExactlyWhenItIsOk) {
 
 TEST(Codec, StatusTextsAreCutNotRefused) {
   Reply reply = samples::reply("refusal");
-  reply.status.text = std::string(kMaxTextBytes - 1, 'x') + "\xC3\xA9 and more";
+  reply.status.text = std::string(kMaxSceneBytes - 1, 'x') + "\xC3\xA9 and more";
   reply.status.remedy = "a byte \xFF that is no text";
   reply.status.node_ids.assign(1000, 7);
   const Reply again = decoded<Reply>(samples::frames_of(reply));
