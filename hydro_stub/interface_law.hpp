@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -69,10 +70,13 @@ struct LawTime {
   std::chrono::nanoseconds cpu{0};      // of the host's own thread, spent on asking
 };
 
-// What a run was spared that did not ask for everything.
-struct Spared {
-  std::vector<std::pair<std::string, std::string>> lines;  // of its summary: label and text
-  std::string json;                                        // the same numbers, an object; or empty
+// Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
+struct OmittedCost {
+  std::vector<std::pair<std::string, std::string>> lines;  // of the summary: label and text
+  std::vector<std::string> parts;
+  std::uint64_t bytes_per_node = 0;                  // of the run
+  std::uint64_t bytes_per_node_with_everything = 0;  // with every part that could have been on
+  std::optional<double> share_asleep;                // of the node-steps; absent: no node could sleep
 };
 
 class InterfaceLaw {
@@ -98,8 +102,8 @@ class InterfaceLaw {
   virtual std::string cannot_keep() const { return {}; }
   // The run is over: what was kept may go.
   virtual void close() {}
-  // What the run was spared, once it is closed.
-  virtual Spared spared() const { return {}; }
+  // After close().
+  virtual OmittedCost omitted_cost() const { return {}; }
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.

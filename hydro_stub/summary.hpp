@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hydro_stub/problem.hpp"
@@ -27,7 +28,7 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void spared(std::string json) { spared_ = std::move(json); }  // once the law is closed: an object
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // once the law is closed
 
   std::string text() const;
   std::string json() const;
@@ -60,7 +61,7 @@ class Summary {
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // sum over nodes  [J/m2]
   wire::EnergyTotals energy_;
-  std::string spared_;
+  OmittedCost omitted_;
   std::uint64_t flagged_ = 0;
 
   double friction_work_ = 0.0;      // sum over nodes  [J/m2]

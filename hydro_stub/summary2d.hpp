@@ -29,7 +29,7 @@ struct Summary2d {
   const InterfaceHistory& interface;
   std::vector<Comparison> comparisons;
   RunTime2d time;
-  std::string spared = {};  // an object of JSON, once the law is closed
+  OmittedCost omitted = {};  // once the law is closed
 
   std::string text() const;
   std::string json() const;

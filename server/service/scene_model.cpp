@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/scene_file.hpp"
@@ -13,12 +14,13 @@
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
 
 namespace shearbus::service {
 namespace {
 
-bool is_steinberg_cochran_guinan(const physics::Material& m) {
-  return m.flow_law == physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
+physics::FlowLawProperties properties_of(const physics::Material& m) {
+  return physics::properties_of(m.flow_law);
 }
 
 physics::Material material_of(const wire::Body& body, const std::string& table) {
@@ -33,7 +35,7 @@ physics::Material material_of(const wire::Body& body, const std::string& table) 
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term == wire::PressureTerm::kCompressed)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  if (body.pressure_term == wire::PressureTerm::kCompressed && !is_steinberg_cochran_guinan(made.material))
+  if (body.pressure_term == wire::PressureTerm::kCompressed && !properties_of(made.material).has_pressure_term)
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
                                            "\"{}\" does not have",
@@ -68,7 +70,9 @@ wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const phy
 
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
 wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
-  if (!is_steinberg_cochran_guinan(soft) && !(junctions.hardening_coefficient && junctions.hardening_exponent))
+  const bool soft_hardens_as_junctions =
+      physics::has_constant(soft.flow_law, &physics::Material::hardening_coefficient);
+  if (!soft_hardens_as_junctions && !(junctions.hardening_coefficient && junctions.hardening_exponent))
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
                                            "the soft body's flow law {} has none",
@@ -110,9 +114,20 @@ physics::InterfaceOptions interface_of(const wire::Interface& law) {
           .friction_coefficient_fast = law.friction_coefficient_fast,
           .velocity_decay = law.velocity_decay_s_per_m};
 }
+// By the table of server/physics/solver/parts.cpp.
+void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
+  const std::vector<physics::Refusal> refusals = physics::refusals(options);
+  if (refusals.empty()) return;
+  std::string text;
+  for (const physics::Refusal& refusal : refusals) text += (text.empty() ? "" : "\n") + refusal.text;
+  throw wire::Error({.code = wire::Code::kInvalidScene,
+                     .text = std::move(text),
+                     .remedy = "Leave out one of the two.",
+                     .field = refusals.front().key});
+}
+
 static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
-// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
-static_assert(wire::kMaxSleepCells + 2 * 50 <= physics::kMaxBasisVertices);
+static_assert(wire::kMaxSleepCells == physics::kMaxSleepCells);
 
 }  // namespace
 
@@ -129,7 +144,7 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .grading = scene.layer.grading,
                        .far_boundary = far_boundary_of(scene.layer.far_boundary)};
   made.options.inertia = scene.layer.inertia;
-  if (scene.layer.inertia && !is_steinberg_cochran_guinan(made.options.soft))
+  if (scene.layer.inertia && !properties_of(made.options.soft).has_wave_return)
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = fmt::format("layer.inertia works with flow law {}, the soft body has {}: its waves' "
                                            "return to the yield stress is that law's",
@@ -141,7 +156,7 @@ SceneModel scene_model(const wire::Scene& scene) {
   made.options.sleep = scene.layer.sleep;
   if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2) {
     made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
-    if (!is_steinberg_cochran_guinan(made.options.soft))
+    if (properties_of(made.options.soft).first_order_in_time)
       throw wire::Error({.code = wire::Code::kInvalidScene,
                          .text = fmt::format("layer.time_integrator = \"sdirk2\" works with flow law {}, the soft body "
                                              "has {}: its stress follows the rate of a step, to first order",
@@ -173,6 +188,7 @@ SceneModel scene_model(const wire::Scene& scene) {
     made.options.junctions = junctions_of(*made.effective.junctions, made.options);
   }
   if (scene.tolerance) made.options = physics::discretised(made.options, *scene.tolerance);
+  refuse_what_excludes_each_other(made.options);
   made.effective.hydro.reset();
   made.effective.soft.given = physics::constants_of(made.options.soft);
   made.effective.hard.given = physics::constants_of(made.options.hard);

@@ -293,8 +293,8 @@ double message_ns(const Problem& problem, const Setting& setting) {
   std::ranges::fill(request.f64(Field::kVelocityJump), problem.velocity_jump);
   std::ranges::fill(request.f64(Field::kPressure), problem.pressure);
   if (forced) {
-    std::ranges::fill(request.f64(Field::kMassMinus), problem.mass);
-    std::ranges::fill(request.f64(Field::kMassPlus), problem.mass);
+    std::ranges::fill(request.f64(Field::kMassSoft), problem.mass);
+    std::ranges::fill(request.f64(Field::kMassHard), problem.mass);
   }
   std::vector<double> spent;
   for (int i = 0; i < kRounds; ++i) {

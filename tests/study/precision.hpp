@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -70,6 +71,6 @@ double message_ns(const Problem& problem, const Setting& setting);
 
 std::string table(const Result& result);
 std::string recommendation(const Result& result);
-std::string json(const std::vector<Result>& results, int repeats);
+nlohmann::ordered_json json(const std::vector<Result>& results, int repeats);
 
 }  // namespace shearbus::study

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <span>
 
 #include "server/service/scene_model.hpp"
-#include "tests/study/report.hpp"
 #include "tests/support/fine_layer.hpp"
 
 namespace shearbus::study {
@@ -127,23 +127,23 @@ std::string table(const std::vector<Tracked>& tracked) {
   return text;
 }
 
-std::string json(const std::vector<Tracked>& tracked, int repeats) {
-  std::string text = fmt::format("{{\n  {}, \"repeats\": {},\n  \"problems\": [", provenance("tolerance"), repeats);
+nlohmann::ordered_json json(const std::vector<Tracked>& tracked, int repeats) {
+  nlohmann::ordered_json out = {{"repeats", repeats}};
   for (const Tracked& one : tracked) {
-    text += fmt::format("{}\n    {{\"name\": \"{}\", \"reference\": \"{}\", \"runs\": [",
-                        &one == &tracked.front() ? "" : ",", one.problem, one.reference);
-    for (const Outcome& found : one.outcomes) {
-      text += fmt::format(
-          "{}\n      {{\"steps\": {}, \"requested\": {}, \"temperature_error\": {}, \"largest_estimate\": {}, "
-          "\"impulse_error\": {}, \"work_error\": {}, \"ns_per_node_step\": {}, \"state_bytes\": {}, \"failure\": "
-          "\"{}\"}}",
-          &found == &one.outcomes.front() ? "" : ",", found.setting.steps, number(found.setting.tolerance),
-          number(found.temperature_error), number(found.estimate), number(found.impulse_error),
-          number(found.work_error), number(found.ns_per_node_step), found.state_bytes, found.failure);
-    }
-    text += "]}";
+    nlohmann::ordered_json& problem = out["problems"].emplace_back();
+    problem = {{"name", one.problem}, {"reference", one.reference}};
+    for (const Outcome& found : one.outcomes)
+      problem["runs"].push_back({{"steps", found.setting.steps},
+                                 {"requested", found.setting.tolerance},
+                                 {"temperature_error", found.temperature_error},
+                                 {"largest_estimate", found.estimate},
+                                 {"impulse_error", found.impulse_error},
+                                 {"work_error", found.work_error},
+                                 {"ns_per_node_step", found.ns_per_node_step},
+                                 {"state_bytes", found.state_bytes},
+                                 {"failure", found.failure}});
   }
-  return text + "]\n}\n";
+  return out;
 }
 
 }  // namespace shearbus::study

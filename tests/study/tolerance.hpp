@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,6 @@ struct Tracked {
 std::vector<Tracked> track_tolerances(const std::vector<Problem>& problems, const SweepOptions& options);
 
 std::string table(const std::vector<Tracked>& tracked);
-std::string json(const std::vector<Tracked>& tracked, int repeats);
+nlohmann::ordered_json json(const std::vector<Tracked>& tracked, int repeats);
 
 }  // namespace shearbus::study

@@ -9,7 +9,7 @@
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/scene.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus::support {
 
@@ -49,13 +49,13 @@ inline double input_of(wire::Field field, std::uint64_t id, int step) {
       return (id % 5 == 4 ? -1.0 : 1.0) * (0.5 + 150.0 * a);
     case wire::Field::kPressure:
       return (id + static_cast<std::uint64_t>(step)) % 7 == 6 ? -1e8 : 5e9 + 8e9 * a;
-    case wire::Field::kStressMinus:
+    case wire::Field::kStressSoft:
       return 1e8 + 2e8 * a;
-    case wire::Field::kStressPlus:
+    case wire::Field::kStressHard:
       return 2e8 - 1e8 * a;
-    case wire::Field::kMassMinus:
+    case wire::Field::kMassSoft:
       return 0.0135 * (1.0 + a);
-    case wire::Field::kMassPlus:
+    case wire::Field::kMassHard:
       return 0.0395 * (1.0 + a);
     default:
       return 0.0;

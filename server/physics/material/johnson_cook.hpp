@@ -30,6 +30,14 @@ class JohnsonCook {
                                             &Material::reference_strain_rate, &Material::thermal_exponent,
                                             &Material::reference_temperature};
 
+  static constexpr bool kDependsOnRate = true;
+  static constexpr bool kSeparable = true;
+  static constexpr bool kFirstOrderInTime = true;
+  static constexpr bool kVanishesAtMelting = true;
+  static constexpr bool kHasPressureTerm = false;
+  static constexpr bool kHasCeiling = false;
+  static constexpr bool kHasWaveReturn = false;
+
   static LawFault fault_of(const Material& m) {
     if (m.reference_temperature < m.melting_temperature) return {};
     return {"reference_temperature_k", "expected below the melting temperature"};

@@ -24,6 +24,14 @@ class SteinbergCochranGuinan {
                                             &Material::hardening_coefficient, &Material::hardening_exponent,
                                             &Material::pressure_coefficient,  &Material::temperature_coefficient};
 
+  static constexpr bool kDependsOnRate = false;
+  static constexpr bool kSeparable = true;
+  static constexpr bool kFirstOrderInTime = false;
+  static constexpr bool kVanishesAtMelting = true;
+  static constexpr bool kHasPressureTerm = true;
+  static constexpr bool kHasCeiling = true;
+  static constexpr bool kHasWaveReturn = true;
+
   static constexpr double kReference = 300.0;      // of hT (T - 300)                       [K]
   static constexpr double kMeltingFactor = 0.001;  // of exp(-0.001 T / (T_melt - T))
 

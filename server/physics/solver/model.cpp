@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/around/discretisation.hpp"
 #include "server/physics/solver/around/ledger.hpp"
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/tolerance.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -25,10 +28,24 @@ HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
+// A velocity-driven interface has no yield limit of its own, and friction where the options name it.
+InterfaceOptions interface_of(const ModelOptions& options) {
+  if (options.strategy == Strategy::kForceDriven) return options.interface;
+  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  return {.friction_coefficient = options.friction_coefficient.value_or(kUnlimited), .yield_strength = kUnlimited};
+}
+
+// The options, or the exception that says what excludes what.
+const ModelOptions& possible(const ModelOptions& options) {
+  if (std::vector<Refusal> found = refusals(options); !found.empty()) throw RefusedOptions(std::move(found));
+  return options;
+}
+
 }  // namespace
 
 Problem::Problem(const ModelOptions& model_options)
     : options(model_options),
+      interface(interface_of(model_options)),
       grid(model_options.grid),
       heat_grid(make_heat_grid(model_options, grid)),
       modes(model_options.modes
@@ -47,7 +64,7 @@ struct Model::Impl : Problem {
   using Problem::Problem;
 };
 
-Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(possible(options))) {}
 Model::~Model() = default;
 Model::Model(Model&&) noexcept = default;
 

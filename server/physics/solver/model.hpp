@@ -18,6 +18,7 @@ class StepOperators;
 
 class Model {
  public:
+  // Throws RefusedOptions (parts.hpp) where options or laws exclude each other.
   explicit Model(const ModelOptions& options);
   ~Model();
   Model(Model&&) noexcept;

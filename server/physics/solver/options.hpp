@@ -17,6 +17,9 @@ enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr double kShortestControlledStep = 1e-12;  // of a host, where there is a tolerance  [s]
 inline constexpr int kMaxInertiaCells = 1000;             // of a layer with inertia: its step works on the stack
+inline constexpr int kMaxSleepCells = 900;                // of both bodies, where nodes sleep
+// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
+static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
 
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;

@@ -28,6 +28,7 @@ struct Problem {
   }
 
   ModelOptions options;
+  InterfaceOptions interface;  // interface law of the strategy; velocity-driven: the Coulomb limit, if any, no yield
   Grid grid;
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // in place of a profile

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/model.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/text.hpp"
 
@@ -43,10 +43,8 @@ GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, b
 
 ModelOptions discretised(ModelOptions options, double tolerance) {
   options.tolerance = tolerance;
-  const bool first_order = options.plastic_layer || options.junctions || options.inertia ||
-                           options.interface.friction_law != FrictionLaw{} ||
-                           options.soft.flow_law != FlowLaws::place<SteinbergCochranGuinan>();
-  options.time_integrator = first_order ? TimeIntegrator::kBackwardEuler : TimeIntegrator::kSdirk2;
+  options.time_integrator =
+      goes_with(Property::kSecondOrder, options) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
   const bool insulated = options.grid.far_boundary == FarBoundary::kInsulated ||
                          (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kInsulated);
   options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance, insulated);
@@ -54,10 +52,11 @@ ModelOptions discretised(ModelOptions options, double tolerance) {
     options.hard_grid->cells = options.grid.cells;
     options.hard_grid->grading = options.grid.grading;
     options.hard_grid->matched = true;
-  } else if (options.strategy == Strategy::kForceDriven && !options.plastic_layer) {
+  }
+  options.modes.reset();
+  if (goes_with(Property::kModes, options))
     options.modes = {
         .accuracy = kKernelShare * tolerance, .shortest_step = kShortestControlledStep, .longest_time = kLongestTime};
-  }
   return options;
 }
 

@@ -42,8 +42,8 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
 
   // 1. The answer of a layer that does not flow is an answer if the layer does not flow under it. A stuck interface
   //    comes loose only when it cannot stick, and a flowing layer helps it stick.
-  rigid_ = rigid_slip(start.limit, {start.limit.coulomb, start.limit.coulomb}, trial_, start.heat_partition, B0, T_ad,
-                      std::abs(start.before.stress), start.before.sticks);
+  rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
+                      start.before.sticks);
   if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface sticks to nothing
     ask_rigid(Phase::kRigid);
   } else {
@@ -184,11 +184,11 @@ void FlowingSlip::end_stick(double a) {
   const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
   a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
   a_stick_ = a;
-  // A layer at a ceiling below the interface's yield, at z = 0, leaves mu P to ask: near melting the two differ by less
-  // than T0 resolves.
+  // Where a layer is at a ceiling below the interface's yield limit, at z = 0, only the friction branch can be exceeded:
+  // near melting the other two differ by less than T0 resolves.
   const double q = flux.rise * (a * flux.slip(a));
   const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
-  const double carried = below_yield ? start_.limit.coulomb : interface_at(q);
+  const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
   const bool can_stick = rigid_.sticks || carried >= a;
   if (can_stick) {
     kind_ = Kind::kStick;

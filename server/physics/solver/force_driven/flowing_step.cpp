@@ -16,11 +16,8 @@ namespace {
 // One lane's host inputs and laws, for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
 FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                       const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
-  const InterfaceOptions& law = problem.options.interface;
   FlowingStart start{};
-  start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
-                 &soft};
-  start.limit.effort = inputs.effort;
+  start.limit = interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort);
   start.ceiling = strength_ceiling(soft) / kSqrt3;
   start.hardens = hardens(soft);
   start.first_weight = problem.grid.weight[0];

@@ -1,7 +1,6 @@
 // The force-driven step of one lane whose layer does not flow (server/physics/MODEL.md section 6): DLP (61), (65).
 #pragma once
 
-#include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -42,8 +41,8 @@ struct TrialSlip {
 Regime slip_regime(const StressLimit& limit, double T0, double slip);
 
 // The step of a closed contact, its friction known. `stuck`: the interface did not slip at the end of the last step.
-LaneStep rigid_slip(const StressLimit& yield, const Friction& friction, const TrialSlip& trial, double heat_partition,
-                    double B0, double T_ad, double guess, bool stuck);
+LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
+                    double guess, bool stuck);
 
 // The step of an open one: the bodies pass freely.
 LaneStep open_step(const Forcing& forcing, double dt, double jump_old);

@@ -83,10 +83,7 @@ bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_a
     lane.stress = lane.early_stress;
     return lane.limit.at(T_ad).stress >= lane.stress;
   }
-  StressLimit limit = lane.limit;
-  limit.coulomb *= kDiagonal;
-  limit.tresca *= kDiagonal;
-  limit.offset = kFirstWeight * lane.early_stress;
+  const StressLimit limit = lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress);
   const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
                                 0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
   const double a_stick = free / (dt * lane.forcing.mobility);
@@ -103,7 +100,6 @@ template <class Heat>
 void advance(const Problem& problem, const StepOperators& operators, const Heat& first, const Heat& second,
              const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  const InterfaceOptions& law = problem.options.interface;
   const int n = problem.heat_rows;
   const double dt = operators.dt();
   const double* T_old = committed + layout.first_temperature();
@@ -121,9 +117,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     soft[l] = at_pressure(problem.options.soft, inputs.pressure[l]);
     const double jump = inputs.velocity_jump[l];
     StagedLane& lane = lanes[l];
-    lane.limit = {law.friction_coefficient * inputs.pressure[l], law.yield_strength / kSqrt3, inputs.pressure[l],
-                  &soft[l]};
-    lane.limit.effort = inputs.effort;
+    lane.limit = interface_strength(problem.interface, soft[l], inputs.pressure[l], inputs.effort);
     lane.forcing = forcing_of(inputs, l);
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;

@@ -12,7 +12,7 @@ bool velocity_driven_may_rest(const Problem& problem, const TileInputs& inputs, 
 
 std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                         const TileInputs& inputs, const double* committed,
-                                                        const Material& soft, double /*T0*/, int lane) {
+                                                        const Material& soft, double T0, int lane) {
   const double jump = inputs.velocity_jump[lane];
   const double pressure = inputs.pressure[lane];
   const auto resting = [jump](double stress, double slip, Regime regime, bool sticks) {
@@ -21,9 +21,8 @@ std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, 
   if (pressure <= 0.0) return resting(0.0, jump, Regime::kOpen, false);
   const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, operators.dt(),
                                            stress_before(problem.layout, inputs, committed, lane));
-  const std::optional<double> mu = problem.options.friction_coefficient;
-  if (trial.heats() || !velocity_driven_may_rest(problem, inputs, lane) ||
-      (mu && *mu * pressure < std::abs(trial.stress)))
+  const double friction = interface_strength(problem.interface, soft, pressure, nullptr).friction(T0).stress;
+  if (trial.heats() || !velocity_driven_may_rest(problem, inputs, lane) || friction < std::abs(trial.stress))
     return std::nullopt;
   // A zero with the sign that it has where the layer is solved.
   const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;

@@ -84,8 +84,10 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
       state.bound = Bound::kCeiling;
     }
   }
-  if (problem.options.friction_coefficient && *problem.options.friction_coefficient * pressure < state.hi) {
-    state.hi = *problem.options.friction_coefficient * pressure;
+  const double rubbing =
+      interface_strength(problem.interface, soft, pressure, nullptr).friction(heated.T(0, 0.0)).stress;
+  if (rubbing < state.hi) {
+    state.hi = rubbing;
     state.bound = Bound::kCoulomb;
   }
   // Not answers, only bounds: a vertex would be molten; the hottest one alone would carry more than all the slip.

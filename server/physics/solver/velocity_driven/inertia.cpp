@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
+#include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -53,9 +53,9 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
                       .pressure = inputs.pressure[l],
                       .jump = jump,
                       .heat_share = problem.heat_partition,
-                      .coulomb = problem.options.friction_coefficient
-                                     ? *problem.options.friction_coefficient * inputs.pressure[l]
-                                     : std::numeric_limits<double>::infinity()};
+                      .coulomb = interface_strength(problem.interface, soft, inputs.pressure[l], nullptr)
+                                     .friction(trial[layout.temperature + l])
+                                     .stress};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(committed + layout.plastic_strain + l, n + 1, fields.strain);

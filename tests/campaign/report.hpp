@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
+#include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
-#include "tests/study/user_scene.hpp"
 
 namespace shearbus::study {
 

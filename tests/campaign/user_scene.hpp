@@ -6,7 +6,7 @@
 #include <string>
 
 #include "proto/wire/scene_file.hpp"
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study {
 

@@ -1,4 +1,4 @@
-#include "client/map/limits.hpp"
+#include "tests/study/map/limits.hpp"
 
 #include <algorithm>
 #include <cmath>

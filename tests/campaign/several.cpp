@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "server/physics/layer/modes.hpp"
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study::stability {
 

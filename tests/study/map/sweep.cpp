@@ -1,4 +1,4 @@
-#include "client/map/sweep.hpp"
+#include "tests/study/map/sweep.hpp"
 
 #include <fmt/format.h>
 
@@ -46,7 +46,7 @@ Map sweep(const Scene& scene, const Axes& axes, const std::vector<double>& times
   std::vector<std::uint64_t> nodes(axes.num_nodes());
   std::iota(nodes.begin(), nodes.end(), 0);
   const server::Embedded server;
-  Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-map"});
+  Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-study"});
   Session session = client.open(scene, nodes);
 
   Map map{.axes = axes,

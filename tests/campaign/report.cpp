@@ -1,4 +1,4 @@
-#include "tests/study/stability_report.hpp"
+#include "tests/campaign/report.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,17 +7,16 @@
 #include <algorithm>
 #include <cstdio>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
-#include "proto/wire/text.hpp"
-#include "tests/study/report.hpp"
-#include "tests/study/stability.hpp"
-#include "tests/study/stability_controls.hpp"
-#include "tests/study/stability_random.hpp"
-#include "tests/study/stability_refusals.hpp"
+#include "tests/campaign/campaign.hpp"
+#include "tests/campaign/controls.hpp"
+#include "tests/campaign/random.hpp"
+#include "tests/campaign/refusals.hpp"
 
 namespace shearbus::study {
 
@@ -138,86 +137,80 @@ void print_random(const Campaign& c) {
 
 // ---- JSON ----
 
-template <class Range, class Text>
-std::string list(const Range& range, const Text& text) {
-  std::string json = "[";
-  for (const auto& one : range) json += (json.size() > 1 ? ",\n  " : "\n  ") + text(one);
-  return json + "]";
+void add_figures(nlohmann::ordered_json& to, const Figures& f, const SearchEffort& most) {
+  to.update({{"node_steps", f.node_steps},
+             {"divided", f.divided},
+             {"several_answers", f.several},
+             {"heat_residual", f.heat_residual},
+             {"over_limit", f.over_limit},
+             {"nearest_melting_k", f.nearest_melting},
+             {"layer_sums", most.layer_sums},
+             {"limit_values", most.limit_values},
+             {"newton_steps", most.newton_steps},
+             {"guarded_steps", most.guarded_steps}});
 }
 
-std::string figures_json(const Figures& f, const SearchEffort& most) {
-  return fmt::format(
-      "\"node_steps\": {}, \"divided\": {}, \"several_answers\": {}, \"heat_residual\": {}, \"over_limit\": {}, "
-      "\"nearest_melting_k\": {}, \"layer_sums\": {}, \"limit_values\": {}, \"newton_steps\": {}, \"guarded_steps\": "
-      "{}",
-      f.node_steps, f.divided, f.several, number(f.heat_residual), number(f.over_limit), number(f.nearest_melting),
-      most.layer_sums, most.limit_values, most.newton_steps, most.guarded_steps);
-}
-
-std::string cells_json(const Campaign& c) {
-  std::string json = "[";
+nlohmann::ordered_json cells_json(const Campaign& c) {
+  auto cells = nlohmann::ordered_json::array();
   for (std::size_t r = 0; r < c.rows.size(); ++r)
     for (std::size_t p = 0; p < c.physics.size(); ++p) {
       const Outcome& o = c.outcomes[r][p];
-      json += fmt::format(
-          "{}\n  {{\"row\": {}, \"physics\": {}, \"verdict\": \"{}\", \"reason\": {}, \"bound_share\": {}, {}, "
-          "\"seconds\": {}}}",
-          r + p == 0 ? "" : ",", wire::json_string(c.rows[r].name), wire::json_string(c.physics[p].name),
-          name_of(o.verdict), wire::json_string(o.reason), number(o.bound_share), figures_json(o.figures, o.most),
-          number(o.seconds));
+      nlohmann::ordered_json& cell = cells.emplace_back();
+      cell = {{"row", c.rows[r].name},
+              {"physics", c.physics[p].name},
+              {"verdict", name_of(o.verdict)},
+              {"reason", o.reason},
+              {"bound_share", o.bound_share}};
+      add_figures(cell, o.figures, o.most);
+      cell["seconds"] = o.seconds;
     }
-  return json + "]";
+  return cells;
 }
 
-std::string scene_json(const Campaign& c, const StabilityOptions& options) {
-  if (!c.scene) return "null";
+nlohmann::ordered_json scene_json(const Campaign& c, const StabilityOptions& options) {
+  if (!c.scene) return nullptr;
   const auto& [physics, text, host] = *c.scene;
-  return fmt::format(
-      "{{\"file\": {}, \"name\": {}, \"physics\": {}, \"host\": {}, \"pressure_pa\": {}, \"soft_zone_width_m\": "
-      "{}, \"hard_zone_width_m\": {}, \"dt_s\": {}}}",
-      wire::json_string(options.scene.string()), wire::json_string(physics.name), wire::json_string(text),
-      wire::json_string(host), number(physics.host.pressure), number(2.0 * physics.host.half_zone_soft),
-      number(2.0 * physics.host.half_zone_hard), number(physics.host.dt));
+  return {{"file", options.scene.string()},
+          {"name", physics.name},
+          {"physics", text},
+          {"host", host},
+          {"pressure_pa", physics.host.pressure},
+          {"soft_zone_width_m", 2.0 * physics.host.half_zone_soft},
+          {"hard_zone_width_m", 2.0 * physics.host.half_zone_hard},
+          {"dt_s", physics.host.dt}};
 }
 
-std::string json(const Campaign& c, const StabilityOptions& options) {
-  return fmt::format("{{{}, \"seed\": {}, \"steps\": {},\n\"scene\": {},\n", provenance("stability"), options.seed,
-                     options.steps ? fmt::to_string(*options.steps) : "null", scene_json(c, options)) +
-         "\"rows\": " +
-         list(c.rows,
-              [](const Row& row) {
-                return fmt::format("{{\"name\": {}, \"what\": {}}}", wire::json_string(row.name),
-                                   wire::json_string(row.what));
-              }) +
-         ",\n\"physics\": " + list(c.physics, [](const Physics& one) { return wire::json_string(one.name); }) +
-         ",\n\"cells\": " + cells_json(c) + ",\n\"refusals\": " +
-         list(c.refusals,
-              [](const Refusal& one) {
-                return fmt::format("{{\"name\": {}, \"refused\": {}, \"field\": {}, \"text\": {}}}",
-                                   wire::json_string(one.name), one.seen(), wire::json_string(one.named),
-                                   wire::json_string(one.text));
-              }) +
-         ",\n\"controls\": " +
-         list(c.controls,
-              [](const Control& one) {
-                return fmt::format(
-                    "{{\"name\": {}, \"what\": {}, \"seen\": {}, \"steps\": {}, \"broken\": {}, \"rings\": {}, "
-                    "\"factor\": "
-                    "{}, \"hottest_k\": {}, \"first\": {}}}",
-                    wire::json_string(one.wrong.name), wire::json_string(one.wrong.what), one.seen(), one.wrong.steps,
-                    one.wrong.broken, one.wrong.rings, number(one.wrong.factor), number(one.wrong.hottest),
-                    wire::json_string(one.wrong.first));
-              }) +
-         ",\n\"random\": " +
-         list(c.random,
-              [](const RandomOutcome& one) {
-                return fmt::format(
-                    "{{\"name\": {}, \"scenes\": {}, {}, \"faults\": {}}}", wire::json_string(one.name), one.scenes,
-                    figures_json(one.figures, one.most), list(one.faults, [](const RandomOutcome::Fault& f) {
-                      return fmt::format("{{\"seed\": {}, \"text\": {}}}", f.seed, wire::json_string(f.text));
-                    }));
-              }) +
-         "}\n";
+nlohmann::ordered_json random_json(const RandomOutcome& one) {
+  nlohmann::ordered_json out = {{"name", one.name}, {"scenes", one.scenes}};
+  add_figures(out, one.figures, one.most);
+  out["faults"] = nlohmann::ordered_json::array();
+  for (const RandomOutcome::Fault& fault : one.faults)
+    out["faults"].push_back({{"seed", fault.seed}, {"text", fault.text}});
+  return out;
+}
+
+nlohmann::ordered_json json(const Campaign& c, const StabilityOptions& options) {
+  nlohmann::ordered_json out = {{"seed", options.seed}, {"steps", nullptr}, {"scene", scene_json(c, options)}};
+  if (options.steps) out["steps"] = *options.steps;
+  for (const char* list : {"rows", "physics", "cells", "refusals", "controls", "random"})
+    out[list] = nlohmann::ordered_json::array();
+  for (const Row& row : c.rows) out["rows"].push_back({{"name", row.name}, {"what", row.what}});
+  for (const Physics& one : c.physics) out["physics"].push_back(one.name);
+  out["cells"] = cells_json(c);
+  for (const Refusal& one : c.refusals)
+    out["refusals"].push_back({{"name", one.name}, {"refused", one.seen()}, {"field", one.named}, {"text", one.text}});
+  for (const Control& one : c.controls)
+    out["controls"].push_back({{"name", one.wrong.name},
+                               {"what", one.wrong.what},
+                               {"seen", one.seen()},
+                               {"steps", one.wrong.steps},
+                               {"broken", one.wrong.broken},
+                               {"rings", one.wrong.rings},
+                               {"factor", one.wrong.factor},
+                               {"hottest_k", one.wrong.hottest},
+                               {"first", one.wrong.first}});
+  for (const RandomOutcome& one : c.random) out["random"].push_back(random_json(one));
+  return out;
 }
 
 bool sound(const Campaign& c) {

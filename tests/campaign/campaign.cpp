@@ -1,5 +1,5 @@
 // Running a row on a physics, and what is held against it.
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 #include <fmt/format.h>
 

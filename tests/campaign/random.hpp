@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study::stability {
 

@@ -1,4 +1,4 @@
-#include "tests/study/user_scene.hpp"
+#include "tests/campaign/user_scene.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Draws what shearbus-map wrote: slip carried, time to melting, friction coefficient and temperature over pressure and velocity,
+"""Draws what shearbus-study map wrote: slip carried, time to melting, friction coefficient and temperature over pressure and velocity,
 with the lines below which the layer sticks although slip is imposed, below which the velocity-driven model is outside its domain, and
 above which the interface has melted.
 
@@ -109,7 +109,7 @@ def draw_limits(the_map, path):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("directory", type=pathlib.Path, help="what shearbus-map wrote")
+    parser.add_argument("directory", type=pathlib.Path, help="what shearbus-study map wrote")
     parser.add_argument("--out", type=pathlib.Path, help="where the pictures go (default: the same directory)")
     options = parser.parse_args()
     out = options.out or options.directory

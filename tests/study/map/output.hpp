@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "client/map/sweep.hpp"
+#include "tests/study/map/sweep.hpp"
 
 namespace shearbus::map {
 

@@ -1,5 +1,5 @@
 // The physics that the campaign runs on.
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study::stability {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "client/map/sweep.hpp"
+#include "tests/study/map/sweep.hpp"
 
 namespace shearbus::map {
 

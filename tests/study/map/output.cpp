@@ -1,41 +1,17 @@
-#include "client/map/output.hpp"
+#include "tests/study/map/output.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <cmath>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <system_error>
 
-#include "client/map/limits.hpp"
+#include "tests/study/map/limits.hpp"
 
 namespace shearbus::map {
 namespace {
-
-std::string json_text(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\')
-      out += fmt::format("\\{}", c);
-    else if (static_cast<unsigned char>(c) < 0x20)
-      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-    else
-      out += c;
-  }
-  return out + '"';
-}
-
-std::string json_numbers(const std::vector<double>& values) {
-  return fmt::format("[{}]", fmt::join(values, ", "));
-}
-
-std::string json_line(const Line& line) {
-  std::vector<std::string> values;
-  values.reserve(line.size());
-  for (const auto& value : line) values.push_back(value ? fmt::format("{:.6g}", *value) : "null");
-  return fmt::format("[{}]", fmt::join(values, ", "));
-}
 
 void save(const std::filesystem::path& path, const std::string& text) {
   std::ofstream file(path);
@@ -66,24 +42,28 @@ std::string nodes_csv(const Map& map) {
   return text;
 }
 
-std::string map_json(const Map& map, const std::string& scene_name, const std::string& version) {
-  std::string text = fmt::format(
-      "{{\n  \"producer\": {},\n  \"server_version\": {},\n  \"scene_name\": {},\n  \"effective_scene\": {},\n  "
-      "\"dt_s\": {},\n  \"domain_share\": {},\n  \"pressure_pa\": {},\n  \"velocity_jump_m_per_s\": {},\n  "
-      "\"observations\": [\n",
-      json_text("shearbus-map " + version), json_text(map.server_version), json_text(scene_name),
-      json_text(map.effective_scene), map.dt_s, kDomainShare, json_numbers(map.axes.pressure_pa),
-      json_numbers(map.axes.velocity_m_per_s));
-  for (std::size_t k = 0; k < map.observations.size(); ++k) {
-    const Observation& seen = map.observations[k];
-    text += fmt::format(
-        "    {{\"time_s\": {},\n     \"sticking_below_m_per_s\": {},\n     \"domain_limit_m_per_s\": {},\n     "
-        "\"melting_above_m_per_s\": {}}}{}\n",
-        seen.time_s, json_line(velocity_of_share(map, seen, 0.0)),
-        json_line(velocity_of_share(map, seen, kDomainShare)), json_line(velocity_of_melting(map, seen.time_s)),
-        k + 1 < map.observations.size() ? "," : "");
-  }
-  return text + "  ]\n}\n";
+// The velocity at every pressure; null where the change lies outside the map.
+nlohmann::ordered_json json_of(const Line& line) {
+  auto values = nlohmann::ordered_json::array();
+  for (const auto& value : line) values.push_back(value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json());
+  return values;
+}
+
+nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, const std::string& version) {
+  nlohmann::ordered_json out = {{"producer", "shearbus-study " + version},
+                                {"server_version", map.server_version},
+                                {"scene_name", scene_name},
+                                {"effective_scene", map.effective_scene},
+                                {"dt_s", map.dt_s},
+                                {"domain_share", kDomainShare},
+                                {"pressure_pa", map.axes.pressure_pa},
+                                {"velocity_jump_m_per_s", map.axes.velocity_m_per_s}};
+  for (const Observation& seen : map.observations)
+    out["observations"].push_back({{"time_s", seen.time_s},
+                                   {"sticking_below_m_per_s", json_of(velocity_of_share(map, seen, 0.0))},
+                                   {"domain_limit_m_per_s", json_of(velocity_of_share(map, seen, kDomainShare))},
+                                   {"melting_above_m_per_s", json_of(velocity_of_melting(map, seen.time_s))}});
+  return out;
 }
 
 }  // namespace
@@ -92,7 +72,7 @@ void write(const Map& map, const std::string& scene_name, const std::string& ver
            const std::filesystem::path& out) {
   std::filesystem::create_directories(out);
   save(out / "nodes.csv", nodes_csv(map));
-  save(out / "map.json", map_json(map, scene_name, version));
+  save(out / "map.json", map_json(map, scene_name, version).dump(1) + '\n');
 }
 
 std::string summary(const Map& map) {

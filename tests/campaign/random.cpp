@@ -1,4 +1,4 @@
-#include "tests/study/stability_random.hpp"
+#include "tests/campaign/random.hpp"
 
 #include <array>
 

@@ -1,4 +1,4 @@
-#include "tests/study/stability_controls.hpp"
+#include "tests/campaign/controls.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "server/physics/reference/parts.hpp"
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study::stability {
 

@@ -1,4 +1,4 @@
-#include "tests/study/stability_refusals.hpp"
+#include "tests/campaign/refusals.hpp"
 
 #include <algorithm>
 #include <functional>
@@ -111,11 +111,11 @@ constexpr BadStep kBadSteps[] = {
     {"P in units of its own", Field::kPressure, 11.2e12},
     {"[V] infinite", Field::kVelocityJump, kInfinity},
     {"[V] in mm/s", Field::kVelocityJump, 1e7},
-    {"far stress of 1e13 Pa", Field::kStressMinus, -1e13},
-    {"mass 0", Field::kMassMinus, 0.0},
-    {"mass < 0", Field::kMassPlus, -0.01},
-    {"mass 1e-30 kg/m2", Field::kMassPlus, 1e-30},
-    {"mass 1e30 kg/m2", Field::kMassMinus, 1e30},
+    {"far stress of 1e13 Pa", Field::kStressSoft, -1e13},
+    {"mass 0", Field::kMassSoft, 0.0},
+    {"mass < 0", Field::kMassHard, -0.01},
+    {"mass 1e-30 kg/m2", Field::kMassHard, 1e-30},
+    {"mass 1e30 kg/m2", Field::kMassSoft, 1e30},
 };
 constexpr std::pair<const char*, double> kBadStepLengths[] = {
     {"dt 0", 0.0}, {"dt < 0", -1e-9}, {"dt not a number", kNaN}, {"dt infinite", kInfinity}, {"dt in ns", 10.0}};
