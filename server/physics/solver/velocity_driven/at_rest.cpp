@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 
 namespace shearbus::physics {
