@@ -14,6 +14,7 @@ struct ConstantFriction {
   static constexpr bool kDependsOnTemperature = false;
 
   static InterfaceOptions typical(const InterfaceOptions& options, const Material& /*soft*/) { return options; }
+  static LawFault fault_of(const InterfaceOptions& /*options*/, const Material& /*soft*/) { return {}; }
   static FrictionValue at(const InterfaceOptions& options, const Material& /*soft*/, double /*T0*/, double /*slip*/) {
     return {options.friction_coefficient, 0.0, 0.0};
   }

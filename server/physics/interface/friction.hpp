@@ -12,6 +12,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "server/physics/material/flow_law.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
@@ -85,6 +86,8 @@ concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDepe
   { Law::kEquation } -> std::convertible_to<std::string_view>;  // of the options page
   { Law::kAdds } -> std::convertible_to<std::string_view>;      // what the law adds to constant friction
   { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use it
+  // A fault in the constants of the law together; its field is a key of [interface].
+  { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Replaces the constants of the law by typical ones; mu and the yield strength are given.
   { Law::typical(options, soft) } -> std::same_as<InterfaceOptions>;
   // At T0 and |[v]|; `soft` at the pressure of the node.

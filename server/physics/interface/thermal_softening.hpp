@@ -28,6 +28,14 @@ struct ThermalSoftening {
     return options;
   }
 
+  static LawFault fault_of(const InterfaceOptions& options, const Material& soft) {
+    if (!(options.friction_reference_temperature < soft.melting_temperature))
+      return {"friction_reference_temperature_k", "it must be below the melting temperature of the soft body"};
+    if (!(options.friction_softening_exponent >= 1.0))
+      return {"friction_softening_exponent", "it must be at least 1: a smaller one has no bounded slope at T_ref"};
+    return {};
+  }
+
   static FrictionValue at(const InterfaceOptions& options, const Material& soft, double T0, double /*slip*/) {
     const double range = soft.melting_temperature - options.friction_reference_temperature;
     const double share = (T0 - options.friction_reference_temperature) / range;

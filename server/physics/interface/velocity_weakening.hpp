@@ -30,6 +30,7 @@ struct VelocityWeakening {
     return {options.friction_coefficient, options.friction_coefficient_fast, options.velocity_decay};
   }
   static InterfaceOptions typical(const InterfaceOptions& options, const Material& soft);
+  static LawFault fault_of(const InterfaceOptions& /*options*/, const Material& /*soft*/) { return {}; }
   static FrictionValue at(const InterfaceOptions& options, const Material& soft, double T0, double slip);
   static SlidingFriction of_step(const InterfaceOptions& options, double pressure, double c, double b, double a_stick);
 };

@@ -6,6 +6,7 @@
 #include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/layer/modes.hpp"
 #include "server/physics/material/material.hpp"
 

@@ -35,6 +35,16 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
   return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
 }
 
+// Sets that several rows name.
+constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
+constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
+constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
+constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
+// What does not change the balance of one step at one temperature, or is solved by each solver of it.
+constexpr Properties kStepOfALayer =
+    kEitherStrategy | kEitherHardBody |
+    Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
+
 constexpr std::array kParts = {
     Part{.property = kVelocityDriven,
          .key = "strategy",
@@ -87,7 +97,7 @@ constexpr std::array kParts = {
          .key = "hard_layer",
          .value = "absent",
          .is_on = [](const ModelOptions& o) { return !o.hard_grid.has_value(); },
-         .goes_with = {kVelocityDriven, kForceDriven, kInterfaceSlip, kCoulombLimit}},
+         .goes_with = kEitherStrategy | Properties{kInterfaceSlip, kCoulombLimit}},
     Part{.property = kPlasticHeating,
          .key = "velocity_driven.taylor_quinney_factor",
          .value = "0.9",
@@ -102,7 +112,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.inertia; },
          .set = [](ModelOptions& o, bool on) { o.inertia = on; },
-         .goes_with = {kVelocityDriven, kCoulombLimit, kConductingHardBody, kFixedHeatShare},
+         .goes_with = kEitherHardBody | Properties{kVelocityDriven, kCoulombLimit},
          .equation = "DLP (36)",
          .adds = "the layer has mass: shear waves cross it",
          .when = "steps below the layer's transit time, 6 ns in 20 um of aluminium"},
@@ -111,7 +121,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.plastic_layer; },
          .set = [](ModelOptions& o, bool on) { o.plastic_layer = on; },
-         .goes_with = {kForceDriven, kConductingHardBody, kFixedHeatShare},
+         .goes_with = kEitherHardBody | Properties{kForceDriven},
          .equation = "DLP (48), (64)",
          .adds = "a force-driven layer flows and hardens in addition to the slip",
          .when = "an interface stronger than the layer"},
@@ -119,33 +129,33 @@ constexpr std::array kParts = {
          .key = "junctions",
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
-         .goes_with = {kForceDriven, kConductingHardBody, kFixedHeatShare},
+         .goes_with = kEitherHardBody | Properties{kForceDriven},
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip"},
     Part{.property = kSlipDependentFriction,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
-         .goes_with = {kForceDriven, kConductingHardBody, kFixedHeatShare}},
+         .goes_with = kEitherHardBody | Properties{kForceDriven}},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).first_order_in_time; },
-         .goes_with = Properties::through(kSlipDependentFriction)},
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia}},
     Part{.property = kFlowWithoutWaveReturn,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_wave_return; },
-         .goes_with = Properties::through(kFirstOrderFlow)},
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kFirstOrderFlow}},
     Part{.property = kFlowWithoutPressureTerm,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_pressure_term; },
-         .goes_with = Properties::through(kFlowWithoutWaveReturn)},
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn}},
     Part{.property = kMeltingCurve,
          .key = "soft.melting_curve",
          .value = "\"lindemann\"",
          .is_on = [](const ModelOptions& o) { return o.soft.melting_curve != MeltingCurve::kConstant; },
          .set = [](ModelOptions& o,
                    bool on) { o.soft.melting_curve = on ? MeltingCurve::kLindemann : MeltingCurve::kConstant; },
-         .goes_with = Properties::through(kFlowWithoutPressureTerm),
+         .goes_with = kStepOfALayer | kFlow | Properties{kPlasticHeating, kInertia},
          .equation = "Lindemann; Steinberg, Cochran, Guinan 1980",
          .adds = "the melting temperature follows the compression",
          .when = "above some 5 GPa"},
@@ -155,7 +165,8 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.soft.pressure_term != PressureTerm::kLinear; },
          .set = [](ModelOptions& o,
                    bool on) { o.soft.pressure_term = on ? PressureTerm::kCompressed : PressureTerm::kLinear; },
-         .goes_with = Properties::through(kMeltingCurve),
+         .goes_with = kStepOfALayer |
+                      Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn, kMeltingCurve},
          .equation = "Steinberg, Cochran, Guinan 1980",
          .adds = "the gain of strength with pressure follows the compression",
          .when = "above some 5 GPa: with the melting curve it changes the pinned stress at 11 GPa by 57 %"},
@@ -165,7 +176,8 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.time_integrator == TimeIntegrator::kSdirk2; },
          .set = [](ModelOptions& o,
                    bool on) { o.time_integrator = on ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler; },
-         .goes_with = Properties::through(kCompressedPressureTerm),
+         .goes_with = kEitherStrategy | kEitherHardBody | kUnderPressure |
+                      Properties{kInterfaceSlip, kCoulombLimit, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm},
          .equation = "Alexander 1977",
          .adds = "second order in time, two stages a step",
          .when = "few, long steps; tolerances below 1e-2"},
@@ -174,7 +186,8 @@ constexpr std::array kParts = {
          .value = "\"modes\"",
          .is_on = [](const ModelOptions& o) { return o.modes.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.modes = on ? std::optional(ModesOptions{}) : std::nullopt; },
-         .goes_with = Properties::through(kSecondOrder),
+         .goes_with = kFlow | kUnderPressure |
+                      Properties{kForceDriven, kFixedHeatShare, kJunctions, kSlipDependentFriction, kSecondOrder},
          .equation = "MODEL.md, modes of the heat",
          .adds = "no temperature profile: a short sum of exponentials gives the interface temperature",
          .when = "a layer that does not flow: no cells, less state"},
@@ -183,7 +196,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.sleep; },
          .set = [](ModelOptions& o, bool on) { o.sleep = on; },
-         .goes_with = Properties::through(kModes),
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating},
          .equation = "MODEL.md, nodes at rest",
          .adds = "nodes at rest, open or stuck, are not solved; the answers differ by rounding only",
          .when = "contacts that stick for long, velocity-driven or with a plastic layer"},
@@ -198,7 +211,7 @@ constexpr std::array kParts = {
                o.time_integrator = TimeIntegrator::kBackwardEuler;
                o.modes.reset();
              },
-         .goes_with = Properties::through(kModes),
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kSecondOrder, kModes},
          .equation = "MODEL.md, a tolerance",
          .adds = "the model chooses cells, grading and methods, cuts each node's step until its error is below the "
                  "tolerance, and reports the estimate",
@@ -208,14 +221,18 @@ constexpr std::array kParts = {
          .value = "2",
          .is_on = [](const ModelOptions& o) { return o.tangential_components == 2; },
          .set = [](ModelOptions& o, bool on) { o.tangential_components = on ? 2 : 1; },
-         .goes_with = Properties::through(kTolerance),
+         .goes_with = kEitherStrategy | kEitherHardBody | kFlow | kUnderPressure |
+                      Properties{kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions, kSlipDependentFriction,
+                                 kSecondOrder, kModes, kSleep, kTolerance},
          .equation = "MODEL.md, two components",
          .adds = "slip and stress are vectors in the interface",
          .when = "hosts in three dimensions"},
     Part{.property = kTemperatureDependentFriction,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
-         .goes_with = Properties::through(kTwoComponents)},
+         .goes_with = kEitherHardBody | kFlow | kUnderPressure |
+                      Properties{kForceDriven, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep, kTolerance,
+                                 kTwoComponents}},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -227,6 +244,8 @@ static_assert([] {
 constexpr std::array kExclusions = {
     Exclusion{kVelocityDriven, kForceDriven, "a model has one strategy"},
     Exclusion{kConductingHardBody, kFixedHeatShare, "the hard body conducts or takes a fixed share"},
+    Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
+    Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
     // Heat released inside the layer: by the model's own flow, between bodies that both conduct.
     Exclusion{kPlasticHeating, kForceDriven,
               "it heats where the velocity-driven layer flows; the plastic work of a force-driven layer heats nothing"},
@@ -293,32 +312,75 @@ constexpr std::array kExclusions = {
 };
 
 // Limits of one option alone: what is wrong with its values, or nothing.
-struct Limit {
-  std::string_view key;
-  std::string (*exceeded)(const ModelOptions&);
-};
+using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
-std::string most_cells(std::string_view part, int most, int found) {
+std::optional<Refusal> most_cells(std::string key, int most, int found) {
   if (found <= most) return {};
-  return text_of(part, " works with at most ", most, " cells, found ", found, ": grade them (layer.grading)");
+  std::string text =
+      text_of(key, " works with at most ", most, " cells, found ", found, ": grade them (layer.grading)");
+  return Refusal{std::move(key), std::move(text)};
 }
 
-constexpr std::array kLimits = {
-    Limit{"layer.inertia",
-          [](const ModelOptions& o) {
-            return o.inertia ? most_cells("layer.inertia", kMaxInertiaCells, o.grid.cells) : std::string();
-          }},
-    Limit{"layer.sleep",
-          [](const ModelOptions& o) {
-            const int cells = o.grid.cells + (o.hard_grid ? o.hard_grid->cells : 0);
-            return o.sleep ? most_cells("layer.sleep", kMaxSleepCells, cells) : std::string();
-          }},
-    Limit{"layer.modes.longest_time_s",
-          [](const ModelOptions& o) {
-            if (!o.modes || !(o.modes->longest_time < o.modes->shortest_step)) return std::string();
-            return text_of("layer.modes.longest_time_s = ", o.modes->longest_time,
-                           " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s");
-          }},
+constexpr double kThinnestCell = 1e-12;  // a hundredth of an atom: a mistake in cells or grading  [m]
+
+std::optional<Refusal> thinnest_cell(const std::string& table, const GridOptions& grid) {
+  const double sum =
+      grid.grading == 1.0 ? grid.cells : std::expm1(grid.cells * std::log(grid.grading)) / (grid.grading - 1.0);
+  const double first = grid.thickness / sum;
+  if (first >= kThinnestCell) return {};
+  return Refusal{table + ".grading",
+                 text_of(table, ".grading = ", grid.grading, " with ", grid.cells, " cells makes the first cell ",
+                         Digits{3, first}, " m wide, expected at least ", kThinnestCell,
+                         " m: take fewer cells or a ratio nearer to 1")};
+}
+
+constexpr std::array<Limit, 9> kLimits = {
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.inertia) return {};
+      return most_cells("layer.inertia", kMaxInertiaCells, o.grid.cells);
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.sleep) return {};
+      return most_cells("layer.sleep", kMaxSleepCells, o.grid.cells + (o.hard_grid ? o.hard_grid->cells : 0));
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.modes || !(o.modes->longest_time < o.modes->shortest_step)) return {};
+      return Refusal{"layer.modes.longest_time_s",
+                     text_of("layer.modes.longest_time_s = ", o.modes->longest_time,
+                             " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s")};
+    },
+    [](const ModelOptions& o) { return thinnest_cell("layer", o.grid); },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.hard_grid) return {};
+      return thinnest_cell("hard_layer", *o.hard_grid);
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (o.hard.melting_curve == MeltingCurve::kConstant) return {};
+      return Refusal{"hard.melting_curve",
+                     "hard.melting_curve changes the strength of a body, and only that of the soft "
+                     "body is computed: give it to [soft]"};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (o.hard.pressure_term == PressureTerm::kLinear) return {};
+      return Refusal{"hard.pressure_term",
+                     "hard.pressure_term changes the strength of a body, and only that of the soft "
+                     "body is computed: give it to [soft]"};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      const std::string_view missing = constant_missing_for_options(o.soft);
+      if (missing.empty()) return {};
+      const std::string key = "soft." + std::string(missing);
+      return Refusal{key, key +
+                              " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                              "compression at a pressure"};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      const LawFault fault = FrictionLaws::with(
+          o.interface.friction_law, [&](auto own) { return decltype(own)::type::fault_of(o.interface, o.soft); });
+      if (fault.field.empty()) return {};
+      const std::string key = "interface." + std::string(fault.field);
+      return Refusal{key, key + ": " + std::string(fault.text)};
+    },
 };
 
 // `layer.inertia = true`, `soft.flow_law = "johnson_cook"`, `[junctions]`
@@ -333,19 +395,34 @@ std::string setting_of(const Part& part, const ModelOptions& options) {
   return "[" + key + "]";
 }
 
-const Exclusion* exclusion_of(Property a, Property b, std::span<const Exclusion> exclusions) {
+constexpr const Exclusion* exclusion_of(Property a, Property b, std::span<const Exclusion> exclusions) {
   for (const Exclusion& e : exclusions)
     if ((e.first == a && e.second == b) || (e.first == b && e.second == a)) return &e;
   return nullptr;
 }
 
 // Whether each strategy excludes one of the two, so that the pair never comes alone.
-bool never_meet(Property a, Property b, std::span<const Exclusion> exclusions) {
+constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exclusions) {
   for (const Property strategy : {kVelocityDriven, kForceDriven})
     if (exclusion_of(a, strategy, exclusions) == nullptr && exclusion_of(b, strategy, exclusions) == nullptr)
       return false;
   return true;
 }
+
+// Whether every pair of rows is decided in exactly one way: listed by the later row, excluded, or never met.
+constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      const Property a = rows[i].property, b = rows[j].property;
+      const bool excluded = exclusion_of(a, b, exclusions) != nullptr;
+      const bool listed = rows[j].goes_with.has(a);
+      if (excluded && listed) return false;
+      if (!excluded && !listed && !never_meet(a, b, exclusions)) return false;
+    }
+  }
+  return true;
+}
+static_assert(every_pair_is_decided(kParts, kExclusions));
 
 std::string all_texts(const std::vector<Refusal>& refusals) {
   std::string all;
@@ -367,7 +444,7 @@ std::span<const Exclusion> exclusions() {
 
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions) {
   if (exclusion_of(a.property, b.property, exclusions) != nullptr) return false;
-  return a.goes_with.has(b.property) || b.goes_with.has(a.property);
+  return (a.property < b.property ? b : a).goes_with.has((a.property < b.property ? a : b).property);
 }
 
 std::vector<Refusal> refusals(const ModelOptions& options) {
@@ -395,9 +472,8 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
       }
     }
   }
-  for (const Limit& limit : kLimits)
-    if (std::string text = limit.exceeded(options); !text.empty())
-      found.push_back({std::string(limit.key), std::move(text)});
+  for (const Limit limit : kLimits)
+    if (std::optional<Refusal> refusal = limit(options)) found.push_back(*std::move(refusal));
   return found;
 }
 

@@ -1,6 +1,6 @@
 // What a model can be made of, and what excludes what: the one place of these rules. Options of the model and laws are
-// described by properties. Two properties go together only where the later row says so: a pair that no row decides is
-// refused. Model's constructor, the service, the options page and the tests read the same rows.
+// described by properties. Two properties go together only where the later row lists the earlier one: a pair that no row
+// decides is refused, and does not compile in the table of this file. Model's constructor, the service, the options page and the tests read the same rows.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace shearbus::physics {
 
-// A new property stands at the end: the rows before it have not decided whether they go with it.
+// A new property stands at the end: its row decides about all rows before it.
 enum class Property : std::uint8_t {
   kVelocityDriven,
   kForceDriven,
@@ -49,11 +49,9 @@ class Properties {
   constexpr Properties(std::initializer_list<Property> members) {
     for (const Property p : members) bits_ |= bit(p);
   }
-  // Every property from the first to `last`.
-  static constexpr Properties through(Property last) {
-    Properties all;
-    all.bits_ = (bit(last) << 1U) - 1U;
-    return all;
+  constexpr Properties operator|(Properties other) const {
+    other.bits_ |= bits_;
+    return other;
   }
   constexpr bool has(Property p) const { return (bits_ & bit(p)) != 0; }
   constexpr void add(Property p) { bits_ |= bit(p); }
@@ -71,7 +69,7 @@ struct Part {
   bool (*is_on)(const ModelOptions&) = nullptr;
   // Switches the part on, with typical values where it needs some, or off. Null: a choice with no off position.
   void (*set)(ModelOptions&, bool on) = nullptr;
-  Properties goes_with{};  // of the rows before this one; an exclusion of the list below has precedence
+  Properties goes_with{};  // of the rows before this one
   // Of the options page; empty where the page has no row.
   std::string_view equation{};
   std::string_view adds{};
