@@ -1,5 +1,5 @@
-// shearbus-study: cost of accuracy, kept tolerances, stability at the extremes and the map of the velocity-driven model, on
-// fixed problems or on a scene of the user.
+// shearbus-study: cost of accuracy, kept tolerances, stability at the extremes and the map of the velocity-driven
+// model, on fixed problems or on a scene of the user.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

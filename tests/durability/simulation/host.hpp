@@ -1,5 +1,5 @@
-// A host of the simulation: it steps its session and changes its nodes at random, and makes each answered call on the reference
-// service too, whose answers must have the same bits.
+// A host of the simulation: it steps its session and changes its nodes at random, and makes each answered call on the
+// reference service too, whose answers must have the same bits.
 #pragma once
 
 #include <gtest/gtest.h>
