@@ -52,8 +52,8 @@ bool has_child(hid_t parent, const std::string& name);
 std::vector<std::string> children_of(hid_t group);  // names in ascending order
 
 void put_text(hid_t object, const std::string& name, const std::string& text);
-void put_text_dataset(hid_t group, const std::string& name,
-                      const std::string& text);  // may exceed an attribute's 64 kB
+// A dataset holds more than the 64 kB of an attribute.
+void put_text_dataset(hid_t group, const std::string& name, const std::string& text);
 std::string text_in_dataset(hid_t group, const std::string& name);
 void put_number(hid_t object, const std::string& name, std::uint64_t value);
 std::string text_of(hid_t object, const std::string& name);
