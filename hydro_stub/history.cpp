@@ -50,9 +50,9 @@ History::History(const std::filesystem::path& file, const Problem& problem, cons
           {{"producer", "shearbus-hydro"}, {"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}}) {
   writer_.add_static(
       {.name = "mass_minus", .units = "kg m-2", .long_name = "sent: half the soft zone at the interface"},
-      column.inputs().mass_minus);
+      column.inputs().mass_soft);
   writer_.add_static({.name = "mass_plus", .units = "kg m-2", .long_name = "sent: half the hard zone at the interface"},
-                     column.inputs().mass_plus);
+                     column.inputs().mass_hard);
   writer_.add_static({.name = "initial_temperature", .units = "K", .long_name = "of the interface at the start"},
                      problem.initial_temperature);
 }
@@ -67,8 +67,8 @@ void History::record(const ShearColumn& column) {
   writer_.set(kVelocityJumpNew, answer.velocity_jump_new);
   writer_.set(kRegime, answer.regime);
   writer_.set(kPressure, sent.pressure);
-  writer_.set(kStressMinus, sent.stress_minus);
-  writer_.set(kStressPlus, sent.stress_plus);
+  writer_.set(kStressMinus, sent.stress_soft);
+  writer_.set(kStressPlus, sent.stress_hard);
   writer_.set(kVelocityJump, sent.velocity_jump);
   writer_.end_row();
 }

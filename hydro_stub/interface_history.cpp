@@ -60,7 +60,7 @@ void InterfaceHistory::record(const lagrange::Cycle& cycle) {
   std::size_t q = 0;
   for (const std::vector<double>* values : std::initializer_list<const std::vector<double>*>{
            &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature, &answer.velocity_jump_new,
-           &in.pressure, &in.velocity_jump, &in.stress_minus, &in.stress_plus, &in.zone_temperature, &slip_, &radius,
+           &in.pressure, &in.velocity_jump, &in.stress_soft, &in.stress_hard, &in.zone_temperature, &slip_, &radius,
            &height}) {
     rows_.set(q++, *values);
   }

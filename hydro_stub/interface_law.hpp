@@ -21,24 +21,24 @@ struct InterfaceInputs {
   explicit InterfaceInputs(std::size_t nodes)
       : velocity_jump(nodes),
         pressure(nodes),
-        stress_minus(nodes),
-        stress_plus(nodes),
-        mass_minus(nodes),
-        mass_plus(nodes) {}
+        stress_soft(nodes),
+        stress_hard(nodes),
+        mass_soft(nodes),
+        mass_hard(nodes) {}
 
   std::uint64_t step = 0;
   double time = 0.0;                  // t(n+1/2)  [s]
   double dt = 0.0;                    // [s]
   std::vector<double> velocity_jump;  // [V] at n-1/2                               [m/s]
   std::vector<double> pressure;       // at n, compression positive                 [Pa]
-  std::vector<double> stress_minus;   // at n, in the soft zone next to the interface  [Pa]
-  std::vector<double> stress_plus;    // at n, in the hard zone                     [Pa]
-  std::vector<double> mass_minus;     // of half the soft zone                      [kg/m2]
-  std::vector<double> mass_plus;      // of half the hard zone                      [kg/m2]
+  std::vector<double> stress_soft;    // at n, in the soft zone next to the interface  [Pa]
+  std::vector<double> stress_hard;    // at n, in the hard zone                     [Pa]
+  std::vector<double> mass_soft;      // of half the soft zone                      [kg/m2]
+  std::vector<double> mass_hard;      // of half the hard zone                      [kg/m2]
   // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
-  std::vector<double> zone_plastic_rate;  // of the shear along the interface, not negative  [1/s]
+  std::vector<double> soft_plastic_strain_rate;  // of the shear along the interface, not negative  [1/s]
 };
 
 // What the law answers.
@@ -109,11 +109,11 @@ class InterfaceLaw {
 // (61) solved for the jump: [V]new = free_jump - s * compliance.
 struct FreeJump {
   double jump;        // the jump at n+1/2 that no friction would leave  [m/s]
-  double compliance;  // dt (1/m_minus + 1/m_plus)                       [m/(s Pa)]
+  double compliance;  // dt (1/m_soft + 1/m_hard)                       [m/(s Pa)]
 };
 inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {
-  return {in.velocity_jump[i] + in.dt * (in.stress_minus[i] / in.mass_minus[i] + in.stress_plus[i] / in.mass_plus[i]),
-          in.dt * (1.0 / in.mass_minus[i] + 1.0 / in.mass_plus[i])};
+  return {in.velocity_jump[i] + in.dt * (in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i]),
+          in.dt * (1.0 / in.mass_soft[i] + 1.0 / in.mass_hard[i])};
 }
 
 }  // namespace shearbus::hydro

@@ -20,8 +20,8 @@ ShearColumn::ShearColumn(const Problem& problem)
       energy_start_(problem.columns, 0.0),
       traction_hard_(problem.columns, 0.0) {
   for (std::size_t i = 0; i < problem.columns; ++i) {
-    inputs_.mass_minus[i] = soft_.mesh.half_zone_mass();
-    inputs_.mass_plus[i] = hard_.mesh.half_zone_mass();
+    inputs_.mass_soft[i] = soft_.mesh.half_zone_mass();
+    inputs_.mass_hard[i] = hard_.mesh.half_zone_mass();
   }
 }
 
@@ -61,8 +61,8 @@ void ShearColumn::gather_inputs() {
   for (std::size_t i = 0; i < inputs_.velocity_jump.size(); ++i) {
     inputs_.velocity_jump[i] = soft_.velocity_at(0)[i] - hard_.velocity_at(0)[i];
     inputs_.pressure[i] = pressure_.at(level, i);
-    inputs_.stress_minus[i] = soft_stress[i];
-    inputs_.stress_plus[i] = -hard_stress[i];  // outward stress of the body at z < 0 is -sigma_xz
+    inputs_.stress_soft[i] = soft_stress[i];
+    inputs_.stress_hard[i] = -hard_stress[i];  // outward stress of the body at z < 0 is -sigma_xz
   }
 }
 

@@ -102,7 +102,8 @@ struct SubgridLaw::Impl {
       : embedded(embed(where)),
         client(client_options(where.address, embedded)),
         session(enter(client)),
-        wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
+        wants_soft_plastic_strain_rate(session.effective_scene().interface &&
+                                       session.effective_scene().interface->plastic_layer),
         request(session.request()),
         server(embedded ? "in this process" : where.address.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {
@@ -117,8 +118,8 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_plastic_rate;  // of hosts that compute it
-  Batch request;            // filled anew each step
+  bool wants_soft_plastic_strain_rate;  // of hosts that compute it
+  Batch request;                        // filled anew each step
   std::string server;
   bool outlives_process;
   LawTime time;
@@ -156,19 +157,19 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
 
 void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   const Stopwatch stopwatch(impl_->time);
-  if (impl_->wants_plastic_rate && !in.zone_plastic_rate.empty()) {
+  if (impl_->wants_soft_plastic_strain_rate && !in.soft_plastic_strain_rate.empty()) {
     impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
-    impl_->wants_plastic_rate = false;
+    impl_->wants_soft_plastic_strain_rate = false;
   }
   Batch& request = impl_->request;
   if (request.has(Field::kSoftPlasticStrainRate))
-    copy(in.zone_plastic_rate, request.f64(Field::kSoftPlasticStrainRate));
+    copy(in.soft_plastic_strain_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
-  copy(in.stress_minus, request.f64(Field::kStressMinus));
-  copy(in.stress_plus, request.f64(Field::kStressPlus));
-  copy(in.mass_minus, request.f64(Field::kMassMinus));
-  copy(in.mass_plus, request.f64(Field::kMassPlus));
+  copy(in.stress_soft, request.f64(Field::kStressMinus));
+  copy(in.stress_hard, request.f64(Field::kStressPlus));
+  copy(in.mass_soft, request.f64(Field::kMassMinus));
+  copy(in.mass_hard, request.f64(Field::kMassPlus));
   impl_->session.start_trial(
       request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
   impl_->asked = &in;

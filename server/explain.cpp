@@ -94,8 +94,8 @@ class Bench {
     states_[1].resize(model_.layout().doubles);
     inputs_.active = (1U << kLanes) - 1;
     for (int l = 0; l < kLanes; ++l) {
-      inputs_.mass_minus[l] = options.soft.density * kHalfZone;
-      inputs_.mass_plus[l] = options.hard.density * kHalfZone;
+      inputs_.mass_soft[l] = options.soft.density * kHalfZone;
+      inputs_.mass_hard[l] = options.hard.density * kHalfZone;
     }
     operators_ = model_.operators(kStep);
     begin();
@@ -133,24 +133,16 @@ class Bench {
     double temperature[kLanes];
     std::fill_n(temperature, kLanes, model_.options().initial_temperature);
     model_.initialise(states_[0].data(), temperature);
-    if (const std::size_t shadowed = model_.layout().shadowed; shadowed != physics::TileLayout::kAbsent)
-      std::fill_n(states_[0].begin() + static_cast<std::ptrdiff_t>(shadowed), kLanes, 1.0);
   }
   void step(double pressure, bool ledger) {
     for (int l = 0; l < kLanes; ++l) {
       inputs_.velocity_jump[l] = kJump + l;  // lanes differ a little, as nodes of one interface do
       inputs_.pressure[l] = pressure;
     }
-    const bool vectors = model_.options().tangential_components == 2;
-    if (vectors) {
-      model_.advance(*operators_, inputs_, second_, states_[0].data(), states_[1].data(), outputs_, second_outputs_);
-    } else {
-      model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
-    }
+    model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
     if (ledger) {
-      physics::TileLedger booked;
-      model_.book(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), booked,
-                  vectors ? &second_ : nullptr, vectors ? &second_outputs_ : nullptr);
+      physics::TileLedger energy;
+      model_.record_energy(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), energy);
     }
     states_[0].swap(states_[1]);
   }
@@ -173,9 +165,7 @@ class Bench {
   physics::Model model_;
   std::shared_ptr<const physics::StepOperators> operators_;
   physics::TileInputs inputs_;
-  physics::SecondInputs second_;
   physics::TileOutputs outputs_{};
-  physics::SecondOutputs second_outputs_{};
   std::vector<double> states_[2];
 };
 
@@ -193,15 +183,6 @@ SceneCost cost_of(const wire::Scene& scene, const physics::ModelOptions& options
           .slipping_s = bench.slipping(ledger),
           .resting_s = bench.resting(),
           .step_length_s = bench.step_length()};
-}
-
-// Of a scene and the same without its shadow: tiles without a sampled node are not stepped twice.
-SceneCost expected_cost(const SceneCost& shadowed, const SceneCost& plain, double share) {
-  const double of_tiles = 1.0 - std::pow(1.0 - share, kLanes);
-  return {.bytes_per_node = shadowed.bytes_per_node,
-          .slipping_s = std::lerp(plain.slipping_s, shadowed.slipping_s, of_tiles),
-          .resting_s = std::lerp(plain.resting_s, shadowed.resting_s, of_tiles),
-          .step_length_s = shadowed.step_length_s};
 }
 
 // The model of a scene, or why there is none.
@@ -245,45 +226,33 @@ std::string microseconds(double seconds) {
 }  // namespace
 
 Explanation explain(const wire::Scene& scene) {
-  wire::Scene plain = scene;
-  plain.layer.shadow_share = 0.0;
-  const service::SceneModel made = service::scene_model(plain);
-  const SceneCost plain_cost = cost_of(plain, made.options, false);
-  Explanation told{.scene = scene.name, .cost = plain_cost, .parts = {}, .everything = {}, .together = {}};
-  const double share = scene.layer.shadow_share;
-  if (share > 0.0)
-    told.cost = expected_cost(cost_of(scene, service::scene_model(scene).options, false), plain_cost, share);
+  const service::SceneModel made = service::scene_model(scene);
+  Explanation told{
+      .scene = scene.name, .cost = cost_of(scene, made.options, false), .parts = {}, .everything = {}, .together = {}};
 
   // 1. Each part switched the other way, alone.
   for (const Switch& part : kSwitches) {
     ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    wire::Scene other = plain;
+    wire::Scene other = scene;
     part.set(other, !found.on);
     if (const Tried model = tried(other); !model.options) {
       found.excluded = model.refused;
     } else {
       const double sign = found.on ? 1.0 : -1.0;
-      const auto here = static_cast<std::int64_t>(plain_cost.bytes_per_node);
+      const auto here = static_cast<std::int64_t>(told.cost.bytes_per_node);
       const auto there = static_cast<std::int64_t>(bytes_per_node(other, *model.options, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (plain_cost.slipping_s - Bench(*model.options).slipping(false));
+      found.slipping_s = sign * (told.cost.slipping_s - Bench(*model.options).slipping(false));
     }
     told.parts.push_back(std::move(found));
   }
   told.parts.push_back({.name = kLedger,
                         .meaning = "where the energy of each node's step went, for requests that name its columns",
                         .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = Bench(made.options).slipping(true) - plain_cost.slipping_s});
-  if (share > 0.0)
-    told.parts.push_back({.name = "layer.shadow_share",
-                          .on = true,
-                          .meaning = "a sample of the nodes is solved in full beside, and compared",
-                          .bytes_per_node = static_cast<std::int64_t>(told.cost.bytes_per_node) -
-                                            static_cast<std::int64_t>(plain_cost.bytes_per_node),
-                          .slipping_s = told.cost.slipping_s - plain_cost.slipping_s});
+                        .slipping_s = Bench(made.options).slipping(true) - told.cost.slipping_s});
 
   // 2. Everything that goes together.
-  auto [all, names] = with_everything(plain);
+  auto [all, names] = with_everything(scene);
   told.together = std::move(names);
   told.together.emplace_back(kLedger);
   told.everything = cost_of(all, *tried(all).options, true);

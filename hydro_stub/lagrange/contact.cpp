@@ -34,7 +34,7 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
       pressing_(weights_.size(), 0.0),
       impulse_(num_nodes) {
   inputs_.zone_plastic_strain.assign(weights_.rubbing(), 0.0);
-  inputs_.zone_plastic_rate.assign(weights_.rubbing(), 0.0);
+  inputs_.soft_plastic_strain_rate.assign(weights_.rubbing(), 0.0);
 }
 
 void Contact::ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
@@ -124,8 +124,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   inputs_.zone_temperature.assign(size, 0.0);
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
-    inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_minus[i] = inputs_.stress_plus[i] = 0.0;
-    inputs_.mass_minus[i] = inputs_.mass_plus[i] = 1.0;  // where no hard surface is near, nothing depends on them
+    inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
+    inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;  // where no hard surface is near, nothing depends on them
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
     }
@@ -134,7 +134,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     const double area = weights_.area(i);
     const double old_jump = jump(i, state.velocity);
     const Vec2 t = weights_.tangent(i);
-    double hard_compliance = 0.0;  // 1/m_plus
+    double hard_compliance = 0.0;  // 1/m_hard
     double hard_change = 0.0;
     for (const RubWeight& w : weights_.rub(i)) {
       hard_compliance += w.weight * hard_area[w.node] / (state.node_mass[w.node] * area);
@@ -144,10 +144,10 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     // The mean over the node's area smooths the scatter of the p_i between meshes of different zone widths.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
-    inputs_.mass_minus[i] = state.node_mass[node] / area;
-    inputs_.mass_plus[i] = 1.0 / hard_compliance;
-    inputs_.stress_minus[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_minus[i] / dt;
-    inputs_.stress_plus[i] = -hard_change * inputs_.mass_plus[i] / dt;
+    inputs_.mass_soft[i] = state.node_mass[node] / area;
+    inputs_.mass_hard[i] = 1.0 / hard_compliance;
+    inputs_.stress_soft[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_soft[i] / dt;
+    inputs_.stress_hard[i] = -hard_change * inputs_.mass_hard[i] / dt;
   }
   std::ranges::fill(answer_.shear_stress, 0.0);
   if (law == nullptr || size == 0) return;
@@ -169,7 +169,7 @@ void Contact::find_plastic_rates(const State& state) {
       share += 0.5 * shear_share(state, zone, weights_.tangent(i));
     }
     const double grown = std::max(0.0, strain - inputs_.zone_plastic_strain[i]);
-    if (dt > 0.0) inputs_.zone_plastic_rate[i] = share * grown / dt;
+    if (dt > 0.0) inputs_.soft_plastic_strain_rate[i] = share * grown / dt;
     inputs_.zone_plastic_strain[i] = strain;
   }
 }

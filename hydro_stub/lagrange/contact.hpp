@@ -58,7 +58,7 @@ class Contact {
   // State that is carried from one step to the next.
   std::span<double> heat() { return heat_; }
   std::span<double> plastic_strain() { return inputs_.zone_plastic_strain; }
-  std::span<double> plastic_rate() { return inputs_.zone_plastic_rate; }
+  std::span<double> soft_plastic_strain_rate() { return inputs_.soft_plastic_strain_rate; }
   double& plastic_time() { return plastic_time_; }
 
  private:

@@ -373,7 +373,7 @@ Memory Cycle::memory() {
                       {"work_given", one(work_given_)},
                       {"contact_heat", contact_.heat()},
                       {"contact_plastic_strain", contact_.plastic_strain()},
-                      {"contact_plastic_rate", contact_.plastic_rate()},
+                      {"contact_plastic_rate", contact_.soft_plastic_strain_rate()},
                       {"contact_plastic_time", one(contact_.plastic_time())},
                       {"position", flat(state_.position)},
                       {"velocity", flat(state_.velocity)},

@@ -158,9 +158,6 @@ struct SessionClosed {
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
   std::uint64_t asleep_node_steps = 0;
-  std::uint64_t shadowed_node_steps = 0;
-  double shadow_temperature_error_k = 0.0;
-  double shadow_stress_error_pa = 0.0;
 };
 struct Histogram {
   std::string name;

@@ -69,9 +69,6 @@ void put(const SessionClosed& from, v1::ReplyHeader& header) {
   to.set_node_steps(from.node_steps);
   to.set_solver_ns(from.solver_ns);
   to.set_asleep_node_steps(from.asleep_node_steps);
-  to.set_shadowed_node_steps(from.shadowed_node_steps);
-  to.set_shadow_temperature_error_k(from.shadow_temperature_error_k);
-  to.set_shadow_stress_error_pa(from.shadow_stress_error_pa);
 }
 void put(const ServerStatus& from, v1::ReplyHeader& header) {
   to_message(from, *header.mutable_server_status());
@@ -145,10 +142,7 @@ SessionClosed take(const v1::SessionClosed& from) {
   return {.requests = from.requests(),
           .node_steps = from.node_steps(),
           .solver_ns = from.solver_ns(),
-          .asleep_node_steps = from.asleep_node_steps(),
-          .shadowed_node_steps = from.shadowed_node_steps(),
-          .shadow_temperature_error_k = from.shadow_temperature_error_k(),
-          .shadow_stress_error_pa = from.shadow_stress_error_pa()};
+          .asleep_node_steps = from.asleep_node_steps()};
 }
 Status take_status(const v1::Status& from) {
   if (static_cast<std::size_t>(from.node_ids_size()) > kMaxNodesNamed)

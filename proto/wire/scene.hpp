@@ -62,7 +62,6 @@ struct Layer {
   Heat heat = Heat::kProfile;
   std::optional<HeatModes> modes;  // of heat = modes; an effective scene of that kind has it
   bool sleep = false;
-  double shadow_share = 0.0;  // with sleep, or heat by modes
 };
 
 struct HardLayer {

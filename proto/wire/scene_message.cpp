@@ -147,7 +147,6 @@ void to_message(const Scene& scene, v1::Scene& message) {
   layer.set_initial_temperature_k(scene.layer.initial_temperature_k);
   if (scene.layer.inertia) layer.set_inertia(true);
   if (scene.layer.sleep) layer.set_sleep(true);
-  if (scene.layer.shadow_share > 0.0) layer.set_shadow_share(scene.layer.shadow_share);
   if (scene.layer.time_integrator != TimeIntegrator::kBackwardEuler)
     layer.set_time_integrator(static_cast<v1::TimeIntegrator>(scene.layer.time_integrator));
   if (scene.layer.heat != Heat::kProfile) layer.set_heat(static_cast<v1::Heat>(scene.layer.heat));
@@ -195,8 +194,7 @@ Scene from_filled(const v1::Scene& message) {
                  .time_integrator = enum_or(message.layer().time_integrator(), scene.layer.time_integrator),
                  .heat = enum_or(message.layer().heat(), scene.layer.heat),
                  .modes = {},
-                 .sleep = message.layer().sleep(),
-                 .shadow_share = message.layer().shadow_share()};
+                 .sleep = message.layer().sleep()};
   if (message.layer().has_modes())
     scene.layer.modes = HeatModes{.accuracy = message.layer().modes().accuracy(),
                                   .shortest_step_s = message.layer().modes().shortest_step_s(),

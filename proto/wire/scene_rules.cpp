@@ -242,17 +242,6 @@ class Together {
                             kMaxInertiaCells, scene_.layer().cells()));
   }
 
-  // A second state of the node, of a model that leaves nothing out.
-  void shadow() {
-    const bool chosen_modes = scene_.has_tolerance() && modes_know_all();
-    if (scene_.layer().shadow_share() > 0.0 && !scene_.layer().sleep() && scene_.layer().heat() != v1::HEAT_MODES &&
-        !chosen_modes && sound("layer.sleep", scene_.layer().has_sleep()) &&
-        sound("layer.heat", scene_.layer().heat() != 0))
-      add("layer.shadow_share",
-          "layer.shadow_share compares nodes with the same solved in full; without layer.sleep or layer.heat = "
-          "\"modes\" all of them are");
-  }
-
   // Modes of the heat, as many as vertices, and a contact that is at rest as a whole.
   void sleep() {
     const std::string path = "layer.sleep";
@@ -504,7 +493,6 @@ std::vector<Fault> faults_of(const v1::Scene& scene, const std::function<bool(st
   together.plastic_heating();
   together.inertia();
   together.sleep();
-  together.shadow();
   together.components();
   together.time_integrator();
   together.tolerance();

@@ -20,13 +20,13 @@ inline shard::StepInputs inputs_of(const wire::Batch& batch) {
           .second_velocity_jump = batch.f64(Field::kVelocityJump, 1),
           .pressure = batch.f64(Field::kPressure),
           .soft_shear_rate = batch.f64(Field::kSoftShearRate),
-          .stress_minus = batch.f64(Field::kStressMinus),
-          .second_stress_minus = batch.f64(Field::kStressMinus, 1),
-          .stress_plus = batch.f64(Field::kStressPlus),
-          .second_stress_plus = batch.f64(Field::kStressPlus, 1),
-          .mass_minus = batch.f64(Field::kMassMinus),
-          .mass_plus = batch.f64(Field::kMassPlus),
-          .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
+          .stress_soft = batch.f64(Field::kStressMinus),
+          .second_stress_soft = batch.f64(Field::kStressMinus, 1),
+          .stress_hard = batch.f64(Field::kStressPlus),
+          .second_stress_hard = batch.f64(Field::kStressPlus, 1),
+          .mass_soft = batch.f64(Field::kMassMinus),
+          .mass_hard = batch.f64(Field::kMassPlus),
+          .soft_plastic_strain_rate = batch.f64(Field::kSoftPlasticStrainRate)};
 }
 
 inline shard::StepOutputs outputs_of(wire::Batch& batch) {

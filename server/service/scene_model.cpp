@@ -139,7 +139,6 @@ SceneModel scene_model(const wire::Scene& scene) {
                        .field = "layer.inertia"});
   made.options.tangential_components = static_cast<int>(scene.tangential_components);
   made.options.sleep = scene.layer.sleep;
-  made.options.shadow_share = scene.layer.shadow_share;
   if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2) {
     made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
     if (!is_steinberg_cochran_guinan(made.options.soft))

@@ -393,10 +393,6 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.totals.node_steps += num_rows;
   member.totals.solver_ns += upscale.solver_ns;
   member.totals.asleep_node_steps += count.asleep;
-  member.totals.shadowed_node_steps += count.shadowed;
-  member.totals.shadow_temperature_error_k =
-      std::max(member.totals.shadow_temperature_error_k, count.shadow_temperature_error);
-  member.totals.shadow_stress_error_pa = std::max(member.totals.shadow_stress_error_pa, count.shadow_stress_error);
   metrics_.node_steps += num_rows;
   metrics_.solver_ns += upscale.solver_ns;
   times_.solver.add(upscale.solver_ns);

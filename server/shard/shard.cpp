@@ -196,33 +196,22 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   gather(step.inputs.velocity_jump, lanes, in.velocity_jump);
   gather(step.inputs.pressure, lanes, in.pressure);
   gather(step.inputs.soft_shear_rate, lanes, in.soft_shear_rate);
-  gather(step.inputs.stress_minus, lanes, in.stress_minus);
-  gather(step.inputs.stress_plus, lanes, in.stress_plus);
-  gather(step.inputs.mass_minus, lanes, in.mass_minus);
-  gather(step.inputs.mass_plus, lanes, in.mass_plus);
-  gather(step.inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
+  gather(step.inputs.stress_soft, lanes, in.stress_soft);
+  gather(step.inputs.stress_hard, lanes, in.stress_hard);
+  gather(step.inputs.mass_soft, lanes, in.mass_soft);
+  gather(step.inputs.mass_hard, lanes, in.mass_hard);
+  gather(step.inputs.soft_plastic_strain_rate, lanes, in.soft_plastic_strain_rate);
+
+  gather(step.inputs.second_velocity_jump, lanes, in.second_velocity_jump);
+  gather(step.inputs.second_stress_soft, lanes, in.second_stress_soft);
+  gather(step.inputs.second_stress_hard, lanes, in.second_stress_hard);
 
   physics::TileOutputs out;
-  const auto book = [&](const physics::SecondInputs* second, const physics::SecondOutputs* second_out) {
-    if (!step.outputs.wants_ledger()) return;
+  model_.advance(step.operators, in, from, to, out);
+  if (step.outputs.wants_ledger()) {
     physics::TileLedger ledger;
-    model_.book(step.operators, in, out, from, to, ledger, second, second_out);
+    model_.record_energy(step.operators, in, out, from, to, ledger);
     for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, step.outputs.ledger[i]);
-  };
-  if (model_.options().tangential_components == 1) {
-    model_.advance(step.operators, in, from, to, out);
-    book(nullptr, nullptr);
-  } else {
-    physics::SecondInputs second;
-    gather(step.inputs.second_velocity_jump, lanes, second.velocity_jump);
-    gather(step.inputs.second_stress_minus, lanes, second.stress_minus);
-    gather(step.inputs.second_stress_plus, lanes, second.stress_plus);
-    physics::SecondOutputs second_out;
-    model_.advance(step.operators, in, second, from, to, out, second_out);
-    scatter(second_out.shear_stress, lanes, step.outputs.second_shear_stress);
-    scatter(second_out.sliding_velocity, lanes, step.outputs.second_sliding_velocity);
-    scatter(second_out.velocity_jump_new, lanes, step.outputs.second_velocity_jump_new);
-    book(&second, &second_out);
   }
 
   scatter(out.shear_stress, lanes, step.outputs.shear_stress);
@@ -233,22 +222,19 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   scatter(out.regime, lanes, step.outputs.regime);
   scatter(out.outcome, lanes, step.outputs.outcome);
   scatter(out.error_estimate, lanes, step.outputs.error_estimate);
+  scatter(out.second_shear_stress, lanes, step.outputs.second_shear_stress);
+  scatter(out.second_sliding_velocity, lanes, step.outputs.second_sliding_velocity);
+  scatter(out.second_velocity_jump_new, lanes, step.outputs.second_velocity_jump_new);
 
-  return count_of(out, lanes.active, to);
+  return count_of(out, lanes.active);
 }
 
-StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active, const double* state) const {
-  const std::size_t shadowed = model_.layout().shadowed;
+StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active) {
   StepCount count;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if ((active >> lane & 1U) == 0) continue;
+  for (const int lane : physics::lanes_of(active)) {
     if ((out.outcome[lane] & ~physics::kAsleep) != 0) ++count.flagged;
     if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
     if ((out.outcome[lane] & physics::kAsleep) != 0) ++count.asleep;
-    if (shadowed == physics::TileLayout::kAbsent || state[shadowed + lane] == 0.0) continue;
-    ++count.shadowed;
-    count.shadow_temperature_error = std::max(count.shadow_temperature_error, out.shadow_temperature_error[lane]);
-    count.shadow_stress_error = std::max(count.shadow_stress_error, out.shadow_stress_error[lane]);
   }
   return count;
 }
@@ -257,9 +243,6 @@ StepCount& StepCount::operator+=(const StepCount& other) {
   flagged += other.flagged;
   failed += other.failed;
   asleep += other.asleep;
-  shadowed += other.shadowed;
-  shadow_temperature_error = std::max(shadow_temperature_error, other.shadow_temperature_error);
-  shadow_stress_error = std::max(shadow_stress_error, other.shadow_stress_error);
   return *this;
 }
 

@@ -21,17 +21,17 @@ namespace shearbus::shard {
 
 // One value per row of the request; an empty column is zero. `second_` of a vector is its second tangential component.
 struct StepInputs {
-  std::span<const double> velocity_jump;           // [m/s]
-  std::span<const double> second_velocity_jump{};  // [m/s]
-  std::span<const double> pressure;                // [Pa]
-  std::span<const double> soft_shear_rate;         // [1/s]
-  std::span<const double> stress_minus;            // [Pa]
-  std::span<const double> second_stress_minus{};   // [Pa]
-  std::span<const double> stress_plus;             // [Pa]
-  std::span<const double> second_stress_plus{};    // [Pa]
-  std::span<const double> mass_minus;              // [kg/m2]
-  std::span<const double> mass_plus;               // [kg/m2]
-  std::span<const double> soft_plastic_rate{};     // [1/s]
+  std::span<const double> velocity_jump;               // [m/s]
+  std::span<const double> second_velocity_jump{};      // [m/s]
+  std::span<const double> pressure;                    // [Pa]
+  std::span<const double> soft_shear_rate;             // [1/s]
+  std::span<const double> stress_soft;                 // [Pa]
+  std::span<const double> second_stress_soft{};        // [Pa]
+  std::span<const double> stress_hard;                 // [Pa]
+  std::span<const double> second_stress_hard{};        // [Pa]
+  std::span<const double> mass_soft;                   // [kg/m2]
+  std::span<const double> mass_hard;                   // [kg/m2]
+  std::span<const double> soft_plastic_strain_rate{};  // [1/s]
 };
 
 // One value per row of the request; an empty column is not wanted.
@@ -56,12 +56,9 @@ struct StepOutputs {
 
 // Nodes of a step.
 struct StepCount {
-  std::uint64_t flagged = 0;              // whose outcome is neither 0 nor asleep
-  std::uint64_t failed = 0;               // of those: without an answer
-  std::uint64_t asleep = 0;               // at rest, not solved
-  std::uint64_t shadowed = 0;             // solved in full beside, and apart by at most
-  double shadow_temperature_error = 0.0;  // [K]
-  double shadow_stress_error = 0.0;       // [Pa]
+  std::uint64_t flagged = 0;  // whose outcome is neither 0 nor asleep
+  std::uint64_t failed = 0;   // of those: without an answer
+  std::uint64_t asleep = 0;   // at rest, not solved
 
   StepCount& operator+=(const StepCount& other);
 };
@@ -154,7 +151,6 @@ class Shard {
   double* buffer(std::size_t tile, unsigned which) const;
   double* committed(std::size_t tile) const { return buffer(tile, committed_[tile]); }
   static std::uint32_t tile_of(std::uint32_t slot);
-  bool is_shadowed(std::uint64_t node_id) const;
   void size_lists(std::size_t nodes, NodeChange& change) const;
   States states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const;
   void check_states(const States& states, std::size_t nodes) const;
@@ -164,7 +160,7 @@ class Shard {
   template <typename From, typename To>
   StepCount step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from, const To& to);
   StepCount step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const;
-  StepCount count_of(const physics::TileOutputs& out, std::uint32_t active, const double* state) const;
+  static StepCount count_of(const physics::TileOutputs& out, std::uint32_t active);
 
   static constexpr std::uint32_t kNoRow = 0xffffffff;
 

@@ -29,19 +29,13 @@ std::vector<StatePart> state_parts(const physics::Model& model) {
                              {"junction_strain", "1", layout.junction_strain, 1},
                              {"resting", "1", layout.resting, 2},
                              {"hottest_at_rest_k", "K", layout.weakest, 1},
-                             {"least_strength_at_rest_pa", "Pa", second_row(layout.weakest), 1},
-                             {"shadowed", "1", layout.shadowed, 1}};
+                             {"least_strength_at_rest_pa", "Pa", second_row(layout.weakest), 1}};
   std::vector<StatePart> parts;
   std::size_t doubles = 0;
   for (const StatePart& part : known) {
     if (part.offset == physics::TileLayout::kAbsent) continue;
     parts.push_back(part);
     doubles += part.width * kLanes;
-  }
-  if (const physics::Model* full = model.full()) {
-    for (const StatePart& part : state_parts(*full))
-      parts.push_back({"shadow_" + part.name, part.units, layout.shadow + part.offset, part.width});
-    doubles += full->layout().doubles;
   }
   if (doubles != layout.doubles) throw std::logic_error("a tile has parts that no state column names");
   return parts;

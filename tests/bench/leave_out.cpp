@@ -96,26 +96,17 @@ Replayed replay(const std::vector<hydro::InterfaceInputs>& asked, const physics:
           inputs.active |= 1U << l;
           inputs.velocity_jump[l] = in.velocity_jump[i];
           inputs.pressure[l] = in.pressure[i];
-          inputs.stress_minus[l] = in.stress_minus[i];
-          inputs.stress_plus[l] = in.stress_plus[i];
-          inputs.mass_minus[l] = in.mass_minus[i];
-          inputs.mass_plus[l] = in.mass_plus[i];
+          inputs.stress_soft[l] = in.stress_soft[i];
+          inputs.stress_hard[l] = in.stress_hard[i];
+          inputs.mass_soft[l] = in.mass_soft[i];
+          inputs.mass_hard[l] = in.mass_hard[i];
         }
         const double* old = &before[tile * doubles];
         double* now = &after[tile * doubles];
         physics::TileOutputs outputs;
-        const physics::SecondInputs second;
-        physics::SecondOutputs second_outputs;
-        physics::TileLedger booked;
-        const bool vectors = options.tangential_components == 2;
-        if (vectors) {
-          model.advance(*operators, inputs, second, old, now, outputs, second_outputs);
-        } else {
-          model.advance(*operators, inputs, old, now, outputs);
-        }
-        if (ledger)
-          model.book(*operators, inputs, outputs, old, now, booked, vectors ? &second : nullptr,
-                     vectors ? &second_outputs : nullptr);
+        physics::TileLedger energy;
+        model.advance(*operators, inputs, old, now, outputs);
+        if (ledger) model.record_energy(*operators, inputs, outputs, old, now, energy);
         double& shortest = layers[step * tiles + tile];
         shortest = std::min(shortest, since(started));
         for (std::size_t l = 0; l < kLanes && tile * kLanes + l < nodes; ++l) {
@@ -197,8 +188,8 @@ double stuck_tile(const physics::ModelOptions& options) {
       for (int l = 0; l < kLanes; ++l) {
         inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
         inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;  // opens for a moment: what stress there was is gone
-        inputs.mass_minus[l] = inputs.mass_plus[l] = 1.0;
-        inputs.stress_minus[l] = inputs.stress_plus[l] = kPull;
+        inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
+        inputs.stress_soft[l] = inputs.stress_hard[l] = kPull;
       }
       model.advance(*operators, inputs, before.data(), after.data(), outputs);
       before.swap(after);

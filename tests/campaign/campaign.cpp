@@ -200,10 +200,10 @@ Course::Course(Rig& on, const Host& of, int scene_number)
   const ModelOptions& options = rig.model.options();
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.pressure[l] = host.pressure;
-    rig.inputs.mass_minus[l] = options.soft.density * host.half_zone_soft;
-    rig.inputs.mass_plus[l] = options.hard.density * host.half_zone_hard;
+    rig.inputs.mass_soft[l] = options.soft.density * host.half_zone_soft;
+    rig.inputs.mass_hard[l] = options.hard.density * host.half_zone_hard;
     rig.inputs.soft_shear_rate[l] = 1e5;
-    rig.inputs.soft_plastic_rate[l] = options.plastic_layer ? 1e5 : 0.0;
+    rig.inputs.soft_plastic_strain_rate[l] = options.plastic_layer ? 1e5 : 0.0;
   }
 }
 
@@ -222,25 +222,25 @@ std::pair<double, double> direction_of(const Course& c, int lane) {
 void Course::impose(int lane, double jump) {
   const auto [x, y] = direction_of(*this, lane);
   rig.inputs.velocity_jump[lane] = x * jump;
-  rig.second.velocity_jump[lane] = y * jump;
+  rig.inputs.second_velocity_jump[lane] = y * jump;
 }
 
 void Course::impose_all(const std::array<double, kLanes>& jumps) {
   for (int l = 0; l < kLanes; ++l) impose(l, jumps[static_cast<std::size_t>(l)]);
 }
 
-void Course::push(int lane, double minus, double plus) {
+void Course::push(int lane, double soft, double hard) {
   const auto [x, y] = direction_of(*this, lane);
-  rig.inputs.stress_minus[lane] = x * minus;
-  rig.second.stress_minus[lane] = y * minus;
-  rig.inputs.stress_plus[lane] = x * plus;
-  rig.second.stress_plus[lane] = y * plus;
+  rig.inputs.stress_soft[lane] = x * soft;
+  rig.inputs.second_stress_soft[lane] = y * soft;
+  rig.inputs.stress_hard[lane] = x * hard;
+  rig.inputs.second_stress_hard[lane] = y * hard;
 }
 
 void Course::go_on(int lane) {
   if (!forced() || step == 0) return;
   rig.inputs.velocity_jump[lane] = rig.outputs.velocity_jump_new[lane];
-  rig.second.velocity_jump[lane] = rig.second_outputs.velocity_jump_new[lane];
+  rig.inputs.second_velocity_jump[lane] = rig.outputs.second_velocity_jump_new[lane];
 }
 
 }  // namespace shearbus::study::stability

@@ -62,7 +62,7 @@ struct Course {
   bool forced() const;
   void impose(int lane, double jump);  // with two components along a direction of the lane's own that turns slowly
   void impose_all(const std::array<double, kLanes>& jumps);
-  void push(int lane, double minus, double plus);  // far stresses, in the same direction
+  void push(int lane, double soft, double hard);  // far stresses, in the same direction
   void go_on(int lane);                            // force-driven: the jump the last step ended with
 };
 

@@ -25,10 +25,10 @@ struct Problem {
   ModelOptions options;
   double dt = 1e-9;  // [s]
   int steps = 0;
-  double jump = 0.0;          // [m/s]
-  bool pulse = false;         // and rest from the second step on
-  bool closed_loop = false;   // force-driven: the next jump is the last answer
-  double stress_minus = 0.0;  // [Pa], growing by this share in each step
+  double jump = 0.0;         // [m/s]
+  bool pulse = false;        // and rest from the second step on
+  bool closed_loop = false;  // force-driven: the next jump is the last answer
+  double stress_soft = 0.0;  // [Pa], growing by this share in each step
   double stress_growth = 0.0;
   double mass = 1.0;     // of either side  [kg/m2]
   double start = 300.0;  // [K]
@@ -85,7 +85,7 @@ struct Body {  // DLP (61) of lane 0
 };
 Body body_of(const Rig& rig, double dt) {
   const TileInputs& in = rig.inputs;
-  return {dt * in.stress_minus[0] / in.mass_minus[0], dt * (1 / in.mass_minus[0] + 1 / in.mass_plus[0])};
+  return {dt * in.stress_soft[0] / in.mass_soft[0], dt * (1 / in.mass_soft[0] + 1 / in.mass_hard[0])};
 }
 
 // ---- Wrong solvers ----
@@ -238,7 +238,7 @@ ControlOutcome judge(const Problem& problem, bool model) {
   rig.start(T);
   rig.set_all(problem.jump, kPressure);
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_minus[l] = rig.inputs.mass_plus[l] = problem.mass;
+    rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = problem.mass;
   }
   Ringing ringing;
   Figures figures;
@@ -246,7 +246,7 @@ ControlOutcome judge(const Problem& problem, bool model) {
   for (; outcome.steps < problem.steps; ++outcome.steps) {
     if (problem.closed_loop && outcome.steps > 0) rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
     if (problem.pulse && outcome.steps > 0) rig.inputs.velocity_jump[0] = 0.0;
-    rig.inputs.stress_minus[0] = problem.stress_minus * (1.0 + problem.stress_growth * outcome.steps);
+    rig.inputs.stress_soft[0] = problem.stress_soft * (1.0 + problem.stress_growth * outcome.steps);
     if (model) {
       rig.step(problem.dt);
     } else {
@@ -316,7 +316,7 @@ std::vector<Problem> problems() {
        .options = flowing,
        .steps = 60,
        .closed_loop = true,
-       .stress_minus = 450e6,
+       .stress_soft = 450e6,
        .stress_growth = 0.01,
        .mass = 0.01,
        .must_ring = true,

@@ -251,7 +251,7 @@ void meet_several_answers(Course& c) {
   for (int l = 0; l < kLanes; ++l) {
     const double slip = c.several->slip * c.draw.uniform(0.95, 1.05);
     if (l % 2 == 0) {
-      c.push(l, 2.0 * slip / c.dt * c.rig.inputs.mass_minus[l], 0.0);
+      c.push(l, 2.0 * slip / c.dt * c.rig.inputs.mass_soft[l], 0.0);
       c.go_on(l);
     } else {
       c.impose(l, slip);
@@ -280,8 +280,8 @@ void all_masses(Course& c) {
   constexpr Lanes kPlus = {1e-30, 1e30, 1e30, 1e-9, 1e9, 1e30, 1e15, 1e-3};
   for (int l = 0; l < kLanes; ++l) {
     const auto at = static_cast<std::size_t>(l);
-    c.rig.inputs.mass_minus[l] = kMinus[at];
-    c.rig.inputs.mass_plus[l] = kPlus[at];
+    c.rig.inputs.mass_soft[l] = kMinus[at];
+    c.rig.inputs.mass_hard[l] = kPlus[at];
     c.impose(l, c.step % 7 == 6 ? -50.0 : 100.0);
     c.push(l, c.step % 3 == 2 ? -3e8 : 3e8, 1e8);
     if (c.step > 50) c.go_on(l);
@@ -293,7 +293,7 @@ void drag_the_layer(Course& c) {
   for (int l = 0; l < kLanes; ++l) {
     const double rate = kRates[static_cast<std::size_t>(l)];
     c.rig.inputs.soft_shear_rate[l] = (c.step + l) % 4 == 3 ? -rate : rate;
-    c.rig.inputs.soft_plastic_rate[l] = c.rig.model.options().plastic_layer ? rate : 0.0;
+    c.rig.inputs.soft_plastic_strain_rate[l] = c.rig.model.options().plastic_layer ? rate : 0.0;
     c.impose(l, 50.0);
   }
 }

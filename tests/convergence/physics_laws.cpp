@@ -130,7 +130,7 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   for (double dt : {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}) {
     Rig rig(options, 1);
     rig.inputs.pressure[0] = P;
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = m;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
     rig.inputs.velocity_jump[0] = V0;
     double dissipated = 0.0;
     for (int n = 0; n < std::lround(t_end / dt); ++n) {
@@ -160,7 +160,7 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   for (double dt : {10e-9, 2.5e-9}) {
     Rig rig(options, 1);
     rig.inputs.pressure[0] = P;
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = m;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
     rig.inputs.velocity_jump[0] = V0;
     int n = 0;
     while (rig.outputs.regime[0] != Regime::kStick && n < 1000) {

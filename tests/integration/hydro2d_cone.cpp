@@ -156,8 +156,8 @@ TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   for (std::size_t i = 0; i < kNodes; ++i) {
     in.velocity_jump[i] = 20.0 + 40.0 * static_cast<double>(i);
     in.pressure[i] = 8e9;
-    in.mass_minus[i] = 0.7;
-    in.mass_plus[i] = 2.0;
+    in.mass_soft[i] = 0.7;
+    in.mass_hard[i] = 2.0;
   }
   in.dt = 2e-9;
   const std::vector<double> temperature(kNodes, 300.0);

@@ -42,8 +42,8 @@ void expect_agreement(const Rig& rig, const std::vector<double>& ep_old, const r
   double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * flow_exponent(soft));
   if (flows) noise += kSqrt3 * flow_grain(rig, ep_old, rig.stress(l), l, dt) / dt;
   ASSERT_NEAR(out.sliding_velocity[l], twin.sliding_velocity, (1e-8 + eps) * size + noise);
-  const double driven = dt * (std::abs(rig.inputs.stress_minus[l]) / rig.inputs.mass_minus[l] +
-                              std::abs(rig.inputs.stress_plus[l]) / rig.inputs.mass_plus[l]);
+  const double driven = dt * (std::abs(rig.inputs.stress_soft[l]) / rig.inputs.mass_soft[l] +
+                              std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l]);
   ASSERT_NEAR(out.velocity_jump_new[l], twin.velocity_jump_new,
               1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-12 * driven);
   ASSERT_NEAR(out.friction_heat[l], twin.friction_heat, eps * twin.friction_heat + 1e-9);

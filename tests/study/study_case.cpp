@@ -32,8 +32,8 @@ class ImposedJump : public Host {
   void load(double, double, physics::TileInputs& inputs) override {
     set_all(inputs.velocity_jump, case_.velocity_jump);
     set_all(inputs.pressure, case_.pressure);
-    set_all(inputs.mass_minus, 1e9);
-    set_all(inputs.mass_plus, 1e9);
+    set_all(inputs.mass_soft, 1e9);
+    set_all(inputs.mass_hard, 1e9);
   }
   void take(const physics::TileOutputs&) override {}
 
@@ -62,10 +62,10 @@ class HalfSpaces : public Host {
     const double taken = (pair_.initial_jump - jump_) / (1.0 / Z_soft + 1.0 / Z_hard);
     set_all(inputs.velocity_jump, jump_);
     set_all(inputs.pressure, pair_.pressure);
-    set_all(inputs.mass_minus, 0.5 * dt * Z_soft);
-    set_all(inputs.mass_plus, 0.5 * dt * Z_hard);
-    set_all(inputs.stress_minus, taken);
-    set_all(inputs.stress_plus, taken);
+    set_all(inputs.mass_soft, 0.5 * dt * Z_soft);
+    set_all(inputs.mass_hard, 0.5 * dt * Z_hard);
+    set_all(inputs.stress_soft, taken);
+    set_all(inputs.stress_hard, taken);
   }
   void take(const physics::TileOutputs& outputs) override { jump_ = outputs.velocity_jump_new[0]; }
 
@@ -81,13 +81,13 @@ class Shaken : public Host {
   void load(double time, double dt, physics::TileInputs& inputs) override {
     set_all(inputs.velocity_jump, jump_);
     set_all(inputs.pressure, case_.pressure);
-    set_all(inputs.mass_minus, case_.mass);
-    set_all(inputs.mass_plus, case_.mass);
+    set_all(inputs.mass_soft, case_.mass);
+    set_all(inputs.mass_hard, case_.mass);
     // The mean of the pull over the step, so that every step length is given the same impulse.
     const double omega = 2.0 * std::acos(-1.0) * 2.5 / case_.end;
     const double mean = kPull * (std::cos(omega * time) - std::cos(omega * (time + dt))) / (omega * dt);
-    set_all(inputs.stress_minus, mean);
-    set_all(inputs.stress_plus, mean);
+    set_all(inputs.stress_soft, mean);
+    set_all(inputs.stress_hard, mean);
   }
   void take(const physics::TileOutputs& outputs) override { jump_ = outputs.velocity_jump_new[0]; }
 

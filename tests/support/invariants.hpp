@@ -102,29 +102,29 @@ inline Answered answered(const Rig& rig, int lane, double dt) {
       y = second / largest / length;
       return true;
     };
-    along(out.shear_stress[lane], rig.second_outputs.shear_stress[lane]) ||
-        along(out.sliding_velocity[lane], rig.second_outputs.sliding_velocity[lane]) ||
-        along(out.velocity_jump_new[lane], rig.second_outputs.velocity_jump_new[lane]);
+    along(out.shear_stress[lane], rig.outputs.second_shear_stress[lane]) ||
+        along(out.sliding_velocity[lane], rig.outputs.second_sliding_velocity[lane]) ||
+        along(out.velocity_jump_new[lane], rig.outputs.second_velocity_jump_new[lane]);
   }
   const auto project = [&](double first, double second) { return y == 0.0 ? first * x : first * x + second * y; };
   Answered a;
   a.dt = dt;
   a.pressure = in.pressure[lane];
-  a.jump_old = project(in.velocity_jump[lane], rig.second.velocity_jump[lane]);
-  a.jump_length = std::hypot(in.velocity_jump[lane], rig.second.velocity_jump[lane]);
-  a.jump_new = project(out.velocity_jump_new[lane], rig.second_outputs.velocity_jump_new[lane]);
-  a.slip = project(out.sliding_velocity[lane], rig.second_outputs.sliding_velocity[lane]);
-  a.stress = project(out.shear_stress[lane], rig.second_outputs.shear_stress[lane]);
+  a.jump_old = project(in.velocity_jump[lane], rig.inputs.second_velocity_jump[lane]);
+  a.jump_length = std::hypot(in.velocity_jump[lane], rig.inputs.second_velocity_jump[lane]);
+  a.jump_new = project(out.velocity_jump_new[lane], rig.outputs.second_velocity_jump_new[lane]);
+  a.slip = project(out.sliding_velocity[lane], rig.outputs.second_sliding_velocity[lane]);
+  a.stress = project(out.shear_stress[lane], rig.outputs.second_shear_stress[lane]);
   a.stress_old = project(rig.trial[layout.shear_stress + lane],
                          layout.second_stress == TileLayout::kAbsent ? 0.0 : rig.trial[layout.second_stress + lane]);
   a.T0 = out.interface_temperature[lane];
   a.heat = out.friction_heat[lane];
-  const double minus = project(in.stress_minus[lane], rig.second.stress_minus[lane]) / in.mass_minus[lane];
-  const double plus = project(in.stress_plus[lane], rig.second.stress_plus[lane]) / in.mass_plus[lane];
+  const double minus = project(in.stress_soft[lane], rig.inputs.second_stress_soft[lane]) / in.mass_soft[lane];
+  const double plus = project(in.stress_hard[lane], rig.inputs.second_stress_hard[lane]) / in.mass_hard[lane];
   a.driven = dt * (minus + plus);
   a.driven_size = dt * (std::abs(minus) + std::abs(plus));
-  a.per_stress = dt * (1 / in.mass_minus[lane] + 1 / in.mass_plus[lane]);
-  a.plastic_drive = kSqrt3 * rig.model.options().grid.thickness * in.soft_plastic_rate[lane];
+  a.per_stress = dt * (1 / in.mass_soft[lane] + 1 / in.mass_hard[lane]);
+  a.plastic_drive = kSqrt3 * rig.model.options().grid.thickness * in.soft_plastic_strain_rate[lane];
   if (layout.junction_strain != TileLayout::kAbsent) a.junction_strain = rig.junction_strain(lane);
   if (layout.sticking != TileLayout::kAbsent) a.sticks = rig.committed[layout.sticking + lane] != 0.0;
   a.regime = out.regime[lane];

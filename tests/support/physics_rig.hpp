@@ -14,8 +14,8 @@
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/advance_one.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/model.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::testing {
@@ -68,7 +68,7 @@ class Rig {
     for (double& T : temperature) T = options.initial_temperature;
     start(temperature);
     inputs.active = active;
-    for (int l = 0; l < kLanes; ++l) inputs.mass_minus[l] = inputs.mass_plus[l] = 1.0;
+    for (int l = 0; l < kLanes; ++l) inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
   }
 
   void start(const double (&temperature)[kLanes]) { model.initialise(committed.data(), temperature); }
@@ -83,11 +83,7 @@ class Rig {
   // One accepted step of every active lane.
   void step(double dt) {
     if (!operators || operators->dt() != dt) operators = model.operators(dt);
-    if (model.options().tangential_components == 2) {
-      model.advance(*operators, inputs, second, committed.data(), trial.data(), outputs, second_outputs);
-    } else {
-      model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
-    }
+    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
     std::swap(committed, trial);  // from now on `trial` is the state before
   }
 
@@ -203,17 +199,16 @@ class Rig {
   }
 
   reference::NodeInputs node_inputs(int lane) const {
-    return {inputs.velocity_jump[lane], inputs.pressure[lane],         inputs.soft_shear_rate[lane],
-            inputs.stress_minus[lane],  inputs.stress_plus[lane],      inputs.mass_minus[lane],
-            inputs.mass_plus[lane],     inputs.soft_plastic_rate[lane]};
+    return {inputs.velocity_jump[lane],   inputs.pressure[lane],
+            inputs.soft_shear_rate[lane], inputs.stress_soft[lane],
+            inputs.stress_hard[lane],     inputs.mass_soft[lane],
+            inputs.mass_hard[lane],       inputs.soft_plastic_strain_rate[lane]};
   }
 
   Model model;
   std::shared_ptr<const StepOperators> operators;
   TileInputs inputs;
   TileOutputs outputs{};
-  SecondInputs second;  // where slip has two components
-  SecondOutputs second_outputs{};
   std::vector<double> committed, trial;
 
  private:

@@ -71,7 +71,7 @@ void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figu
     plane ? random_vectors(draw, rig, extreme) : random_inputs(draw, rig, extreme);
     if (closed_loop && step > 0) {
       std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
-      std::copy_n(rig.second_outputs.velocity_jump_new, kLanes, rig.second.velocity_jump);
+      std::copy_n(rig.outputs.second_velocity_jump_new, kLanes, rig.inputs.second_velocity_jump);
     }
     const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
     rig.step(dt);

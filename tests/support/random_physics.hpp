@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -201,14 +201,14 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     }
     in.soft_shear_rate[l] = draw.chance(0.5) ? 0.0 : draw.sign() * draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     if (draw.chance(0.3)) {
-      in.mass_minus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
-      in.mass_plus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_soft[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_hard[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
     }
     if (rig.model.options().plastic_layer) {
-      in.soft_plastic_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
+      in.soft_plastic_strain_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     }
-    in.stress_minus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
-    in.stress_plus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+    in.stress_soft[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+    in.stress_hard[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
   }
 }
 
@@ -222,9 +222,9 @@ inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
     second = length * std::sin(angle);
   };
   for (int l = 0; l < kLanes; ++l) {
-    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
-    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
-    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
+    turn(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]);
+    turn(rig.inputs.stress_soft[l], rig.inputs.second_stress_soft[l]);
+    turn(rig.inputs.stress_hard[l], rig.inputs.second_stress_hard[l]);
   }
 }
 

@@ -83,7 +83,7 @@ inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& probl
   return states;
 }
 
-// The same interface between two plates that nothing else holds: [V]' = -mobility s, mobility = 1/m_minus + 1/m_plus.
+// The same interface between two plates that nothing else holds: [V]' = -mobility s, mobility = 1/m_soft + 1/m_hard.
 // Both integrals by the same product rule.
 inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
                                                        int intervals) {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "server/physics/solver/layer_waves.hpp"
+#include "server/physics/solver/velocity_driven/waves.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {

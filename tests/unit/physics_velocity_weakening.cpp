@@ -60,7 +60,7 @@ TEST(PhysicsVelocityWeakening, WithoutDecayItIsCoulombsLaw) {
 // One node: the friction may hold at rest and slide beside it. Who sticks goes on sticking, who slips slipping.
 struct TwoAnswers {
   TwoAnswers() : rig(options(), 1) {
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 6.8e-3;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 6.8e-3;
     rig.inputs.pressure[0] = 1e9;
   }
   static ModelOptions options() {
@@ -72,7 +72,7 @@ struct TwoAnswers {
   // From a jump, under far stresses that pull at both bodies.
   void step(double jump, double pull, double dt) {
     rig.inputs.velocity_jump[0] = jump;
-    rig.inputs.stress_minus[0] = rig.inputs.stress_plus[0] = pull;
+    rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = pull;
     rig.step(dt);
   }
   Rig rig;
@@ -121,7 +121,7 @@ TEST(PhysicsVelocityWeakening, AnAmbiguousStepIsDividedAndSaysSo) {
 // Where the shortest substep is still ambiguous, a slipping interface slips on and the reply says that it had a choice.
 TEST(PhysicsVelocityWeakening, AnUnresolvedChoiceIsTold) {
   TwoAnswers node;
-  for (double* mass : {node.rig.inputs.mass_minus, node.rig.inputs.mass_plus}) mass[0] = 1e-5;
+  for (double* mass : {node.rig.inputs.mass_soft, node.rig.inputs.mass_hard}) mass[0] = 1e-5;
   node.step(2.0, 100e6, 1e-9);
   EXPECT_EQ(node.rig.outputs.outcome[0], kSubstepped | kMultipleRoots);
   EXPECT_EQ(node.rig.outputs.regime[0], Regime::kCoulomb);

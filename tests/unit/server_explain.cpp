@@ -43,21 +43,6 @@ TEST(Explain, MemoryIsThatOfASession) {
   EXPECT_GT(with.everything.bytes_per_node, with.cost.bytes_per_node);
 }
 
-TEST(Explain, AShadowIsPaidFor) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.heat = wire::Heat::kModes;
-  const Explanation without = explain(scene);
-  scene.layer.shadow_share = 0.3;
-  const Explanation with = explain(scene);
-  EXPECT_EQ(with.cost.bytes_per_node, bytes_of_session(scene));
-  const ScenePart& shadow = part(with, "layer.shadow_share");
-  EXPECT_TRUE(shadow.on);
-  EXPECT_EQ(shadow.bytes_per_node, static_cast<std::int64_t>(with.cost.bytes_per_node) -
-                                       static_cast<std::int64_t>(without.cost.bytes_per_node));
-  EXPECT_GT(shadow.slipping_s, 0.0);
-  EXPECT_TRUE(part(with, "layer.heat = \"profile\"").excluded.empty());
-}
-
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
   EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("needs strategy velocity_driven"));

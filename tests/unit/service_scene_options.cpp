@@ -258,33 +258,6 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
 }
 
-TEST(SceneOptions, AShadowIsRefusedWhereNodesAreSolvedInFull) {
-  constexpr const char* kWhy = "without layer.sleep or layer.heat = \"modes\" all of them are";
-  for (wire::Scene scene : {support::velocity_scene(), support::force_scene()}) {
-    scene.layer.shadow_share = 0.1;
-    EXPECT_EQ(refusal_of(scene).field, "layer.shadow_share");
-    EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
-    scene.layer.sleep = true;
-    EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
-  }
-  wire::Scene scene = support::force_scene();
-  scene.layer.shadow_share = 0.1;
-  scene.layer.heat = wire::Heat::kModes;
-  EXPECT_EQ(scene_model(scene).options.shadow_share, 0.1);
-  EXPECT_EQ(scene_model(scene_model(scene).effective).options.shadow_share, 0.1);
-  // With a tolerance, where that means modes.
-  scene.layer = {.thickness_m = scene.layer.thickness_m, .shadow_share = 0.1};
-  scene.tolerance = 1e-2;
-  const SceneModel made = scene_model(scene);
-  EXPECT_TRUE(made.options.modes.has_value());
-  EXPECT_EQ(made.options.shadow_share, 0.1);
-  scene.interface->plastic_layer = true;
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
-  scene.interface->plastic_layer = false;
-  scene.hard_layer.emplace();
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr(kWhy));
-}
-
 TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
   wire::Scene scene = support::velocity_scene();
   EXPECT_EQ(scene_model(scene).options.tangential_components, 1);

@@ -272,7 +272,6 @@ class RandomScene {
       scene.layer.time_integrator = TimeIntegrator::kSdirk2;
     scene.layer.sleep = flip() && !scene.layer.inertia && scene.layer.heat == Heat::kProfile &&
                         scene.layer.time_integrator == TimeIntegrator::kBackwardEuler;
-    if (scene.layer.sleep || (scene.layer.heat == Heat::kModes && flip())) scene.layer.shadow_share = number(1e-3, 1);
     if (!scene.velocity_driven.taylor_quinney_factor && !scene.layer.inertia && random_() % 4 == 0) {
       scene.tolerance = number(1e-6, 0.1);
       scene.layer = {.thickness_m = scene.layer.thickness_m,
@@ -368,7 +367,6 @@ TEST(SceneFile, WrittenAndReadBackIsTheSameToTheBit) {
     ASSERT_EQ(again.layer.grading, scene.layer.grading);
     ASSERT_EQ(again.layer.inertia, scene.layer.inertia);
     ASSERT_EQ(again.layer.sleep, scene.layer.sleep);
-    ASSERT_EQ(again.layer.shadow_share, scene.layer.shadow_share);
     ASSERT_EQ(again.tolerance, scene.tolerance);
     ASSERT_EQ(again.tangential_components, scene.tangential_components);
     ASSERT_EQ(again.layer.time_integrator, scene.layer.time_integrator);

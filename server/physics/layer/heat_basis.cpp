@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/physics/solver/wide.hpp"
+#include "server/physics/solver/flow/wide.hpp"
 
 namespace shearbus::physics {
 namespace {

@@ -13,7 +13,7 @@
 //   ceiling(m)                               what H cannot pass; infinity: nothing
 //   hardens(m)                               whether H rises at all
 //
-//   Law(m, dt)                               constants of the lane kernels of solver/layer_flow:
+//   Law(m, dt)                               constants of the lane kernels of solver/flow/layer_flow:
 //   log_load(a)                              of a stress magnitude
 //   bracket_at(m, P)                         what g needs of the pressure
 //   log_strength(ep)                         of what has flowed before

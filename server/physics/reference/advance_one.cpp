@@ -166,8 +166,8 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
   const InterfaceLaw law{options, in.pressure};
   const double beta_T = conducted_share(options);
   const Profile old = profile_of(state);
-  const double acceleration = in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus;
-  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
+  const double acceleration = in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard;
+  const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
   const double V = in.velocity_jump;
   const double direction = (V != 0.0 ? V : acceleration) < 0.0 ? -1.0 : 1.0;
   const auto jump = [&](double t, double s) { return direction * (V + t * acceleration) - t * s * mobility; };
@@ -250,8 +250,8 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const double beta_T = conducted_share(options);
 
   // DLP (61).
-  const double jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
-  const double per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+  const double jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+  const double per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
   const double direction = jump_free < 0.0 ? -1.0 : 1.0;
   const auto jump_new = [&](double a) { return jump_free - direction * a * per_stress; };
   const auto slip = [&](double a) { return std::max(0.0, direction * 0.5 * (in.velocity_jump + jump_new(a))); };

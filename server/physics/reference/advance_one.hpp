@@ -27,11 +27,11 @@ struct NodeInputs {
   double velocity_jump = 0.0;
   double pressure = 0.0;
   double soft_shear_rate = 0.0;
-  double stress_minus = 0.0;
-  double stress_plus = 0.0;
-  double mass_minus = 1.0;
-  double mass_plus = 1.0;
-  double soft_plastic_rate = 0.0;
+  double stress_soft = 0.0;
+  double stress_hard = 0.0;
+  double mass_soft = 1.0;
+  double mass_hard = 1.0;
+  double soft_plastic_strain_rate = 0.0;
   bool backward_euler = false;  // whatever the options say: what the fast solver fell back to
 };
 

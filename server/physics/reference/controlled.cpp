@@ -10,8 +10,8 @@ namespace {
 
 // A jump that turns or seems to stop in a substep: by how much it may be off.
 double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
-  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
-  const double acceleration = std::abs(in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
+  const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
+  const double acceleration = std::abs(in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
   if (before == 0.0 || before * after > 0.0) return 0.0;
   if (after == 0.0) return acceleration <= mobility * std::abs(s_before) ? 0.0 : std::abs(before);
   const double after_turning = (std::abs(before) + std::abs(after)) / dt;

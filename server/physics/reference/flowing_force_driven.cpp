@@ -20,11 +20,11 @@ struct FlowingStep {
       : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
     T_ad = conduct(options, dt, {}, profile_of(state));
     B = unit_response(options, dt, {}, T_ad);
-    jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
-    per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+    jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+    per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
     const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
     direction = leads < 0.0 ? -1.0 : 1.0;
-    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_rate : 0.0;
+    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate : 0.0;
     ceiling_strength = strength_ceiling(soft);
     T_melt = at_pressure(soft, in.pressure).melting_temperature;
   }

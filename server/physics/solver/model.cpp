@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/ledger.hpp"
+#include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
 
@@ -81,14 +81,6 @@ HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// The model that a sample of the nodes is solved with beside: nobody sleeps, and the heat has its profile.
-ModelOptions in_full(ModelOptions options) {
-  options.shadow_share = 0.0;
-  options.sleep = false;
-  options.modes.reset();
-  return options;
-}
-
 }  // namespace
 
 Problem::Problem(const ModelOptions& model_options)
@@ -108,22 +100,7 @@ Problem::Problem(const ModelOptions& model_options)
       heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
-  explicit Impl(const ModelOptions& model_options) : Problem(model_options), whole(layout) {
-    if (model_options.shadow_share <= 0.0) return;
-    full.emplace(in_full(model_options));
-    whole.shadowed = layout.doubles;
-    whole.shadow = whole.shadowed + kLanes;
-    whole.doubles = whole.shadow + full->layout().doubles;
-  }
-
-  // Brings the shadow of a tile from `committed` to `trial`, stepping the lanes that are sampled, and says how far
-  // their answers are from `outputs`. `second`: where slip has two components, else null.
-  void step_shadow(const StepOperators& operators, const TileInputs& inputs, const SecondInputs* second,
-                   const double* committed, double* trial, TileOutputs& outputs,
-                   const SecondOutputs* second_outputs) const;
-
-  TileLayout whole;           // with the shadow, of which no solver knows
-  std::optional<Model> full;  // that which solves it
+  using Problem::Problem;
 };
 
 Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
@@ -137,10 +114,7 @@ const Grid& Model::grid() const {
   return impl_->grid;
 }
 const TileLayout& Model::layout() const {
-  return impl_->whole;
-}
-const Model* Model::full() const {
-  return impl_->full ? &*impl_->full : nullptr;
+  return impl_->layout;
 }
 
 std::vector<std::string> Model::warnings() const {
@@ -200,9 +174,8 @@ double Model::interface_temperature(const double* tile, int lane) const {
 }
 
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
-  const TileLayout& layout = impl_->whole;
-  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen, nobody shadowed
-  if (impl_->full) impl_->full->initialise(tile + layout.shadow, temperature);
+  const TileLayout& layout = impl_->layout;
+  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
   if (layout.heat_modes != TileLayout::kAbsent) {
     std::copy_n(temperature, kLanes, tile + layout.heat_modes);
     std::copy_n(temperature, kLanes, tile + layout.temperature);
@@ -234,7 +207,6 @@ std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   };
   std::unique_ptr<StepOperators> operators = make(0);
   if (impl_->options.tolerance) operators->allow_halving(most_times_halved(dt), make);
-  if (impl_->full && impl_->modes) operators->set_full(impl_->full->operators(dt));
   return operators;
 }
 
@@ -266,7 +238,7 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
     awake(problem, operators, inputs, committed, trial, outputs);
   }
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) {
+    if (!contains(inputs.active, lane)) {
       copy_lane(committed, trial, problem.layout.doubles, lane);
     } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
                !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
@@ -283,54 +255,15 @@ void advance_along(const Problem& problem, const StepOperators& operators, const
                                                                   outputs);
 }
 
-void Model::Impl::step_shadow(const StepOperators& operators, const TileInputs& inputs, const SecondInputs* second,
-                              const double* committed, double* trial, TileOutputs& outputs,
-                              const SecondOutputs* second_outputs) const {
-  TileInputs sampled = inputs;
-  sampled.effort = nullptr;
-  sampled.active = 0;
-  for (int l = 0; l < kLanes; ++l) {
-    trial[whole.shadowed + l] = committed[whole.shadowed + l];
-    if (committed[whole.shadowed + l] != 0.0) sampled.active |= inputs.active & (1u << l);
-  }
-  const double* before = committed + whole.shadow;
-  double* after = trial + whole.shadow;
-  if (sampled.active == 0) {
-    std::copy_n(before, full->layout().doubles, after);
-    return;
-  }
-  TileOutputs in_full;
-  SecondOutputs second_in_full;
-  if (second != nullptr) {
-    full->advance(operators.full(), sampled, *second, before, after, in_full, second_in_full);
-  } else {
-    full->advance(operators.full(), sampled, before, after, in_full);
-  }
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(sampled.active >> l & 1u)) continue;
-    const double across =
-        second != nullptr ? second_in_full.shear_stress[l] - second_outputs->shear_stress[l] : 0.0;  // [Pa]
-    outputs.shadow_temperature_error[l] = std::abs(in_full.interface_temperature[l] - outputs.interface_temperature[l]);
-    outputs.shadow_stress_error[l] = std::hypot(in_full.shear_stress[l] - outputs.shear_stress[l], across);
-  }
-}
-
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
-  advance_along(*impl_, operators, inputs, committed, trial, outputs);
-  if (impl_->full) impl_->step_shadow(operators, inputs, nullptr, committed, trial, outputs, nullptr);
+  const auto step = impl_->options.tangential_components == 2 ? advance_two_components : advance_along;
+  step(*impl_, operators, inputs, committed, trial, outputs);
 }
 
-void Model::advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
-                    const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const {
-  advance_two_components(*impl_, operators, inputs, second, committed, trial, outputs, second_outputs);
-  if (impl_->full) impl_->step_shadow(operators, inputs, &second, committed, trial, outputs, &second_outputs);
-}
-
-void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-                 const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second,
-                 const SecondOutputs* second_outputs) const {
-  book_step(*impl_, operators.dt(), inputs, outputs, second, second_outputs, committed, trial, ledger);
+void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                          const double* committed, const double* trial, TileLedger& ledger) const {
+  physics::record_energy(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -50,10 +50,6 @@ struct ModelOptions {
   // Nodes at rest are not solved (MODEL.md section 3b). Without inertia, modes and SDIRK2, at most kMaxBasisVertices
   // that conduct.
   bool sleep = false;
-  // Of the nodes: solved in full beside, without sleep and with a profile in place of modes, and compared. More than 0
-  // keeps two states per node.
-  double shadow_share = 0.0;
-
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
   // the layer flows. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
@@ -75,7 +71,6 @@ class Model {
   const ModelOptions& options() const;
   const Grid& grid() const;
   const TileLayout& layout() const;
-  const Model* full() const;  // that of the shadow, where there is one
 
   // Things a user should know about this combination, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;
@@ -94,15 +89,9 @@ class Model {
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
-  // The same where slip has two components: the scalar step along the direction of the trial stress.
-  void advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
-               const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const;
-
-  // Where the energy of that step went, for those who ask: the active lanes of `ledger`. Changes nothing. `second`,
-  // `second_outputs`: where slip has two components.
-  void book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-            const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second = nullptr,
-            const SecondOutputs* second_outputs = nullptr) const;
+  // Energy ledger of that step (MODEL.md section 7b): writes the active lanes of `ledger`, changes no state.
+  void record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                     const double* committed, const double* trial, TileLedger& ledger) const;
 
  private:
   struct Impl;

@@ -57,7 +57,7 @@ class LaneMaterials {
     if (!soft.varies_with_compression()) return;
     at_.emplace();
     for (int l = 0; l < kLanes; ++l) {
-      const bool active = (inputs.active >> l & 1u) != 0;
+      const bool active = contains(inputs.active, l);
       (*at_)[static_cast<std::size_t>(l)] = at_pressure(soft, active ? inputs.pressure[l] : 0.0);
     }
   }
@@ -92,8 +92,7 @@ void advance_controlled(const Problem& problem, const StepOperators& operators, 
 void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                    const double* committed, double* trial, TileOutputs& outputs);
 void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
-                            SecondOutputs& second_outputs);
+                            const double* committed, double* trial, TileOutputs& outputs);
 
 // How often a step of a model with a tolerance may be halved.
 int most_times_halved(double dt);

@@ -13,7 +13,7 @@
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/layer/modes.hpp"
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 
 namespace shearbus::physics {
@@ -73,10 +73,6 @@ class StepOperators {
   }
   int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
-  // Of the model that a shadow is solved with, where its own are not these.
-  void set_full(std::shared_ptr<const StepOperators> operators) { full_ = std::move(operators); }
-  const StepOperators& full() const { return full_ ? *full_ : *this; }
-
   double dt() const { return dt_; }
   const double* decay() const { return decay_.data(); }  // of the modes in which sleepers' heat is held
   const SpreadHeat& spread() const { return *spread_; }
@@ -117,7 +113,6 @@ class StepOperators {
   mutable std::deque<Shorter<ModeOperator>> shorter_modes_;
   mutable std::deque<Halved> halved_;
   MakeHalved make_halved_;
-  std::shared_ptr<const StepOperators> full_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;

@@ -3,6 +3,7 @@
 // looks at its neighbour: its answer has the same bits whatever the other lanes hold.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
@@ -11,6 +12,39 @@
 namespace shearbus::physics {
 
 inline constexpr int kLanes = 8;
+
+// A set of lanes, ascending in a loop: bit i stands for lane i.
+class LaneSet {
+ public:
+  class Iterator {
+   public:
+    constexpr explicit Iterator(std::uint32_t left) : left_(left) {}
+    constexpr int operator*() const { return std::countr_zero(left_); }
+    constexpr Iterator& operator++() {
+      left_ &= left_ - 1;
+      return *this;
+    }
+    constexpr bool operator==(const Iterator&) const = default;
+
+   private:
+    std::uint32_t left_;
+  };
+  constexpr explicit LaneSet(std::uint32_t lanes) : lanes_(lanes & ((1u << kLanes) - 1)) {}
+  constexpr Iterator begin() const { return Iterator(lanes_); }
+  static constexpr Iterator end() { return Iterator(0); }
+
+ private:
+  std::uint32_t lanes_;
+};
+
+// `for (const int lane : lanes_of(active))`; the loop walks a copy of `active`.
+constexpr LaneSet lanes_of(std::uint32_t active) {
+  return LaneSet(active);
+}
+
+constexpr bool contains(std::uint32_t lanes, int lane) {
+  return (lanes >> lane & 1u) != 0;
+}
 
 enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
 
@@ -44,54 +78,45 @@ struct TileLayout {
   std::size_t junction_strain = kAbsent;   // [kLanes]  ep_a of the junctions                1
   std::size_t resting = kAbsent;           // [2][kLanes]  steps at rest; while asleep modes that live, else 0
   std::size_t weakest = kAbsent;  // [2][kLanes]  while asleep: K of the hottest vertex; Pa, the least hardened strength
-  std::size_t shadowed = kAbsent;  // [kLanes]  1 where the node is solved in full beside, else 0
-  std::size_t shadow = kAbsent;    // where the tile of the model in full begins, which solves it
-  std::size_t doubles = 0;         // of a tile, a multiple of kLanes
+  std::size_t doubles = 0;        // of a tile, a multiple of kLanes
 
   // Where the temperatures of all that conducts begin: the rows of HeatGrid (of a lane asleep those of HeatBasis), or
   // of HeatModes.
   std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }
 };
 
-// What the host says of one step. Lanes that are not active hold anything finite and are left alone.
+// What the host sends for one step of one tile. Lanes that are not active may hold any finite number; they are not read.
+// Members `second_` are second tangential components: read only where a model has two.
 struct TileInputs {
-  const double* stress_before = nullptr;              // [kLanes], in place of the committed shear stress  [Pa]
-  SearchEffort* effort = nullptr;                     // added to where it is given
-  std::uint32_t active = 0;                           // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};      // [V], of n-1/2 when force-driven  [m/s]
-  alignas(64) double pressure[kLanes] = {};           // P, compression positive          [Pa]
-  alignas(64) double soft_shear_rate[kLanes] = {};    // of the soft zone (interface_slip)  [1/s]
-  alignas(64) double stress_minus[kLanes] = {};       // soft side                        [Pa]
-  alignas(64) double stress_plus[kLanes] = {};        // hard side                        [Pa]
-  alignas(64) double mass_minus[kLanes] = {};         // [kg/m2]
-  alignas(64) double mass_plus[kLanes] = {};          // [kg/m2]
-  alignas(64) double soft_plastic_rate[kLanes] = {};  // Ep_dot of the soft zone, not negative (plastic layer)  [1/s]
+  const double* stress_before = nullptr;                     // [kLanes], in place of the committed shear stress  [Pa]
+  SearchEffort* effort = nullptr;                            // added to where it is given
+  std::uint32_t active = 0;                                  // bit i: lane i takes the step
+  alignas(64) double velocity_jump[kLanes] = {};             // [V], of n-1/2 when force-driven  [m/s]
+  alignas(64) double pressure[kLanes] = {};                  // P, compression positive          [Pa]
+  alignas(64) double soft_shear_rate[kLanes] = {};           // of the soft zone (interface_slip)  [1/s]
+  alignas(64) double stress_soft[kLanes] = {};               // soft side                        [Pa]
+  alignas(64) double stress_hard[kLanes] = {};               // hard side                        [Pa]
+  alignas(64) double mass_soft[kLanes] = {};                 // [kg/m2]
+  alignas(64) double mass_hard[kLanes] = {};                 // [kg/m2]
+  alignas(64) double soft_plastic_strain_rate[kLanes] = {};  // Ep_dot, >= 0 (plastic layer)  [1/s]
+  alignas(64) double second_velocity_jump[kLanes] = {};      // [m/s]
+  alignas(64) double second_stress_soft[kLanes] = {};        // [Pa]
+  alignas(64) double second_stress_hard[kLanes] = {};        // [Pa]
 };
 
-// The second tangential components of what has two, where a node's slip has two. TileInputs and TileOutputs hold the
-// first.
-struct SecondInputs {
-  alignas(64) double velocity_jump[kLanes] = {};
-  alignas(64) double stress_minus[kLanes] = {};
-  alignas(64) double stress_plus[kLanes] = {};
-};
-struct SecondOutputs {
-  alignas(64) double shear_stress[kLanes];
-  alignas(64) double sliding_velocity[kLanes];
-  alignas(64) double velocity_jump_new[kLanes];
-};
-
+// Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.
 struct TileOutputs {
-  alignas(64) double shear_stress[kLanes];           // s                                [Pa]
-  alignas(64) double sliding_velocity[kLanes];       // [v]                              [m/s]
-  alignas(64) double interface_temperature[kLanes];  // T0                               [K]
-  alignas(64) double velocity_jump_new[kLanes];      // force-driven: [V] at n+1/2       [m/s]
-  alignas(64) double friction_heat[kLanes];          // entered the conducting bodies in this step   [J/m2]
-  alignas(64) double error_estimate[kLanes];         // of models with a tolerance only: see there   [1]
+  alignas(64) double shear_stress[kLanes];              // s                                [Pa]
+  alignas(64) double sliding_velocity[kLanes];          // [v]                              [m/s]
+  alignas(64) double interface_temperature[kLanes];     // T0                               [K]
+  alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
+  alignas(64) double friction_heat[kLanes];             // entered the conducting bodies in this step   [J/m2]
+  alignas(64) double error_estimate[kLanes];            // of models with a tolerance only: see there   [1]
+  alignas(64) double second_shear_stress[kLanes];       // [Pa]
+  alignas(64) double second_sliding_velocity[kLanes];   // [m/s]
+  alignas(64) double second_velocity_jump_new[kLanes];  // [m/s]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
-  double shadow_temperature_error[kLanes];  // of lanes that are shadowed: T0 apart from the node solved in full  [K]
-  double shadow_stress_error[kLanes];       // likewise s                                                    [Pa]
 };
 
 // Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.

@@ -9,14 +9,14 @@ namespace shearbus::physics {
 
 // What the host says of one lane, per unit of time.
 struct Forcing {
-  double acceleration;         // s_minus/m_minus + s_plus/m_plus, of the jump without friction   [m/s2]
-  double mobility;             // 1/m_minus + 1/m_plus                                            [m2/kg]
+  double acceleration;         // s_soft/m_soft + s_hard/m_hard, of the jump without friction   [m/s2]
+  double mobility;             // 1/m_soft + 1/m_hard                                            [m2/kg]
   double plastic_drive = 0.0;  // sqrt(3) h Ep_dot of the host's soft zone, DLP (64)              [m/s]
 };
 
 inline Forcing forcing_of(const TileInputs& inputs, int lane) {
-  return {inputs.stress_minus[lane] / inputs.mass_minus[lane] + inputs.stress_plus[lane] / inputs.mass_plus[lane],
-          1.0 / inputs.mass_minus[lane] + 1.0 / inputs.mass_plus[lane]};
+  return {inputs.stress_soft[lane] / inputs.mass_soft[lane] + inputs.stress_hard[lane] / inputs.mass_hard[lane],
+          1.0 / inputs.mass_soft[lane] + 1.0 / inputs.mass_hard[lane]};
 }
 
 // The jump without friction and what a stress takes from it, DLP (61): magnitudes along the trial direction.

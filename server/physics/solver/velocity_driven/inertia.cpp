@@ -6,9 +6,9 @@
 #include <limits>
 
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/layer_waves.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/waves.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -102,8 +102,7 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
   const TileLayout& layout = problem.layout;
   conduct(operators.heat(), problem.heat_grid.num_vertices(), committed + layout.first_temperature(),
           trial + layout.first_temperature());
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
+  for (const int l : lanes_of(inputs.active)) {
     const bool open = inputs.pressure[l] <= 0.0;
     if (open) {
       open_lane(problem, inputs, committed, trial, l, outputs);

@@ -1,11 +1,11 @@
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <limits>
 
 #include "server/physics/material/flow_laws.hpp"
-#include "server/physics/solver/wide.hpp"
+#include "server/physics/solver/flow/wide.hpp"
 
 namespace shearbus::physics {
 namespace {

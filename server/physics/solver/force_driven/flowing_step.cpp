@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/physics/solver/flowing_slip.hpp"
-#include "server/physics/solver/interface_step.hpp"
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/force_driven/flowing_slip.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
+#include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
-#include "server/physics/solver/substeps.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -84,7 +84,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   FlowLoad load;
   const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
-    const bool active = (inputs.active >> l & 1u) != 0;
+    const bool active = contains(inputs.active, l);
     const double pressure = active ? inputs.pressure[l] : 0.0;
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
     if (pressure > 0.0) {
@@ -118,8 +118,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
   double flux[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
+  for (const int l : lanes_of(inputs.active)) {
     LaneResult result;
     std::uint8_t outcome = 0;
     if (inputs.pressure[l] <= 0.0) {
@@ -152,9 +151,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 5. The friction heat of this step: T = T_ad + q B.
   add_flux(heat, n, flux, T_all);
-  for (int l = 0; l < kLanes; ++l) {
-    if (inputs.active >> l & 1u) outputs.interface_temperature[l] = T[l];
-  }
+  for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
 }
 
 }  // namespace shearbus::physics

@@ -6,11 +6,11 @@
 #include <limits>
 
 #include "server/physics/interface/stress_limit.hpp"
-#include "server/physics/solver/elastic_trial.hpp"
-#include "server/physics/solver/heated.hpp"
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/heated.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -302,7 +302,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   double s_start[kLanes] = {};
   const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
-    const bool active = (inputs.active >> l & 1u) != 0;
+    const bool active = contains(inputs.active, l);
     const double pressure = active ? inputs.pressure[l] : 0.0;
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
@@ -339,8 +339,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 6. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
   //    is slip of the interface.
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
+  for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];
     double interface_slip = 0.0;  // [m]

@@ -1,4 +1,4 @@
-#include "server/physics/solver/sleep.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,8 +8,8 @@
 
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/elastic_trial.hpp"
-#include "server/physics/solver/interface_step.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
+#include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -101,9 +101,7 @@ class Woken {
   const double* tile(const Problem& problem, std::uint32_t waking, const double* committed) {
     const TileLayout& layout = problem.layout;
     std::copy_n(committed, layout.doubles, states_.data());
-    for (int l = 0; l < kLanes; ++l) {
-      if (waking >> l & 1u) profile_of(problem, committed, l, states_.data() + layout.first_temperature());
-    }
+    for (const int l : lanes_of(waking)) profile_of(problem, committed, l, states_.data() + layout.first_temperature());
     return states_.data();
   }
 
@@ -198,8 +196,8 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   // 1. Who sleeps, and what the interface temperatures of the sleepers will be.
   std::uint32_t sleeping = 0;
   int num_live = 0;
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u) || !asleep(layout, committed, l)) continue;
+  for (const int l : lanes_of(inputs.active)) {
+    if (!asleep(layout, committed, l)) continue;
     sleeping |= 1u << l;
     num_live = std::max(num_live, living(layout, committed, l));
   }
@@ -210,8 +208,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   LaneStep at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(sleeping >> l & 1u)) continue;
+  for (const int l : lanes_of(sleeping)) {
     const auto step = step_at_rest(problem, operators, inputs, committed, soft_at(l), T0[l], l);
     if (!step) continue;
     at_rest[l] = *step;
@@ -228,9 +225,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     } else {
       awake(problem, operators, others, committed, trial, outputs);
     }
-    for (int l = 0; l < kLanes; ++l) {
-      if (solved >> l & 1u) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
-    }
+    for (const int l : lanes_of(solved)) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
   }
   if (resting == 0) return;
 
@@ -240,8 +235,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);
     decay_modes(decay, num_live, basis.num_modes(), rows, rows_new);
   }
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(resting >> l & 1u)) continue;
+  for (const int l : lanes_of(resting)) {
     if (solved != 0) {
       copy_lane(committed, trial, layout.doubles, l);
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];

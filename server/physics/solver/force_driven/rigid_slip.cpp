@@ -1,4 +1,4 @@
-#include "server/physics/solver/rigid_slip.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "server/physics/solver/ledger.hpp"
+#include "server/physics/solver/around/ledger.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/sleep.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -121,7 +121,7 @@ double working_velocity(const Problem& problem, double jump, double jump_new) {
 // The velocity of the host's own shear, along the stress (velocity-driven: with its sign).
 double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
-  if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_rate[lane], stress);
+  if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
   const bool slips =
       problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip;
   return slips ? h * inputs.soft_shear_rate[lane] : 0.0;
@@ -136,9 +136,8 @@ double cold_share(const ModelOptions& options) {
 
 }  // namespace
 
-void book_step(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
-               const SecondInputs* second, const SecondOutputs* second_outputs, const double* committed,
-               const double* trial, TileLedger& ledger) {
+void record_energy(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
+                   const double* committed, const double* trial, TileLedger& ledger) {
   const TileLayout& layout = problem.layout;
   const ModelOptions& options = problem.options;
   const double spring = options.strategy == Strategy::kVelocityDriven
@@ -149,19 +148,18 @@ void book_step(const Problem& problem, double dt, const TileInputs& inputs, cons
       layout.plastic_strain == TileLayout::kAbsent
           ? Lanes{}
           : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) continue;
+  for (const int lane : lanes_of(inputs.active)) {
     const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];
     double size = s;  // of the stress, with its sign where there is one component
     double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
     double elastic = spring * (s - s_old) * (s + s_old);
-    if (second != nullptr) {
+    if (options.tangential_components == 2) {
       const double t_old = committed[layout.second_stress + lane];
       const double t = trial[layout.second_stress + lane];
       size = std::hypot(s, t);
-      power += t * working_velocity(problem, second->velocity_jump[lane], second_outputs->velocity_jump_new[lane]);
+      power += t * working_velocity(problem, inputs.second_velocity_jump[lane], outputs.second_velocity_jump_new[lane]);
       elastic += spring * (t - t_old) * (t + t_old);
     }
     const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;

@@ -6,8 +6,8 @@
 #include <cstddef>
 
 #include "server/physics/layer/conduction.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/rigid_slip.hpp"
 
 namespace shearbus::physics {
 

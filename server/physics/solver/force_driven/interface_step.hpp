@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/rigid_slip.hpp"
 
 namespace shearbus::physics {
 
@@ -15,7 +15,7 @@ namespace shearbus::physics {
 inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
   Forcing forcing = forcing_of(inputs, lane);
   if (problem.options.plastic_layer)
-    forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_rate[lane];
+    forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_strain_rate[lane];
   return forcing;
 }
 

@@ -1,4 +1,4 @@
-#include "server/physics/solver/heated.hpp"
+#include "server/physics/solver/flow/heated.hpp"
 
 namespace shearbus::physics {
 

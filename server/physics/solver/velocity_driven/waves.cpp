@@ -1,4 +1,4 @@
-#include "server/physics/solver/layer_waves.hpp"
+#include "server/physics/solver/velocity_driven/waves.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/wide.hpp"
+#include "server/physics/solver/flow/wide.hpp"
 
 namespace shearbus::physics {
 namespace {

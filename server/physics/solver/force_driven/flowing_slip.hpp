@@ -3,9 +3,9 @@
 // a time, so that the lanes of a tile, whose layers are summed together, search together.
 #pragma once
 
-#include "server/physics/solver/heated.hpp"
-#include "server/physics/solver/rigid_slip.hpp"
-#include "server/physics/solver/root_search.hpp"
+#include "server/physics/solver/flow/heated.hpp"
+#include "server/physics/solver/flow/root_search.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
 
 namespace shearbus::physics {
 

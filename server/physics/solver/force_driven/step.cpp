@@ -2,10 +2,10 @@
 // stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
 #include <cstddef>
 
-#include "server/physics/solver/interface_step.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
+#include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
-#include "server/physics/solver/substeps.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -26,8 +26,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   // 2. Stress and slip, lane by lane: DLP (61), (65).
   double flux[kLanes] = {};
   const LaneMaterials soft_at(problem.options.soft, inputs);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) continue;
+  for (const int lane : lanes_of(inputs.active)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const double junction_strain_old = interface_step.junction_strain;
     const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
@@ -58,9 +57,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 
   // 4. The friction heat of this step: T = T_ad + q B.
   add_flux(heat_of(0), n, flux, T);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (inputs.active >> lane & 1u) outputs.interface_temperature[lane] = T0[lane];
-  }
+  for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
 }
 
 }  // namespace

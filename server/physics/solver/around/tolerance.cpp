@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "server/physics/layer/modes.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/rigid_slip.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
@@ -96,10 +96,6 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
   return std::abs(before) / (1.0 + rise / turned);
 }
 
-bool is_in(std::uint32_t lanes, int lane) {
-  return (lanes >> lane & 1u) != 0;
-}
-
 // Each lane goes through its step in substeps of its own: one is accepted if two halves of it answer the same but for
 // its share of the tolerance, else its first half is tried; where they differ by little the next is twice as long.
 // Lanes whose next substeps are as long are solved together, those of the shortest first, so that they meet again. What
@@ -126,17 +122,13 @@ class ControlledStep {
     begin();
     while (open_ != 0) {
       int level = 0;
-      for (int l = 0; l < kLanes; ++l) {
-        if (is_in(open_, l)) level = std::max(level, lanes_[l].level);
-      }
+      for (const int l : lanes_of(open_)) level = std::max(level, lanes_[l].level);
       std::uint32_t together = 0;
-      for (int l = 0; l < kLanes; ++l) {
-        if (is_in(open_, l) && lanes_[l].level == level) together |= 1u << l;
+      for (const int l : lanes_of(open_)) {
+        if (lanes_[l].level == level) together |= 1u << l;
       }
       solve(level, together);
-      for (int l = 0; l < kLanes; ++l) {
-        if (is_in(together, l)) judge(l);
-      }
+      for (const int l : lanes_of(together)) judge(l);
     }
   }
 
@@ -147,8 +139,7 @@ class ControlledStep {
     advance_once(problem_, operators_, inputs_, committed_, trial_, outputs_);
     now_.stress_before = nullptr;  // from here on the state's own
     std::copy_n(committed_, problem_.layout.doubles, tiles_.now.data());
-    for (int l = 0; l < kLanes; ++l) {
-      if (!is_in(open_, l)) continue;
+    for (const int l : lanes_of(open_)) {
       lanes_[l].coarse = answer_of(outputs_, l);
       lanes_[l].left = kStepShare * *problem_.options.tolerance;
       if (inputs_.stress_before) tiles_.now[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
@@ -158,15 +149,13 @@ class ControlledStep {
   // The next substep of some lanes in one piece, where that is not known yet, and in two.
   void solve(int level, std::uint32_t together) {
     now_.active = 0;
-    for (int l = 0; l < kLanes; ++l) {
-      if (is_in(together, l) && !lanes_[l].coarse_known) now_.active |= 1u << l;
+    for (const int l : lanes_of(together)) {
+      if (!lanes_[l].coarse_known) now_.active |= 1u << l;
     }
     if (now_.active != 0) {
       TileOutputs piece{};
       advance_once(problem_, operators_.halved(level), now_, tiles_.now.data(), tiles_.half.data(), piece);
-      for (int l = 0; l < kLanes; ++l) {
-        if (is_in(now_.active, l)) lanes_[l].coarse = answer_of(piece, l);
-      }
+      for (const int l : lanes_of(now_.active)) lanes_[l].coarse = answer_of(piece, l);
     }
     const StepOperators& halves = operators_.halved(level + 1);
     now_.active = together;

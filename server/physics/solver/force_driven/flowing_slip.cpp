@@ -1,4 +1,4 @@
-#include "server/physics/solver/flowing_slip.hpp"
+#include "server/physics/solver/force_driven/flowing_slip.hpp"
 
 #include <algorithm>
 #include <cmath>

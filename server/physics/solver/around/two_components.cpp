@@ -33,14 +33,13 @@ double length(const Vector& a) {
 
 // What the host says of one lane.
 struct LaneVectors {
-  Vector jump, stress_minus, stress_plus, stress_old;
+  Vector jump, stress_soft, stress_hard, stress_old;
 };
 
-LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const SecondInputs& second,
-                       const double* committed, int l) {
-  return {{inputs.velocity_jump[l], second.velocity_jump[l]},
-          {inputs.stress_minus[l], second.stress_minus[l]},
-          {inputs.stress_plus[l], second.stress_plus[l]},
+LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const double* committed, int l) {
+  return {{inputs.velocity_jump[l], inputs.second_velocity_jump[l]},
+          {inputs.stress_soft[l], inputs.second_stress_soft[l]},
+          {inputs.stress_hard[l], inputs.second_stress_hard[l]},
           {committed[layout.shear_stress + l], committed[layout.second_stress + l]}};
 }
 
@@ -48,7 +47,7 @@ LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const
 Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
   if (options.strategy == Strategy::kForceDriven) {
     return lane.jump +
-           dt * ((1.0 / inputs.mass_minus[l]) * lane.stress_minus + (1.0 / inputs.mass_plus[l]) * lane.stress_plus);
+           dt * ((1.0 / inputs.mass_soft[l]) * lane.stress_soft + (1.0 / inputs.mass_hard[l]) * lane.stress_hard);
   }
   return lane.stress_old + (options.soft.shear_modulus * dt / options.grid.thickness) * lane.jump;
 }
@@ -70,8 +69,7 @@ Vector direction_of(const Vector& trial, const Vector& otherwise) {
 }  // namespace
 
 void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
-                            SecondOutputs& second_outputs) {
+                            const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const ModelOptions& options = problem.options;
   const bool forced = options.strategy == Strategy::kForceDriven;
@@ -80,24 +78,22 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
   TileInputs along = inputs;
   Vector direction[kLanes];
   double stress_old[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
-    const LaneVectors lane = vectors_of(layout, inputs, second, committed, l);
+  for (const int l : lanes_of(inputs.active)) {
+    const LaneVectors lane = vectors_of(layout, inputs, committed, l);
     const Vector e =
         direction_of(trial_of(options, lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
     direction[l] = e;
     stress_old[l] = dot(lane.stress_old, e);
     along.velocity_jump[l] = dot(lane.jump, e);
-    along.stress_minus[l] = dot(lane.stress_minus, e);
-    along.stress_plus[l] = dot(lane.stress_plus, e);
+    along.stress_soft[l] = dot(lane.stress_soft, e);
+    along.stress_hard[l] = dot(lane.stress_hard, e);
   }
   along.stress_before = stress_old;
   advance_along(problem, operators, along, committed, trial, outputs);
 
   // 2. Its answer as vectors.
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(inputs.active >> l & 1u)) continue;
-    const LaneVectors lane = vectors_of(layout, inputs, second, committed, l);
+  for (const int l : lanes_of(inputs.active)) {
+    const LaneVectors lane = vectors_of(layout, inputs, committed, l);
     const Vector& e = direction[l];
     Vector stress = outputs.shear_stress[l] * e;
     Vector slip = outputs.sliding_velocity[l] * e;
@@ -113,11 +109,11 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
       if (!(apart <= kOutsideDomainShare * length(lane.jump))) outputs.outcome[l] |= kOutsideDomain;
     }
     trial[layout.shear_stress + l] = outputs.shear_stress[l] = stress.first;
-    trial[layout.second_stress + l] = second_outputs.shear_stress[l] = stress.second;
+    trial[layout.second_stress + l] = outputs.second_shear_stress[l] = stress.second;
     outputs.sliding_velocity[l] = slip.first;
-    second_outputs.sliding_velocity[l] = slip.second;
+    outputs.second_sliding_velocity[l] = slip.second;
     outputs.velocity_jump_new[l] = jump_new.first;
-    second_outputs.velocity_jump_new[l] = jump_new.second;
+    outputs.second_velocity_jump_new[l] = jump_new.second;
   }
 }
 
