@@ -1,9 +1,10 @@
-// server/physics/MODEL.md, "What always holds", as laws of one step that throw what they find broken. The property
-// tests, the stability campaign and the controls that must break them are judged by the same ones.
+// server/physics/MODEL.md, "What always holds", as checks of one step that throw Broken. The property tests, the
+// stability campaign and its wrong solvers are judged by the same checks; tests/support/invariants has a file for each.
 #pragma once
 
-#include <fmt/format.h>
+#include <cstddef>
 
+<<<<<<< HEAD
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -269,144 +270,43 @@ inline constexpr double kSleeperGrain = 1e-9;  // modes there and back leave so 
 
 // 1, 3, 5: temperatures in their range and falling from the interface where nothing else takes heat from it, heat and
 // work balanced, no energy from friction.
+=======
+#include "tests/support/invariants/answered.hpp"
+#include "tests/support/invariants/broken.hpp"
+#include "tests/support/invariants/dissipation.hpp"
+#include "tests/support/invariants/figures.hpp"
+#include "tests/support/invariants/finite.hpp"
+#include "tests/support/invariants/flow_stress.hpp"
+#include "tests/support/invariants/flowing_slip.hpp"
+#include "tests/support/invariants/heat_balance.hpp"
+#include "tests/support/invariants/heat_of_work.hpp"
+#include "tests/support/invariants/interface_law.hpp"
+#include "tests/support/invariants/layer_slip.hpp"
+#include "tests/support/invariants/temperatures.hpp"
+
+namespace shearbus::testing {
+
+// 1, 3, 5: a finite answer, temperatures in their range, dissipation, balances of heat and work.
+>>>>>>> programs
 inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
-  const TileLayout& layout = rig.model.layout();
+  const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;
   require_numbers(a);
-  const bool has_profile = layout.heat_modes == TileLayout::kAbsent;
-  const double T_melt = at_pressure(options.soft, a.pressure).melting_temperature;
-  const std::vector<double> before = rig.temperatures(rig.trial, lane), after = rig.temperatures(rig.committed, lane);
-  const std::size_t interface = layout.num_hard_vertices;
-  const double grain = rig.slept(lane) ? kSleeperGrain : 0.0;
-  require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
-          after[interface]);
-  double coldest = *std::min_element(before.begin(), before.end());
-  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // where it started
-  const double hottest = *std::max_element(before.begin(), before.end());
-  const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
-  for (std::size_t i = 0; i < after.size(); ++i) {
-    const double T = after[i];
-    const int vertex = static_cast<int>(i) - static_cast<int>(interface);
-    require(T >= coldest - grain, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", vertex, T, coldest);
-    if (i < interface) {  // the hard body melts elsewhere; but nowhere is hotter than it was somewhere, or than z = 0
-      // Substeps were hotter in between; second order extrapolates, and overshoots by a few percent.
-      const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
-      const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
-      require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,
-              "vertex {} heats to {:.17g} K above all there was", vertex, T);
-    } else {
-      require_solid(T, T_melt, hottest + grain, figures);
-    }
-    require(i <= interface || !falls_inwards || T <= after[i - 1] * (1 + 1e-15) + grain,
-            "T rises with z at vertex {}: {:.17g} K", vertex, T);
-  }
-  // With inertia the slip is that of the whole layer, whose stresses may have both signs.
+  require_temperatures(rig, a, lane, figures);
+  // With inertia [v] is the slip of the whole layer, whose stresses may have both signs.
   if (options.inertia) {
     require(a.heat >= 0.0, "heat {} < 0", a.heat);
   } else {
     require_dissipation(a);
   }
-  // Without a profile only an insulated slab knows what it has: its mode of rate 0 keeps it all.
+  // Without a profile the stored heat is known for an insulated slab only: its mode of rate 0 keeps all heat.
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {
     require_heat_balance(rig.stored_heat_of(rig.trial, 0.0, lane), rig.stored_heat(0.0, lane), a.heat, figures);
   }
   require_heat_of_work(options, rig.conducted_share(), a);
 }
 
-inline std::vector<double> strain_before(const Rig& rig, int lane) {
-  std::vector<double> ep(static_cast<std::size_t>(rig.model.grid().num_vertices()));
-  for (std::size_t i = 0; i < ep.size(); ++i) ep[i] = rig.ep_of(rig.trial, static_cast<int>(i), lane);
-  return ep;
-}
-
-// 2, 5: the layer never carries more than its flow stress, and exactly that where it flowed; strain never falls. Its
-// temperatures are known to `grain` [K] beside their last digits.
-inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
-  const ModelOptions& options = rig.model.options();
-  const TileLayout& layout = rig.model.layout();
-  const Material soft = at_pressure(options.soft, a.pressure);
-  const std::vector<double> profile = rig.layer_temperatures(lane);
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
-    const double carried =
-        options.inertia ? std::abs(rig.committed[place(layout.shear_stress, i, lane)]) : std::abs(a.stress);
-    const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
-    require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
-    if (a.pressure <= 0.0) continue;
-    // The rate of the step, or at most that of its last part, as well as a difference of strains tells it; slower than
-    // Johnson and Cook's r0 the stress tells strains by their hardening alone, to its last digits.
-    const double dep = a.parts() * (ep - ep_old);
-    const double slope = is_johnson_cook(soft) && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt) : 0.0;
-    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * hardened_strength(soft, ep) / slope : 0.0);
-    const double T = profile[static_cast<std::size_t>(i)];
-    const auto limit = [&](double temperature, double increment) {
-      return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
-    };
-    const double most = limit(T * (1 - kDigits) - grain, dep + noise);
-    require(carried <= most * (1 + 1e-10), "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i,
-            carried, most, T, ep);
-    if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
-    // Strain resolves to an ulp of itself; a smaller step of it moved the limit by less than it can show.
-    const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
-    if (a.in_parts()) continue;  // it may have flowed in another part than the last
-    if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
-    const double least = limit(T * (1 + kDigits) + grain, dep - noise);
-    require(carried >= least * (1 - 1e-10),
-            "vertex {} flows under {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {} from {}", i, carried, least, T,
-            ep, ep_old);
-  }
-}
-
-// sqrt(3) integral(dep) = w dt - h ds/G0 where the layer carries all the slip.
-inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
-  const ModelOptions& options = rig.model.options();
-  if (options.drive != Drive::kLayerShear || a.pressure <= 0.0 || a.regime == Regime::kCoulomb) return;
-  if (a.in_parts() && a.stress_old * a.stress < 0.0) return;  // it may have flowed both ways
-  const double h = options.grid.thickness;
-  const double wanted = std::abs(a.jump_old) * a.dt + h * std::abs(a.stress_old) / options.soft.shear_modulus;
-  const double elastic = h * (a.stress - a.stress_old) / options.soft.shear_modulus;
-  const double direction = a.stress != 0.0 ? std::copysign(1.0, a.stress) : std::copysign(1.0, a.slip);
-  const double plastic = direction * (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane));
-  // Strains are told to their last digits; flow as closely as stress and temperatures are, which in parts of a step may
-  // be larger, and nearer to melting, than at its end.
-  const double share = a.in_parts() ? 1e-3 : 1e-9;
-  const double stress = a.in_parts() ? std::max(std::abs(a.stress), std::abs(a.stress_old)) : a.stress;
-  const double resolution = 1e-15 * rig.plastic_slip(lane) +
-                            kSqrt3 * flow_grain(rig, strain_before(rig, lane), stress, lane, a.dt) +
-                            kProductOfDenormals;
-  require_near(plastic + elastic, a.jump_old * a.dt, share * wanted + resolution,
-               "slip of the layer against the jump's");
-  require_near(a.slip * a.dt, plastic, share * wanted + resolution, "[v] against the slip of the layer");
-}
-
-// A flowing layer: DLP (64) at the middle of the step where the interface slips, at its end where it sticks.
-inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Figures& figures) {
-  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // no stress: no direction
-  const double d = std::copysign(1.0, a.stress);
-  const double jump_old = d * a.jump_old, jump_new = d * a.jump_new;
-  const double flow = (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane)) / a.dt;
-  const double size = std::abs(jump_old) + std::abs(jump_new) + a.plastic_drive + flow + a.driven_size;
-  const ModelOptions& options = rig.model.options();
-  ++figures.flowing;
-  if (!is_resolved(options, a, size)) return;
-  ++figures.flowing_resolved;
-  const double grain = heat_grain(options, a, size) + (rig.slept(lane) ? kSleeperGrain : 0.0);
-  require_complementary_flow(rig, a, lane, grain, figures);
-  double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
-                     kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
-  if (a.sticks) {
-    require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
-    require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");
-  } else {
-    // The heat of the slip makes T0, T0 the stress, the stress the slip: in (61), and by the heat again.
-    const Limits limit = interface_limits(options, a, size);
-    tolerance += (limit.upper - limit.lower) * (a.per_stress + std::abs(a.slip / a.stress));
-    require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old + jump_new) + a.plastic_drive - flow), tolerance, "(64)");
-    require(jump_new + a.plastic_drive - flow >= -tolerance, "friction pulls past rest: {} m/s",
-            jump_new + a.plastic_drive - flow);
-  }
-}
-
-// All of them on one lane of the step that the rig has just taken.
+// Holds one lane of the rig's last step to all invariants.
 inline void require_invariants(const Rig& rig, int lane, double dt, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const Answered a = answered(rig, lane, dt);
