@@ -293,13 +293,8 @@ double message_ns(const StudyCase& study_case, const Setting& setting) {
   std::ranges::fill(request.f64(Field::kVelocityJump), study_case.velocity_jump);
   std::ranges::fill(request.f64(Field::kPressure), study_case.pressure);
   if (forced) {
-<<<<<<< HEAD
-    std::ranges::fill(request.f64(Field::kMassSoft), problem.mass);
-    std::ranges::fill(request.f64(Field::kMassHard), problem.mass);
-=======
-    std::ranges::fill(request.f64(Field::kMassMinus), study_case.mass);
-    std::ranges::fill(request.f64(Field::kMassPlus), study_case.mass);
->>>>>>> programs
+    std::ranges::fill(request.f64(Field::kMassSoft), study_case.mass);
+    std::ranges::fill(request.f64(Field::kMassHard), study_case.mass);
   }
   std::vector<double> spent;
   for (int i = 0; i < kRounds; ++i) {
