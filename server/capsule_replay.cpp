@@ -41,7 +41,7 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
   return part;
 }
 
-// One row of the columns of a step; what the capsule does not have was 0.
+// One row of the columns of a step. A column that is missing in the capsule was 0.
 wire::Batch row_of(const store::Capsule& capsule, const wire::Scene& scene) {
   const wire::StrategyColumns& columns = wire::columns_of(scene.strategy);
   std::vector<wire::Field> fields(columns.required.begin(), columns.required.end());

@@ -199,8 +199,8 @@ Tried tried(const wire::Scene& scene) {
   }
 }
 
-// The scene with every part that goes together with those before it, in the order of kSwitches, and their names. Without
-// sleep, which adds no physics.
+// The scene with every part that goes together with those before it, in the order of kSwitches, and their names.
+// Without sleep, which adds no physics.
 struct FullScene {
   wire::Scene scene;
   std::vector<std::string> parts;
