@@ -114,9 +114,9 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
   write_text(out / "summary.json", summary.json());
   fmt::print("{}", summary.text());
   law.close();
-  const Spared spared = law.spared();
-  for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
-  summary.spared(spared.json);
+  const OmittedCost omitted = law.omitted_cost();
+  for (const auto& [label, value] : omitted.lines) fmt::print("  {:<24}{}\n", label, value);
+  summary.omitted(omitted);
   write_text(out / "summary.json", summary.json());
 }
 

@@ -202,9 +202,8 @@ class Run {
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();
-    const Spared spared = law_.spared();
-    for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
-    summary.spared = spared.json;
+    summary.omitted = law_.omitted_cost();
+    for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
     write_text(options_.out / "summary.json", summary.json());
     dumps_.remove();
   }

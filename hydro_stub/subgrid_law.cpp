@@ -166,10 +166,10 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
     copy(in.soft_plastic_strain_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
-  copy(in.stress_soft, request.f64(Field::kStressMinus));
-  copy(in.stress_hard, request.f64(Field::kStressPlus));
-  copy(in.mass_soft, request.f64(Field::kMassMinus));
-  copy(in.mass_hard, request.f64(Field::kMassPlus));
+  copy(in.stress_soft, request.f64(Field::kStressSoft));
+  copy(in.stress_hard, request.f64(Field::kStressHard));
+  copy(in.mass_soft, request.f64(Field::kMassSoft));
+  copy(in.mass_hard, request.f64(Field::kMassHard));
   impl_->session.start_trial(
       request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
   impl_->asked = &in;
@@ -244,9 +244,13 @@ void SubgridLaw::close() {
   impl_->kept = false;
 }
 
-Spared SubgridLaw::spared() const {
-  auto [lines, json] = server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
-  return {std::move(lines), std::move(json)};
+OmittedCost SubgridLaw::omitted_cost() const {
+  const server::OmittedCost omitted = server::omitted_cost(impl_->session.effective_scene(), impl_->totals);
+  return {.lines = omitted.lines(),
+          .parts = omitted.parts,
+          .bytes_per_node = omitted.bytes_per_node,
+          .bytes_per_node_with_everything = omitted.bytes_per_node_with_everything,
+          .share_asleep = omitted.share_asleep};
 }
 
 }  // namespace shearbus::hydro

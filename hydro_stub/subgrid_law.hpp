@@ -43,7 +43,7 @@ class SubgridLaw : public InterfaceLaw {
   std::string keep(const std::string& name) override;
   std::string cannot_keep() const override;
   void close() override;  // throws where that fails
-  Spared spared() const override;
+  OmittedCost omitted_cost() const override;
 
   const std::string& server() const;                 // where it runs, for people
   const std::vector<std::string>& warnings() const;  // what the server has to say of the scene

@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "proto/wire/columns.hpp"
 #include "proto/wire/scene_file.hpp"
-#include "proto/wire/strategy_columns.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
@@ -41,9 +41,9 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
   return part;
 }
 
-// One row of the columns of a step; what the capsule does not have was 0.
+// One row of the columns of a step. A column that is missing in the capsule was 0.
 wire::Batch row_of(const store::Capsule& capsule, const wire::Scene& scene) {
-  const wire::StrategyColumns columns = wire::columns_of(scene.strategy);
+  const wire::StrategyColumns& columns = wire::columns_of(scene.strategy);
   std::vector<wire::Field> fields(columns.required.begin(), columns.required.end());
   fields.insert(fields.end(), columns.optional.begin(), columns.optional.end());
   wire::Batch row = wire::Batch::of(fields, 1, scene.tangential_components);
@@ -94,7 +94,7 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   const wire::Batch row = row_of(capsule, made.effective);
   const auto reply = wire::columns_of(made.effective.strategy).reply;
   std::vector<wire::Field> wanted(reply.begin(), reply.end());
-  for (const wire::Field field : wire::kColumnsOnRequest)
+  for (const wire::Field field : wire::columns_of(made.effective.strategy).on_request)
     if (std::ranges::find(capsule.answer, wire::name(field), &store::CapsuleValue::name) != capsule.answer.end())
       wanted.push_back(field);
   wire::Batch answer = wire::Batch::of(wanted, 1, made.effective.tangential_components);

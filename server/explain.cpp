@@ -14,8 +14,7 @@
 #include <utility>
 
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
-#include "proto/wire/text.hpp"
+#include "proto/wire/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 
@@ -200,13 +199,33 @@ Tried tried(const wire::Scene& scene) {
   }
 }
 
+// The scene with every part that goes together with those before it, in the order of kSwitches, and their names.
+// Without sleep, which adds no physics.
+struct FullScene {
+  wire::Scene scene;
+  std::vector<std::string> parts;
+};
+FullScene with_everything(const wire::Scene& scene) {
+  FullScene full{.scene = scene, .parts = {}};
+  full.scene.layer.sleep = false;
+  for (const Switch& part : kSwitches) {
+    if (part.name == std::string_view("layer.sleep")) continue;
+    wire::Scene more = full.scene;
+    part.set(more, true);
+    if (!part.is_on(more) || !tried(more).options) continue;
+    full.scene = std::move(more);
+    full.parts.emplace_back(part.name);
+  }
+  return full;
+}
+
 std::string microseconds(double seconds) {
   return fmt::format("{:.2f} µs", 1e6 * seconds);
 }
 
 }  // namespace
 
-Explanation explain(const wire::Scene& scene, bool each_part) {
+Explanation explain(const wire::Scene& scene) {
   const service::SceneModel made = service::scene_model(scene);
   Explanation told{
       .scene = scene.name, .cost = cost_of(scene, made.options, false), .parts = {}, .everything = {}, .together = {}};
@@ -216,10 +235,6 @@ Explanation explain(const wire::Scene& scene, bool each_part) {
     ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
     wire::Scene other = scene;
     part.set(other, !found.on);
-    if (!each_part) {
-      told.parts.push_back(std::move(found));
-      continue;
-    }
     if (const Tried model = tried(other); !model.options) {
       found.excluded = model.refused;
     } else {
@@ -234,19 +249,11 @@ Explanation explain(const wire::Scene& scene, bool each_part) {
   told.parts.push_back({.name = kLedger,
                         .meaning = "where the energy of each node's step went, for requests that name its columns",
                         .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = each_part ? Bench(made.options).slipping(true) - told.cost.slipping_s : 0.0});
+                        .slipping_s = Bench(made.options).slipping(true) - told.cost.slipping_s});
 
-  // 2. Everything that goes together, taken on one by one; sleep only leaves out.
-  wire::Scene all = scene;
-  all.layer.sleep = false;
-  for (const Switch& part : kSwitches) {
-    if (part.name == std::string_view("layer.sleep")) continue;
-    wire::Scene more = all;
-    part.set(more, true);
-    if (!part.is_on(more) || !tried(more).options) continue;
-    all = std::move(more);
-    told.together.emplace_back(part.name);
-  }
+  // 2. Everything that goes together.
+  auto [all, names] = with_everything(scene);
+  told.together = std::move(names);
   told.together.emplace_back(kLedger);
   told.everything = cost_of(all, *tried(all).options, true);
   return told;
@@ -283,37 +290,28 @@ std::string Explanation::text(std::size_t nodes) const {
   return out + fmt::format("  everything on       {}\n", fmt::join(together, ", "));
 }
 
-std::vector<std::string> Explanation::left_out() const {
-  std::vector<std::string> names;
-  for (const ScenePart& part : parts)
-    if (!part.on && std::ranges::find(together, part.name) != together.end() && part.name != kLedger)
-      names.push_back(part.name);
-  return names;
+std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
+  std::vector<std::pair<std::string, std::string>> lines = {
+      {"left out",
+       fmt::format("{}; {} of {} B per node", parts.empty() ? "nothing" : fmt::format("{}", fmt::join(parts, ", ")),
+                   bytes_per_node, bytes_per_node_with_everything)}};
+  if (share_asleep)
+    lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * *share_asleep));
+  return lines;
 }
 
-Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here) {
-  const Explanation told = explain(effective, false);
-  const std::vector<std::string> names = told.left_out();
-  Spared out;
-  out.lines.emplace_back(
-      "left out",
-      fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step{}",
-                  names.empty() ? "nothing" : fmt::format("{}", fmt::join(names, ", ")), told.cost.bytes_per_node,
-                  told.everything.bytes_per_node, microseconds(told.cost.slipping_s),
-                  microseconds(told.everything.slipping_s), here ? "" : " on this machine"));
-  std::vector<std::string> quoted(names.size());
-  std::ranges::transform(names, quoted.begin(), wire::json_string);
-  out.json = fmt::format(R"({{"left_out": [{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
-                         R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
-                         fmt::join(quoted, ", "), told.cost.bytes_per_node, told.everything.bytes_per_node,
-                         told.cost.slipping_s, told.everything.slipping_s);
-  if (effective.layer.sleep && totals.node_steps > 0) {
-    const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
-    out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * share));
-    out.json += fmt::format(R"(, "share_asleep": {:.17g})", share);
-  }
-  out.json += "}";
-  return out;
+OmittedCost omitted_cost(const wire::Scene& effective, const wire::SessionClosed& totals) {
+  const FullScene full = with_everything(effective);
+  OmittedCost omitted{.parts = {},
+                      .bytes_per_node = bytes_per_node(effective, service::scene_model(effective).options, false),
+                      .bytes_per_node_with_everything = bytes_per_node(full.scene, *tried(full.scene).options, true),
+                      .share_asleep = {}};
+  for (const Switch& part : kSwitches)
+    if (!part.is_on(effective) && std::ranges::find(full.parts, part.name) != full.parts.end())
+      omitted.parts.emplace_back(part.name);
+  if (effective.layer.sleep && totals.node_steps > 0)
+    omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
+  return omitted;
 }
 
 }  // namespace shearbus::server

@@ -16,46 +16,53 @@ HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, boo
         {.code = Code::kInvalidValue,
          .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven", scene.name),
          .remedy = "Leave --closed-loop out: the history imposes the jump."});
-  need(Field::kPressure, "pressure");
-  if (force_driven_) {
-    need(Field::kStressMinus, "stress_minus");
-    need(Field::kStressPlus, "stress_plus");
-    for (const Column& mass : {Column{Field::kMassMinus, "mass_minus"}, Column{Field::kMassPlus, "mass_plus"}})
-      history_.has(mass.dataset) ? fixed_.push_back(mass) : missing_.push_back(fmt::format("/{} [N]", mass.dataset));
-    choose_jump(closed_loop);
-    take(Field::kSoftPlasticStrainRate, "soft_plastic_strain_rate", scene.interface && scene.interface->plastic_layer,
-         "without interface.plastic_layer there is no plastic strain to set against it");
-  } else {
-    need(Field::kVelocityJump, "velocity_jump");
-    jump_origin_ = "imposed by /velocity_jump";
-    take(Field::kSoftShearRate, "soft_shear_rate", scene.velocity_driven.drive == wire::Drive::kInterfaceSlip,
-         "drive layer_shear takes the jump instead");
+  const wire::StrategyColumns& columns = wire::columns_of(scene.strategy);
+  for (const Field field : columns.required) {
+    if (field == Field::kVelocityJump && force_driven_)
+      choose_jump(closed_loop);
+    else if (field == Field::kMassSoft || field == Field::kMassHard)
+      require_constant(field);
+    else
+      require_rows(field);
   }
+  if (!force_driven_) jump_origin_ = "imposed by /velocity_jump";
+  for (const Field field : columns.optional) use_optional(field, scene);
   refuse_what_is_missing(scene);
   if (history_.has("initial_temperature")) initial_temperature_ = history_.per_node("initial_temperature");
 }
 
-std::string HistoryInput::second(const std::string& dataset) {
-  return dataset + "_second";
-}
-
-void HistoryInput::need(Field field, const std::string& dataset) {
+void HistoryInput::require_rows(Field field) {
   for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? components_ : 1); ++component) {
-    const std::string name = component == 0 ? dataset : second(dataset);
-    if (history_.has(name))
-      rows_.push_back({field, name, component});
+    const std::string dataset = wire::quantity_of(field, component);
+    if (history_.has(dataset))
+      rows_.push_back({field, component, dataset});
     else
-      missing_.push_back(fmt::format("/{} [T,N]", name));
+      missing_.push_back(fmt::format("/{} [T,N]", dataset));
   }
 }
 
-void HistoryInput::take(Field field, const char* dataset, bool wanted, const char* why_not) {
+void HistoryInput::require_constant(Field field) {
+  const std::string dataset = wire::quantity_of(field);
+  if (history_.has(dataset))
+    constants_.push_back({field, 0, dataset});
+  else
+    missing_.push_back(fmt::format("/{} [N]", dataset));
+}
+
+void HistoryInput::use_optional(Field field, const Scene& scene) {
+  const std::string dataset = wire::quantity_of(field);
   if (!history_.has(dataset)) return;
-  if (!wanted) {
-    notes_.push_back(fmt::format("/{} is not used: {}", dataset, why_not));
+  const bool drives = field == Field::kSoftPlasticStrainRate
+                          ? scene.interface && scene.interface->plastic_layer
+                          : scene.velocity_driven.drive == wire::Drive::kInterfaceSlip;
+  if (!drives) {
+    notes_.push_back(fmt::format("/{} is not used: {}", dataset,
+                                 field == Field::kSoftPlasticStrainRate
+                                     ? "without interface.plastic_layer there is no plastic strain to set against it"
+                                     : "drive layer_shear takes the jump instead"));
     return;
   }
-  need(field, dataset);
+  require_rows(field);
   optional_columns_.push_back(field);
 }
 
@@ -68,7 +75,7 @@ void HistoryInput::choose_jump(bool closed_loop) {
   }
   closed_loop_ = closed_loop || !recorded;
   if (!closed_loop_) {
-    need(Field::kVelocityJump, "velocity_jump");
+    require_rows(Field::kVelocityJump);
     jump_origin_ = "as recorded in /velocity_jump";
     if (initial)
       notes_.emplace_back("/initial_velocity_jump is not used: /velocity_jump is there; --closed-loop would use it");
@@ -78,7 +85,7 @@ void HistoryInput::choose_jump(bool closed_loop) {
   jump_origin_ =
       initial ? "closed loop from /initial_velocity_jump" : "closed loop from the first row of /velocity_jump";
   for (std::uint32_t component = 0; component < components_; ++component) {
-    const std::string name = component == 0 ? from : second(from);
+    const std::string name = component == 0 ? from : from + "_second";
     if (!history_.has(name)) {
       missing_.push_back(fmt::format("/{} [{}]", name, initial ? "N" : "T,N"));
     } else if (initial) {
@@ -93,8 +100,8 @@ void HistoryInput::choose_jump(bool closed_loop) {
 void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
   if (missing_.empty()) return;
   const char* const other = force_driven_ ? "velocity_driven" : "force_driven";
-  const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_minus")
-                                                  : history_.has("stress_minus") && history_.has("mass_minus");
+  const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_soft")
+                                                  : history_.has("stress_soft") && history_.has("mass_soft");
   throw Error(
       {.code = Code::kInvalidValue,
        .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks", scene.name,
@@ -105,7 +112,7 @@ void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
 }
 
 void HistoryInput::prepare(Batch& request) const {
-  for (const Column& column : fixed_)
+  for (const Column& column : constants_)
     std::ranges::copy(history_.per_node(column.dataset), request.f64(column.field).begin());
   for (std::uint32_t component = 0; closed_loop_ && component < components_; ++component)
     std::ranges::copy(first_jump_[component], request.f64(Field::kVelocityJump, component).begin());
@@ -123,7 +130,7 @@ void HistoryInput::feed_back(const StepResult& result, Batch& request) const {
 
 void HistoryInput::check_all_rows() {
   std::vector<double> row(history_.nodes());
-  for (const Column& column : fixed_) history_.per_node(column.dataset);
+  for (const Column& column : constants_) history_.per_node(column.dataset);
   for (std::size_t step = 0; step < history_.steps(); ++step)
     for (const Column& column : rows_) history_.row(column.dataset, step, row);
 }

@@ -25,8 +25,6 @@ class HistoryInput {
   const std::string& jump_origin() const { return jump_origin_; }  // for the summary
   const std::vector<std::string>& notes() const { return notes_; }
 
-  static std::string second(const std::string& dataset);  // where the second component of a vector is
-
   void prepare(Batch& request) const;           // what holds for all steps, and the first jump of a closed loop
   void fill(std::size_t step, Batch& request);  // the rows of a step
   void feed_back(const StepResult& result, Batch& request) const;  // closed loop: the next step's jump
@@ -35,11 +33,12 @@ class HistoryInput {
  private:
   struct Column {
     Field field;
-    std::string dataset;
     std::uint32_t component = 0;
+    std::string dataset;
   };
-  void need(Field field, const std::string& dataset);
-  void take(Field field, const char* dataset, bool wanted, const char* why_not);  // an optional column
+  void require_rows(Field field);
+  void require_constant(Field field);
+  void use_optional(Field field, const Scene& scene);
   void choose_jump(bool closed_loop);
   void refuse_what_is_missing(const Scene& scene) const;
 
@@ -47,8 +46,8 @@ class HistoryInput {
   bool force_driven_;
   std::uint32_t components_;
   bool closed_loop_ = false;
-  std::vector<Column> rows_;   // [T,N]
-  std::vector<Column> fixed_;  // [N]
+  std::vector<Column> rows_;       // [T,N]
+  std::vector<Column> constants_;  // [N]
   std::vector<std::string> missing_;
   std::vector<Field> optional_columns_;
   std::vector<double> first_jump_[2];  // of each component

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <random>
 
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus {
 namespace {

@@ -10,28 +10,6 @@ template <typename Ours, typename Theirs>
 constexpr bool same(Ours ours, Theirs theirs) {
   return static_cast<long>(ours) == static_cast<long>(theirs);
 }
-static_assert(
-    same(Field::kNodeId, v1::FIELD_NODE_ID) && same(Field::kInitialTemperature, v1::FIELD_INITIAL_TEMPERATURE_K) &&
-    same(Field::kVelocityJump, v1::FIELD_VELOCITY_JUMP_M_PER_S) && same(Field::kPressure, v1::FIELD_PRESSURE_PA) &&
-    same(Field::kStressMinus, v1::FIELD_STRESS_MINUS_PA) && same(Field::kStressPlus, v1::FIELD_STRESS_PLUS_PA) &&
-    same(Field::kMassMinus, v1::FIELD_MASS_MINUS_KG_PER_M2) && same(Field::kMassPlus, v1::FIELD_MASS_PLUS_KG_PER_M2) &&
-    same(Field::kSoftShearRate, v1::FIELD_SOFT_SHEAR_RATE_PER_S) &&
-    same(Field::kSoftPlasticStrainRate, v1::FIELD_SOFT_PLASTIC_STRAIN_RATE_PER_S) &&
-    same(Field::kShearStress, v1::FIELD_SHEAR_STRESS_PA) &&
-    same(Field::kSlidingVelocity, v1::FIELD_SLIDING_VELOCITY_M_PER_S) &&
-    same(Field::kInterfaceTemperature, v1::FIELD_INTERFACE_TEMPERATURE_K) &&
-    same(Field::kVelocityJumpNew, v1::FIELD_VELOCITY_JUMP_NEW_M_PER_S) && same(Field::kRegime, v1::FIELD_REGIME) &&
-    same(Field::kOutcome, v1::FIELD_OUTCOME) && same(Field::kFrictionHeat, v1::FIELD_FRICTION_HEAT_J_PER_M2) &&
-    same(Field::kInterfaceWork, v1::FIELD_INTERFACE_WORK_J_PER_M2) &&
-    same(Field::kHeatToSoft, v1::FIELD_HEAT_TO_SOFT_J_PER_M2) &&
-    same(Field::kHeatToHard, v1::FIELD_HEAT_TO_HARD_J_PER_M2) &&
-    same(Field::kPlasticWork, v1::FIELD_PLASTIC_WORK_J_PER_M2) &&
-    same(Field::kStoredHeatSoft, v1::FIELD_STORED_HEAT_SOFT_J_PER_M2) &&
-    same(Field::kStoredHeatHard, v1::FIELD_STORED_HEAT_HARD_J_PER_M2) &&
-    same(Field::kElasticEnergy, v1::FIELD_ELASTIC_ENERGY_J_PER_M2) &&
-    same(Field::kHeatResidual, v1::FIELD_HEAT_RESIDUAL_J_PER_M2) &&
-    same(Field::kEnergyResidual, v1::FIELD_ENERGY_RESIDUAL_J_PER_M2) &&
-    same(Field::kErrorEstimate, v1::FIELD_ERROR_ESTIMATE));
 static_assert(same(Element::kFloat64, v1::ELEMENT_FLOAT64) && same(Element::kUint64, v1::ELEMENT_UINT64) &&
               same(Element::kUint8, v1::ELEMENT_UINT8));
 static_assert(same(Mode::kAdvance, v1::MODE_ADVANCE) && same(Mode::kTrial, v1::MODE_TRIAL) &&

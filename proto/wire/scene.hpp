@@ -8,9 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "proto/wire/columns.hpp"
+
 namespace shearbus::wire {
 
-enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 enum class FarBoundary { kUnspecified = 0, kInsulated = 1, kHalfSpace = 2 };
 enum class TimeIntegrator { kUnspecified = 0, kBackwardEuler = 1, kSdirk2 = 2 };
 enum class Heat { kUnspecified = 0, kProfile = 1, kModes = 2 };

@@ -4,12 +4,12 @@
 #include <string>
 
 #include "proto/wire/batch.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 #include "server/shard/shard.hpp"
 
 namespace shearbus::service {
 
-// What a capsule calls a column: its field's name, of the second tangential component with an ending.
+// The name of a column in a capsule: its field's name, with an ending for the second tangential component.
 inline std::string name_of(const wire::Column& column) {
   return std::string(wire::name(column.field)) + std::string(column.component == 0 ? "" : "_second");
 }
@@ -20,12 +20,12 @@ inline shard::StepInputs inputs_of(const wire::Batch& batch) {
           .second_velocity_jump = batch.f64(Field::kVelocityJump, 1),
           .pressure = batch.f64(Field::kPressure),
           .soft_shear_rate = batch.f64(Field::kSoftShearRate),
-          .stress_soft = batch.f64(Field::kStressMinus),
-          .second_stress_soft = batch.f64(Field::kStressMinus, 1),
-          .stress_hard = batch.f64(Field::kStressPlus),
-          .second_stress_hard = batch.f64(Field::kStressPlus, 1),
-          .mass_soft = batch.f64(Field::kMassMinus),
-          .mass_hard = batch.f64(Field::kMassPlus),
+          .stress_soft = batch.f64(Field::kStressSoft),
+          .second_stress_soft = batch.f64(Field::kStressSoft, 1),
+          .stress_hard = batch.f64(Field::kStressHard),
+          .second_stress_hard = batch.f64(Field::kStressHard, 1),
+          .mass_soft = batch.f64(Field::kMassSoft),
+          .mass_hard = batch.f64(Field::kMassHard),
           .soft_plastic_strain_rate = batch.f64(Field::kSoftPlasticStrainRate)};
 }
 

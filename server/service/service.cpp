@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "proto/wire/codec.hpp"
+#include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"

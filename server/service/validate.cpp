@@ -9,9 +9,9 @@
 #include <string>
 #include <utility>
 
+#include "proto/wire/columns.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
 #include "server/shard/shard.hpp"
 
 namespace shearbus::service {
@@ -21,20 +21,6 @@ using wire::Field;
 
 namespace {
 
-// What a column may hold. The bounds are far outside physics on purpose: they catch wrong units and unset memory, no
-// model.
-struct Range {
-  Field field;
-  double lowest;
-  double highest;
-  const char* unit;
-};
-constexpr std::array kRanges = {
-    Range{Field::kVelocityJump, -1e5, 1e5, "m/s"},    Range{Field::kPressure, -1e12, 1e12, "Pa"},
-    Range{Field::kStressMinus, -1e12, 1e12, "Pa"},    Range{Field::kStressPlus, -1e12, 1e12, "Pa"},
-    Range{Field::kMassMinus, 1e-9, 1e9, "kg/m2"},     Range{Field::kMassPlus, 1e-9, 1e9, "kg/m2"},
-    Range{Field::kSoftShearRate, -1e15, 1e15, "1/s"}, Range{Field::kSoftPlasticStrainRate, 0.0, 1e15, "1/s"},
-};
 constexpr double kShortestStep = 1e-18;  // [s]
 constexpr double kLongestStep = 1.0;     // [s]
 
@@ -95,7 +81,7 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
 }
 
 void check_columns_of_step(const wire::Batch& batch, const wire::Scene& scene) {
-  const wire::StrategyColumns columns = wire::columns_of(scene.strategy);
+  const wire::StrategyColumns& columns = wire::columns_of(scene.strategy);
   check_components(batch, scene.tangential_components);
   for (const Field field : columns.required) {
     if (!batch.has(field))
@@ -275,26 +261,27 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   check_columns_of_step(batch, effective);
   shard::Rows rows = locate_rows(batch, nodes);
   const auto row_ids = batch.u64(Field::kNodeId);
-  for (const Range& range : kRanges)
-    for (const std::uint32_t component : {0U, 1U})
+  for (const wire::ColumnRow& row : wire::column_rows())
+    for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)
       check_values(
-          range.field, batch.f64(range.field, component),
-          fmt::format("a number from {:g} to {:g} {}", range.lowest, range.highest, range.unit),
-          [&](double value) { return value >= range.lowest && value <= range.highest; },
-          [&](std::size_t row) { return rows.all ? nodes.ids()[row] : row_ids[row]; });
+          row.field, batch.f64(row.field, component),
+          fmt::format("a number from {:g} to {:g} {}", row.lowest, row.highest, row.unit),
+          [&](double value) { return value >= row.lowest && value <= row.highest; },
+          [&](std::size_t at) { return rows.all ? nodes.ids()[at] : row_ids[at]; });
   return rows;
 }
 
 std::vector<Field> check_wanted(const wire::Downscale& step, const wire::Scene& scene) {
-  const auto all = wire::columns_of(scene.strategy).reply;
+  const std::span<const Field> all = wire::columns_of(scene.strategy).reply;
+  const std::span<const Field> on_request = wire::columns_of(scene.strategy).on_request;
   if (step.wanted.empty()) return {all.begin(), all.end()};
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
-    if (!contains(all, field) && !contains(std::span(wire::kColumnsOnRequest), field))
+    if (!contains(all, field) && !contains(on_request, field))
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kColumnsOnRequest)}) + ".");
+             "Choose from " + join_names(std::array{all, on_request}) + ".");
     if (scene.layer.inertia && contains(std::span(wire::kLedgerColumns), field))
       refuse(Code::kUnsupported, "wanted",
              fmt::format("{} is of layers with one stress, and with layer.inertia it varies", wire::name(field)),

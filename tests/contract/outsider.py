@@ -47,7 +47,7 @@ def xxh3(data):
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, INITIAL_TEMPERATURE, JUMP, PRESSURE = 1, 2, 10, 11
-STRESS_MINUS, STRESS_PLUS, MASS_MINUS, MASS_PLUS = 12, 13, 14, 15
+STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 12, 13, 14, 15
 STRESS, SLIDING, TEMPERATURE, JUMP_NEW, REGIME, OUTCOME, HEAT = 30, 31, 32, 33, 34, 35, 36
 
 
@@ -248,11 +248,11 @@ class Outsider(unittest.TestCase):
         session = self.open(force_scene(), [5])
         jump = 100.0
         for _ in range(10):
-            reply = session.step({JUMP: [jump], PRESSURE: [11.2e9], STRESS_MINUS: [0.0], STRESS_PLUS: [0.0],
-                                  MASS_MINUS: [2703 * 0.5e-5], MASS_PLUS: [7900 * 0.5e-5]})
+            reply = session.step({JUMP: [jump], PRESSURE: [11.2e9], STRESS_SOFT: [0.0], STRESS_HARD: [0.0],
+                                  MASS_SOFT: [2703 * 0.5e-5], MASS_HARD: [7900 * 0.5e-5]})
             self.assertEqual(reply.code, pb.CODE_OK, reply.header.status.text)
             self.assertEqual(set(reply.columns), {STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME})
-            # The interface pulls each half zone with s: [V] changes by -dt s (1/m_minus + 1/m_plus).
+            # The interface pulls each half zone with s: [V] changes by -dt s (1/m_soft + 1/m_hard).
             stress = reply.columns[STRESS][0]
             expected = jump - 1e-9 * stress * (1 / (2703 * 0.5e-5) + 1 / (7900 * 0.5e-5))
             self.assertTrue(math.isclose(reply.columns[JUMP_NEW][0], expected, rel_tol=1e-12), (reply.columns, expected))
@@ -385,7 +385,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(session.step(drive([1.0, 1.0]), dt=math.nan), pb.CODE_INVALID_VALUE)
         self.assert_refused(session.step({JUMP: [1.0, 1.0]}), pb.CODE_SHAPE, "pressure_pa")
         self.assert_refused(session.step(drive([1.0])), pb.CODE_SHAPE)
-        self.assert_refused(session.step({JUMP: [1.0] * 2, PRESSURE: [1.0] * 2, STRESS_MINUS: [1.0] * 2}), pb.CODE_SHAPE)
+        self.assert_refused(session.step({JUMP: [1.0] * 2, PRESSURE: [1.0] * 2, STRESS_SOFT: [1.0] * 2}), pb.CODE_SHAPE)
         self.assert_refused(session.step({NODE_ID: [1, 3], **drive([1.0, 1.0])}), pb.CODE_UNKNOWN_NODE)
         self.assert_refused(session.step({NODE_ID: [2, 2], **drive([1.0, 1.0])}), pb.CODE_DUPLICATE_NODE)
         self.assert_refused(session.step(drive([1.0, 1.0]), mode=0), pb.CODE_MALFORMED)

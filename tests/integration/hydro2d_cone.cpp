@@ -123,8 +123,8 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   const std::size_t nodes = hydro::interface_nodes(hydro::make_bodies(problem));
   const std::vector<double> temperature(nodes, 300.0);
   hydro::SubgridLaw solved(everything, hydro::node_ids(nodes), temperature);
-  hydro::SubgridLaw spared(sparing, hydro::node_ids(nodes), temperature);
-  Cycle all(hydro::make_bodies(problem), &solved), few(hydro::make_bodies(problem), &spared);
+  hydro::SubgridLaw sleeping(sparing, hydro::node_ids(nodes), temperature);
+  Cycle all(hydro::make_bodies(problem), &solved), few(hydro::make_bodies(problem), &sleeping);
   double apart = 0.0, stress_apart = 0.0;
   while (all.state().time < problem.end_time) {
     all.advance(problem.end_time);
@@ -139,8 +139,8 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   }
   EXPECT_LT(apart, 1e-6);         // [K], of 1200
   EXPECT_LT(stress_apart, 10.0);  // [Pa], of 1e8
-  spared.close();
-  const auto lines = spared.spared().lines;  // the parts that were left out, and the share of node-steps asleep
+  sleeping.close();
+  const auto lines = sleeping.omitted_cost().lines;
   ASSERT_EQ(lines.size(), 2U);
   std::printf("cone, %llu steps: apart by %.1e K, %.1e Pa; left out: %s; asleep: %s\n",
               static_cast<unsigned long long>(few.steps()), apart, stress_apart, lines[0].second.c_str(),

@@ -242,7 +242,7 @@ class Loops(ReplayTest):
         turned = self.path / "plane.toml"
         turned.write_text("tangential_components = 2\n" + self.scene.read_text())
         angle = 0.6
-        vectors = ("initial_velocity_jump", "stress_minus", "stress_plus")
+        vectors = ("initial_velocity_jump", "stress_soft", "stress_hard")
         plane = {k: np.cos(angle) * v if k in vectors else v for k, v in parts.items()}
         self.write(**plane, **{f"{k}_second": np.sin(angle) * parts[k] for k in vectors})
         result = self.result(scene=turned)

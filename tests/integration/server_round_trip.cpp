@@ -122,7 +122,7 @@ TEST(ClientSession, RequestsHaveTheColumnsOfTheScene) {
   EXPECT_FALSE(session.warnings().empty());  // an insulated layer of 20 um says how long it is good for
   const Batch all = session.request();
   EXPECT_EQ(all.columns().size(), 6u);
-  EXPECT_EQ(all.f64(Field::kMassPlus).size(), 3u);
+  EXPECT_EQ(all.f64(Field::kMassHard).size(), 3u);
   const Batch one = session.request_for(std::vector<std::uint64_t>{102});
   EXPECT_EQ(one.u64(Field::kNodeId)[0], 102u);
   session.want({Field::kShearStress});

@@ -25,7 +25,7 @@ Scene plane_scene(Strategy strategy) {
   return scene;
 }
 
-constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressMinus, Field::kStressPlus};
+constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressSoft, Field::kStressHard};
 
 // The columns of a scalar step along a direction of the plane.
 void fill_along(double angle, const Batch& scalar, Batch& request) {

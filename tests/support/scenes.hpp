@@ -9,7 +9,7 @@
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/scene.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus::support {
 
@@ -41,7 +41,7 @@ inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t firs
   return ids;
 }
 
-// What node `id` meets in step `step`: slow and fast slip, stick, reversal, an open interface now and then.
+// Returns the inputs of node `id` in step `step`: slow and fast slip, stick, reversals, sometimes an open interface.
 inline double input_of(wire::Field field, std::uint64_t id, int step) {
   const double a = static_cast<double>(id % 17) / 17.0;
   switch (field) {
@@ -49,20 +49,20 @@ inline double input_of(wire::Field field, std::uint64_t id, int step) {
       return (id % 5 == 4 ? -1.0 : 1.0) * (0.5 + 150.0 * a);
     case wire::Field::kPressure:
       return (id + static_cast<std::uint64_t>(step)) % 7 == 6 ? -1e8 : 5e9 + 8e9 * a;
-    case wire::Field::kStressMinus:
+    case wire::Field::kStressSoft:
       return 1e8 + 2e8 * a;
-    case wire::Field::kStressPlus:
+    case wire::Field::kStressHard:
       return 2e8 - 1e8 * a;
-    case wire::Field::kMassMinus:
+    case wire::Field::kMassSoft:
       return 0.0135 * (1.0 + a);
-    case wire::Field::kMassPlus:
+    case wire::Field::kMassHard:
       return 0.0395 * (1.0 + a);
     default:
       return 0.0;
   }
 }
 
-// The columns of a step; rows follow `ids`. `with_ids` adds the node_id column.
+// Returns the columns of a step, with rows in the order of `ids`. `with_ids` adds the node_id column.
 inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step,
                                 bool with_ids = false) {
   std::vector<wire::Field> fields;

@@ -65,16 +65,27 @@ TEST(Explain, TimesAreMeasured) {
   EXPECT_THAT(told.text(10), HasSubstr("a step of 10 nodes"));
 }
 
-TEST(Explain, ARunIsToldWhatSlept) {
+TEST(OmittedCost, NamesTheMissingPartsTheirMemoryAndTheShareAsleep) {
   wire::Scene scene = support::force_scene();
-  EXPECT_EQ(spared(scene, {.node_steps = 10}, false).lines.size(), 1U);
+  const OmittedCost awake = omitted_cost(scene, {.node_steps = 10});
+  EXPECT_EQ(awake.lines().size(), 1U);
+  EXPECT_FALSE(awake.share_asleep);
+  EXPECT_EQ(awake.bytes_per_node, bytes_of_session(scene));
+  EXPECT_EQ(awake.bytes_per_node_with_everything, explain(scene).everything.bytes_per_node);
   scene.layer.sleep = true;
-  const auto [lines, json] = spared(scene, {.node_steps = 200, .asleep_node_steps = 50}, true);
+  const OmittedCost omitted = omitted_cost(scene, {.node_steps = 200, .asleep_node_steps = 50});
+  ASSERT_FALSE(omitted.parts.empty());
+  EXPECT_EQ(omitted.parts.front(), "hard_layer");
+  EXPECT_EQ(omitted.share_asleep, 0.25);
+  const auto lines = omitted.lines();
   ASSERT_EQ(lines.size(), 2U);
   EXPECT_THAT(lines[0].second, HasSubstr("hard_layer"));
   EXPECT_THAT(lines[1].second, HasSubstr("25.0 %"));
-  EXPECT_THAT(json, HasSubstr(R"("left_out": ["hard_layer", )"));
-  EXPECT_THAT(json, HasSubstr(R"("share_asleep": 0.25)"));
+}
+
+TEST(OmittedCost, IsTheSameInEveryRun) {
+  const wire::Scene scene = support::velocity_scene(60);
+  EXPECT_EQ(omitted_cost(scene, {}).lines(), omitted_cost(scene, {}).lines());
 }
 
 }  // namespace

@@ -95,11 +95,11 @@ std::vector<Case> force_driven_cases() {
   std::vector<Case> cases;
   for (const Field field : wire::columns_of(Strategy::kForceDriven).required)
     for (const double bad : {kNan, kInf, -kInf, 1e300}) cases.push_back(value(Strategy::kForceDriven, field, bad));
-  for (const Field field : {Field::kMassMinus, Field::kMassPlus})
+  for (const Field field : {Field::kMassSoft, Field::kMassHard})
     for (const double bad : {0.0, -1.0, 5e-324}) cases.push_back(value(Strategy::kForceDriven, field, bad));
   for (const double bad : {0.0, -1e-9, 1.5, kNan, kInf, 5e-324}) cases.push_back(dt(bad));
-  cases.push_back(shape("missing", Code::kShape, Field::kMassPlus,
-                        [] { return without(Strategy::kForceDriven, Field::kMassPlus); }));
+  cases.push_back(shape("missing", Code::kShape, Field::kMassHard,
+                        [] { return without(Strategy::kForceDriven, Field::kMassHard); }));
   cases.push_back(shape("surplus", Code::kShape, Field::kSoftShearRate,
                         [] { return with(Strategy::kForceDriven, Field::kSoftShearRate); }));
   cases.push_back(shape("reply column", Code::kShape, Field::kShearStress,
@@ -147,8 +147,8 @@ std::vector<Case> velocity_driven_cases() {
     for (const double bad : {kNan, kInf, 1e300}) cases.push_back(value(Strategy::kVelocityDriven, field, bad));
   cases.push_back(shape("shear rate without its drive", Code::kShape, Field::kSoftShearRate,
                         [] { return with(Strategy::kVelocityDriven, Field::kSoftShearRate); }));
-  cases.push_back(shape("force column", Code::kShape, Field::kMassMinus,
-                        [] { return with(Strategy::kVelocityDriven, Field::kMassMinus); }));
+  cases.push_back(shape("force column", Code::kShape, Field::kMassSoft,
+                        [] { return with(Strategy::kVelocityDriven, Field::kMassSoft); }));
   return cases;
 }
 

@@ -60,10 +60,10 @@ class Changing : public testing::TestWithParam<wire::Strategy> {
     shard.step(rows, *shard.operators(kDt),
                {.velocity_jump = batch.f64(Field::kVelocityJump),
                 .pressure = batch.f64(Field::kPressure),
-                .stress_soft = batch.f64(Field::kStressMinus),
-                .stress_hard = batch.f64(Field::kStressPlus),
-                .mass_soft = batch.f64(Field::kMassMinus),
-                .mass_hard = batch.f64(Field::kMassPlus)},
+                .stress_soft = batch.f64(Field::kStressSoft),
+                .stress_hard = batch.f64(Field::kStressHard),
+                .mass_soft = batch.f64(Field::kMassSoft),
+                .mass_hard = batch.f64(Field::kMassHard)},
                {.shear_stress = stress, .interface_temperature = temperature});
     shard.commit();
     temperature.insert(temperature.end(), stress.begin(), stress.end());
@@ -165,10 +165,10 @@ TEST_P(Changing, AnAttemptChangesNothingUntilItIsTaken) {
   using wire::Field;
   const StepInputs inputs{.velocity_jump = batch.f64(Field::kVelocityJump),
                           .pressure = batch.f64(Field::kPressure),
-                          .stress_soft = batch.f64(Field::kStressMinus),
-                          .stress_hard = batch.f64(Field::kStressPlus),
-                          .mass_soft = batch.f64(Field::kMassMinus),
-                          .mass_hard = batch.f64(Field::kMassPlus)};
+                          .stress_soft = batch.f64(Field::kStressSoft),
+                          .stress_hard = batch.f64(Field::kStressHard),
+                          .mass_soft = batch.f64(Field::kMassSoft),
+                          .mass_hard = batch.f64(Field::kMassHard)};
   const auto trial = [&](Shard& of) { of.step(all, *of.operators(kDt), inputs, {}); };
   const auto same = [](const States& a, const States& b) {
     for (std::size_t i = 0; i < a.columns.size(); ++i)

@@ -47,10 +47,10 @@ struct Outputs {
 StepInputs inputs_of(const wire::Batch& batch) {
   return {.velocity_jump = batch.f64(Field::kVelocityJump),
           .pressure = batch.f64(Field::kPressure),
-          .stress_soft = batch.f64(Field::kStressMinus),
-          .stress_hard = batch.f64(Field::kStressPlus),
-          .mass_soft = batch.f64(Field::kMassMinus),
-          .mass_hard = batch.f64(Field::kMassPlus)};
+          .stress_soft = batch.f64(Field::kStressSoft),
+          .stress_hard = batch.f64(Field::kStressHard),
+          .mass_soft = batch.f64(Field::kMassSoft),
+          .mass_hard = batch.f64(Field::kMassHard)};
 }
 
 class Fixture {

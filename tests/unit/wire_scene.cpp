@@ -491,11 +491,6 @@ TEST(SceneReference, TellsOfEveryTable) {
   EXPECT_THAT(reference, HasSubstr("| `end_time_s` | number | s | required |"));
 }
 
-TEST(JsonString, EscapesWhatWouldEndIt) {
-  EXPECT_EQ(json_string("layer.heat = \"modes\""), R"("layer.heat = \"modes\"")");
-  EXPECT_EQ(json_string("a\\b\n\x01"), R"("a\\b\u000a\u0001")");
-}
-
 TEST(Nearest, FindsASlipOfTheFingerOnly) {
   const std::string_view known[] = {"cells", "thickness_m", "grading"};
   EXPECT_EQ(nearest("cels", known), "cells");

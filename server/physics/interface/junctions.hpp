@@ -3,6 +3,10 @@
 //   dep_a/dt = |[v]| / (sqrt(3) d),   Tresca: s <= f Y_a / sqrt(3),   Y_a = min(Y_max_a, Y0_a (1 + beta_a ep_a)^n_a) g
 #pragma once
 
+#include <optional>
+#include <span>
+
+#include "server/physics/interface/state_variable.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::physics {
@@ -15,6 +19,8 @@ struct JunctionOptions {
 
 // The junctions of one node in one step; their strain is a state of the node.
 struct Junctions {
+  static constexpr StateVariable kStates[] = {{"junction_strain", "1"}};  // ep_a
+
   const JunctionOptions* options = nullptr;  // null: no junctions, the bodies touch everywhere
   double strain_old = 0.0;                   // ep_a
   double strain_per_slip = 0.0;              // dt / (sqrt(3) d)  [s/m]
@@ -35,6 +41,10 @@ struct Junctions {
     return {strength, hardened < m.yield_strength_max ? strength * rate : 0.0};
   }
 };
+
+inline std::span<const StateVariable> states_of(const std::optional<JunctionOptions>& options) {
+  return options ? std::span(Junctions::kStates) : std::span<const StateVariable>{};
+}
 
 inline Junctions junctions_of(const JunctionOptions* options, double strain_old, double dt) {
   if (options == nullptr) return {};

@@ -90,7 +90,7 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };
 
-// The lane kernels of a separable law (solver/layer_flow). A vertex flows where
+// The lane kernels of a separable law (solver/flow/layer_flow). A vertex flows where
 //   excess = log_load + softening_excess - log_strength
 // is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. `slope` is a d(dep)/da; heating by a enters through
 // growth = a d(softening_excess)/da.

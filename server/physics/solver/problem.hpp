@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <string>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
@@ -68,55 +67,5 @@ class LaneMaterials {
   const Material& soft_;
   std::optional<std::array<Material, kLanes>> at_;
 };
-// A tile is rows of kLanes doubles.
-inline void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
-  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
-}
-
-// One solution of the velocity-driven balance under given heat: a backward Euler step, or a stage of SDIRK2.
-struct BalanceStage {
-  const HeatOperator* heat;
-  double dt;                           // over which the jump acts  [s]
-  const double* early_flux = nullptr;  // of a second stage, which finds T_ad in `trial`: q of the first, [lane]  [W/m2]
-};
-void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
-                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
-
-// One step of the active lanes of a tile, the whole of `trial`: by the options' solver, or where they give a tolerance
-// in as many substeps as it takes. Lanes without an answer keep their state.
-void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs);
-void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                        const double* committed, double* trial, TileOutputs& outputs);
-
-// The one or the other, as the options say; and where slip has two components, along the direction of the trial stress.
-void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                   const double* committed, double* trial, TileOutputs& outputs);
-void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const double* committed, double* trial, TileOutputs& outputs);
-
-// How often a step of a model with a tolerance may be halved.
-int most_times_halved(double dt);
-
-// What a model with a tolerance is made of, in a sentence. `modes`: how many there are.
-std::string discretisation_of(const ModelOptions& options, std::size_t modes);
-
-// A lane without an answer: the old state stays.
-void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
-               TileOutputs& outputs);
-
-// One step of the active lanes of a tile; the rest of `trial` is left for the caller.
-void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                             const double* committed, double* trial, TileOutputs& outputs);
-void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                    const double* committed, double* trial, TileOutputs& outputs);
-void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                 const double* committed, double* trial, TileOutputs& outputs);
-void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs);
-void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs);
-void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                  const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics

@@ -1,4 +1,5 @@
-// What a tolerance is made of in place of cells and methods (MODEL.md section 3c).
+#include "server/physics/solver/around/discretisation.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <string>

@@ -1,14 +1,12 @@
-// Models that are told a tolerance: a step is cut until its error is below it (MODEL.md section 3c).
+#include "server/physics/solver/around/tolerance.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <vector>
 
 #include "server/physics/layer/modes.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
-#include "server/physics/solver/model.hpp"
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/scratch.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -24,19 +22,6 @@ constexpr double kLeastRange = 0.01;  // of T_melt: what a tolerance is a part o
 constexpr int kMostHalvings = 22;
 constexpr int kMostAttempts = 1024;  // of one step of a lane: then it takes the rest as it comes,
 constexpr int kHurriedPieces = 64;   // in about so many
-
-// Three states of one tile beside the caller's two.
-struct Scratch {
-  std::vector<double> now;         // accepted so far
-  std::vector<double> half, fine;  // after the first half of the next substep, and after both
-};
-Scratch& scratch_of(std::size_t doubles) {
-  thread_local Scratch scratch;
-  for (std::vector<double>* tile : {&scratch.now, &scratch.half, &scratch.fine}) {
-    if (tile->size() < doubles) tile->resize(doubles);
-  }
-  return scratch;
-}
 
 // What a lane's substep answered: a part of TileOutputs.
 struct Answer {
@@ -102,18 +87,21 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
 // a lane does depends on its own step alone.
 class ControlledStep {
  public:
-  ControlledStep(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+  ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
                  const double* committed, double* trial, TileOutputs& outputs)
       : now_(inputs),
         problem_(problem),
         operators_(operators),
+        advance_(advance),
         inputs_(inputs),
         committed_(committed),
         trial_(trial),
         outputs_(outputs),
         end_(std::int64_t{1} << operators.most_times_halved()),
         response_(problem.modes ? operators.modes().response : operators.heat().layer_response()[0]),
-        tiles_(scratch_of(problem.layout.doubles)),
+        accepted_(scratch_tile(Scratch::kAccepted, problem.layout.doubles)),
+        half_(scratch_tile(Scratch::kFirstHalf, problem.layout.doubles)),
+        fine_(scratch_tile(Scratch::kSecondHalf, problem.layout.doubles)),
         deepest_(operators.most_times_halved()),
         open_(inputs.active),
         forced_(problem.options.strategy == Strategy::kForceDriven) {}
@@ -136,13 +124,13 @@ class ControlledStep {
   // The whole step in one piece.
   void begin() {
     const std::size_t stress = problem_.layout.shear_stress;
-    advance_once(problem_, operators_, inputs_, committed_, trial_, outputs_);
+    advance_(problem_, operators_, inputs_, committed_, trial_, outputs_);
     now_.stress_before = nullptr;  // from here on the state's own
-    std::copy_n(committed_, problem_.layout.doubles, tiles_.now.data());
+    std::copy_n(committed_, problem_.layout.doubles, accepted_);
     for (const int l : lanes_of(open_)) {
       lanes_[l].coarse = answer_of(outputs_, l);
       lanes_[l].left = kStepShare * *problem_.options.tolerance;
-      if (inputs_.stress_before) tiles_.now[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
+      if (inputs_.stress_before) accepted_[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
     }
   }
 
@@ -154,15 +142,15 @@ class ControlledStep {
     }
     if (now_.active != 0) {
       TileOutputs piece{};
-      advance_once(problem_, operators_.halved(level), now_, tiles_.now.data(), tiles_.half.data(), piece);
+      advance_(problem_, operators_.halved(level), now_, accepted_, half_, piece);
       for (const int l : lanes_of(now_.active)) lanes_[l].coarse = answer_of(piece, l);
     }
     const StepOperators& halves = operators_.halved(level + 1);
     now_.active = together;
-    advance_once(problem_, halves, now_, tiles_.now.data(), tiles_.half.data(), first_);
+    advance_(problem_, halves, now_, accepted_, half_, first_);
     TileInputs then = now_;
     if (forced_) std::copy_n(first_.velocity_jump_new, kLanes, then.velocity_jump);
-    advance_once(problem_, halves, then, tiles_.half.data(), tiles_.fine.data(), second_);
+    advance_(problem_, halves, then, half_, fine_, second_);
   }
 
   void judge(int l) {
@@ -188,7 +176,7 @@ class ControlledStep {
       lane.refined = true;
       return;
     }
-    copy_lane(tiles_.fine.data(), tiles_.now.data(), problem_.layout.doubles, l);
+    copy_lane(fine_, accepted_, problem_.layout.doubles, l);
     if (forced_) now_.velocity_jump[l] = two.jump_new;
     const double half = std::ldexp(0.5, -lane.level);
     add(one, half, forced_, lane.sum);
@@ -216,7 +204,7 @@ class ControlledStep {
     if (forced_) {
       const Forcing forcing = forcing_of(inputs_, l);
       const double half = std::ldexp(0.5 * dt, -lanes_[l].level);
-      const double stress_before = tiles_.now[problem_.layout.shear_stress + static_cast<std::size_t>(l)];
+      const double stress_before = accepted_[problem_.layout.shear_stress + static_cast<std::size_t>(l)];
       const double off = std::abs(two.jump_new - coarse.jump_new) +
                          turning_error(forcing, half, now_.velocity_jump[l], one.jump_new, stress_before, one.stress) +
                          turning_error(forcing, half, one.jump_new, two.jump_new, one.stress, two.stress);
@@ -232,7 +220,7 @@ class ControlledStep {
   void take(int l) {
     const Answer& sum = lanes_[l].sum;
     open_ &= ~(1u << l);
-    copy_lane(tiles_.now.data(), trial_, problem_.layout.doubles, l);
+    copy_lane(accepted_, trial_, problem_.layout.doubles, l);
     trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
     outputs_.error_estimate[l] = lanes_[l].estimate;
     outputs_.shear_stress[l] = sum.stress;
@@ -252,13 +240,16 @@ class ControlledStep {
   TileOutputs first_{}, second_{};  // of the halves solved last
   const Problem& problem_;
   const StepOperators& operators_;
+  const AdvanceTile advance_;  // one substep
   const TileInputs& inputs_;
   const double* committed_;
   double* trial_;
   TileOutputs& outputs_;
   const std::int64_t end_;  // of the step, in units of its shortest substep
   const double response_;   // B0 of the whole step
-  Scratch& tiles_;
+  double* const accepted_;  // state after the substeps accepted so far
+  double* const half_;      // state after the first half of the next substep
+  double* const fine_;      // state after both halves
   Progress lanes_[kLanes];
   const int deepest_;
   std::uint32_t open_;  // lanes on their way
@@ -272,9 +263,9 @@ int most_times_halved(double dt) {
   return std::clamp(std::ilogb(dt / shortest), 1, kMostHalvings);
 }
 
-void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                        const double* committed, double* trial, TileOutputs& outputs) {
-  ControlledStep(problem, operators, inputs, committed, trial, outputs).run();
+void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
+                        const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
+  ControlledStep(problem, operators, advance, inputs, committed, trial, outputs).run();
 }
 
 }  // namespace shearbus::physics

@@ -1,10 +1,7 @@
-// Slip with two tangential components (MODEL.md section 6d). Friction and plasticity are isotropic: the step is the
-// scalar one along the direction of its trial stress.
+#include "server/physics/solver/around/two_components.hpp"
+
 #include <algorithm>
 #include <cmath>
-
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -68,8 +65,8 @@ Vector direction_of(const Vector& trial, const Vector& otherwise) {
 
 }  // namespace
 
-void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const double* committed, double* trial, TileOutputs& outputs) {
+void advance_two_components(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
+                            const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const ModelOptions& options = problem.options;
   const bool forced = options.strategy == Strategy::kForceDriven;
@@ -89,7 +86,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
     along.stress_hard[l] = dot(lane.stress_hard, e);
   }
   along.stress_before = stress_old;
-  advance_along(problem, operators, along, committed, trial, outputs);
+  advance(problem, operators, along, committed, trial, outputs);
 
   // 2. Its answer as vectors.
   for (const int l : lanes_of(inputs.active)) {

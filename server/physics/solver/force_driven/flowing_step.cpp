@@ -1,5 +1,5 @@
-// The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
-// interface law together.
+#include "server/physics/solver/force_driven/flowing_step.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -115,34 +115,22 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
   double flux[kLanes] = {};
+  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
-    LaneResult result;
-    std::uint8_t outcome = 0;
-    if (inputs.pressure[l] <= 0.0) {
-      result.step = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
-    } else {
+    LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
+    if (inputs.pressure[l] > 0.0) {
       const FlowingSlip::Answer answer = lanes[l].answer(sum.slip[l]);
-      result.step = answer.step;
+      whole = answer.step;
       add_surplus(problem, answer, l, strain_new);
     }
-    result.heat = result.step.flux * heat.dt;
-    if (!result.step.unique) outcome = kSubstepped;
-    if (result.step.unique || operators.max_halvings() == 0) {
-      flux[l] = result.step.flux;
-    } else {
-      divide_step(
-          [&](int k) -> const HeatOperator& { return operators.heat_halved(k); }, operators.max_halvings(), n, l,
-          before[l], T_old, T_all, result,
-          [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
-          [&](const HeatOperator& shorter, const LaneStep& last) {
-            return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
-          });
-    }
-    if (result.step.several) outcome |= kMultipleRoots;
-    set_outputs(result, l, outputs);
-    outputs.outcome[l] = outcome;
-    trial[layout.shear_stress + l] = result.step.stress;
-    trial[layout.regime + l] = static_cast<double>(result.step.regime);
+    const LaneResult result = step_or_divide(
+        whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
+        [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
+        [&](const HeatOperator& shorter, const LaneStep& last) {
+          return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
+        });
+    flux[l] = result.flux;
+    write_answer(result, layout, l, trial, outputs);
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
   }
 

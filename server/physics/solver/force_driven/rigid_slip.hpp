@@ -2,6 +2,7 @@
 #pragma once
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
@@ -35,17 +36,6 @@ struct TrialSlip {
   FrictionHeating slipping(double T_ad, double rise) const {
     return {T_ad, rise, 0.5 * (jump_old + direction * jump_free) + drive, 0.5 * per_stress};
   }
-};
-
-struct LaneStep {
-  double stress;    // s, signed                          [Pa]
-  double slip;      // [v], signed                        [m/s]
-  double jump_new;  // [V] at n+1/2                       [m/s]
-  double flux;      // q                                  [W/m2]
-  Regime regime;
-  bool sticks;   // the interface does not slip at the end of the step
-  bool unique;   // the criterion of server/physics/MODEL.md section 6 holds
-  bool several;  // several answers satisfied the step
 };
 
 Regime slip_regime(const StressLimit& limit, double T0, double slip);

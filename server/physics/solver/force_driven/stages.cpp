@@ -1,9 +1,12 @@
-// The force-driven step of second order in time: SDIRK2 (server/physics/METHODS.md).
+#include "server/physics/solver/force_driven/stages.hpp"
+
 #include <cmath>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/force_driven/step.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -14,7 +17,6 @@ using sdirk2::begin_second_stage;
 using sdirk2::kDiagonal;
 using sdirk2::kFirstWeight;
 using sdirk2::lanes_out_of_range;
-using sdirk2::scratch_tile;
 
 constexpr double kMet = 1e-9;  // relative: how far a stress may be from its limit
 
@@ -146,10 +148,10 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   if (const std::uint32_t fallen_back = inputs.active & ~taken; fallen_back != 0) {
     TileInputs theirs = inputs;
     theirs.active = fallen_back;
-    double* beside = scratch_tile(layout.doubles);
-    advance_force_driven(problem, operators, theirs, committed, beside, outputs);
+    double* fallback = scratch_tile(Scratch::kStages, layout.doubles);
+    advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
     for (const int l : lanes_of(fallen_back)) {
-      copy_lane(beside, trial, layout.doubles, l);
+      copy_lane(fallback, trial, layout.doubles, l);
       // A node that stops or rests has no slip to be accurate about.
       if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }

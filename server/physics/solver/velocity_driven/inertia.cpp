@@ -1,12 +1,12 @@
-// The velocity-driven step of layers with inertia (MODEL.md section 5b): DLP (36), solved with the rest. The host
-// imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic flow find the stress.
+#include "server/physics/solver/velocity_driven/inertia.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 

@@ -5,9 +5,9 @@
 #include <limits>
 #include <optional>
 
+#include "server/physics/layer/wide.hpp"
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/flow/wide.hpp"
 
 namespace shearbus::physics {
 namespace {
