@@ -22,6 +22,7 @@
 #include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/options_page.hpp"
 #include "server/store/compare.hpp"
 
 namespace {
@@ -129,6 +130,10 @@ void reference() {
   fmt::print("{}", shearbus::wire::scene_reference());
 }
 
+void options_page() {
+  fmt::print("{}", shearbus::physics::options_page());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -221,6 +226,9 @@ int main(int argc, char** argv) {
                                 "One of them, with its constants as a scene would give them");
   materials_command->callback([&] { run = [&] { materials(options); }; });
   app.add_subcommand("reference", "Every key of a scene, as Markdown")->callback([&] { run = reference; });
+  app.add_subcommand("options", "What the physics can switch on and what excludes what, as Markdown")->callback([&] {
+    run = options_page;
+  });
 
   try {
     app.parse(argc, argv);

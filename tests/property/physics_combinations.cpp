@@ -21,10 +21,12 @@ namespace {
 
 // ---- What is combined ----
 
+enum class Kind { kOption, kFlowLaw, kFrictionLaw };
+
 struct Item {
   std::string name;
   std::function<void(ModelOptions&)> apply;
-  bool is_law = false;
+  Kind kind = Kind::kOption;
 };
 
 void follow_flow_law(Material& soft, FlowLaw law) {
@@ -42,12 +44,23 @@ void follow_flow_law(Material& soft, FlowLaw law) {
   ADD_FAILURE() << "no material of the catalog follows " << FlowLaws::name_of(law);
 }
 
+// The strength of one metal, and its law, with the heat and the melting of the other.
+Material with_strength_of(const Material& heat, Material strength) {
+  strength.conductivity = heat.conductivity;
+  strength.specific_heat = heat.specific_heat;
+  strength.diffusivity = heat.diffusivity;
+  strength.density = heat.density;
+  strength.melting_temperature = heat.melting_temperature;
+  strength.melting_curve = heat.melting_curve;
+  return strength;
+}
+
 // Laws first: the typical values of an option may be those of the material.
 std::vector<Item> items() {
   std::vector<Item> all;
   for (int n = 2; const auto law = FlowLaws::numbered(n); ++n)
-    all.push_back(
-        {std::string(FlowLaws::name_of(*law)), [law = *law](ModelOptions& o) { follow_flow_law(o.soft, law); }, true});
+    all.push_back({std::string(FlowLaws::name_of(*law)),
+                   [law = *law](ModelOptions& o) { follow_flow_law(o.soft, law); }, Kind::kFlowLaw});
   for (int n = 2; const auto law = FrictionLaws::numbered(n); ++n)
     all.push_back({std::string(FrictionLaws::name_of(*law)),
                    [law = *law](ModelOptions& o) {
@@ -55,7 +68,7 @@ std::vector<Item> items() {
                          law, [&](auto own) { return decltype(own)::type::typical(o.interface, o.soft); });
                      o.interface.friction_law = law;
                    },
-                   true});
+                   Kind::kFrictionLaw});
   for (const Part& part : parts()) {
     if (part.set == nullptr) continue;
     all.push_back({std::string(part.key), [&part](ModelOptions& o) { part.set(o, true); }});
@@ -63,8 +76,8 @@ std::vector<Item> items() {
   return all;
 }
 
-// The options of a strategy with some items. With more than a half both the friction and the yield limit are reached:
-// `rubs` chooses which of them comes first.
+// The options of a strategy with some items. `rubs`: friction holds the stress of the histories below, else the yield
+// limit or the layer does.
 ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen, bool rubs) {
   ModelOptions options = graded(paper_options(strategy), 6, 1.4);
   options.grid.far_boundary = rubs ? FarBoundary::kHalfSpace : FarBoundary::kInsulated;
@@ -72,7 +85,7 @@ ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen, bool r
   options.initial_temperature = 600.0;
   std::sort(chosen.begin(), chosen.end());  // as in the list: laws first
   for (const Item* item : chosen) item->apply(options);
-  if (options.friction_coefficient && rubs) options.friction_coefficient = 0.005;
+  if (options.friction_coefficient) options.friction_coefficient = rubs ? 0.005 : 2.0;
   if (options.tolerance) options = discretised(options, 1e-2);
   return options;
 }
@@ -101,8 +114,8 @@ void require_refusal(const ModelOptions& options) {
   const std::vector<Refusal> found = refusals(options);
   require(!found.empty(), "nothing is refused");
   for (const Refusal& refusal : found) {
-    require(!refusal.key.empty() && refusal.text.starts_with(refusal.key), "a refusal without its key: {}",
-            refusal.text);
+    require(!refusal.key.empty() && refusal.text.find(refusal.key) != std::string::npos,
+            "a refusal without its key: {}", refusal.text);
     require(refusal.text.find("nothing is known") == std::string::npos, "nobody has decided: {}", refusal.text);
   }
   try {
@@ -229,8 +242,8 @@ struct Case {
 
 std::string name_of(const Case& c) {
   std::string name = c.strategy == Strategy::kVelocityDriven ? "VelocityDriven_" : "ForceDriven_";
-  for (const char letter : items()[c.item].name)
-    name += std::isalnum(static_cast<unsigned char>(letter)) ? letter : '_';
+  const std::vector<Item> all = items();
+  for (const char letter : all[c.item].name) name += std::isalnum(static_cast<unsigned char>(letter)) ? letter : '_';
   return name;
 }
 
@@ -279,12 +292,12 @@ TEST_P(PhysicsCombinations, EachPairIsRefusedWithItsReasonOrHolds) {
 TEST_P(PhysicsCombinations, ALawThatASolverForgetsIsSeen) {
   const auto [strategy, first] = GetParam();
   const std::vector<Item> all = items();
-  if (!all[first].is_law) GTEST_SKIP() << "not a law";
+  if (all[first].kind == Kind::kOption) GTEST_SKIP() << "not a law";
+  // Friction laws show where friction holds the stress, flow laws where the yield limit or the layer does.
+  const bool is_friction = all[first].kind == Kind::kFrictionLaw;
   int made = 0;
   for (const Item& other : all) {
-    // Friction laws show where friction holds the stress, flow laws where the yield limit or the layer does.
-    const bool is_friction = !properties_of(combined(strategy, {&all[first]}, true)).has(Property::kFirstOrderFlow);
-    if (other.is_law && &other != &all[first]) continue;
+    if (other.kind != Kind::kOption && &other != &all[first]) continue;
     const std::optional<ModelOptions> options = possible(strategy, {&all[first], &other}, all, is_friction);
     if (!options) continue;
     ++made;
@@ -292,7 +305,7 @@ TEST_P(PhysicsCombinations, ALawThatASolverForgetsIsSeen) {
     if (is_friction)
       forgetful.interface.friction_law = FrictionLaw{};
     else
-      forgetful.soft = paper_options().soft;
+      forgetful.soft = with_strength_of(forgetful.soft, paper_options().soft);
     Rig rig(*options);
     slide(rig);
     bool seen = false;

@@ -150,6 +150,7 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   } while (is_johnson_cook(options.soft));
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
+  options.time_integrator = TimeIntegrator::kBackwardEuler;
   options.inertia = true;
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;
