@@ -1,4 +1,4 @@
-// shearbus-ctl: questions to a running server, and about scenes.
+// shearbus-ctl: operates a running server, checks scenes, compares checkpoints, makes keys.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -67,7 +67,7 @@ void ping(const Options& options) {
   shearbus::ctl::show_ping(client, options.server, took.count());
 }
 
-// 0: the same; else the exit code for what differs, as of diff.
+// Returns 0 for equal checkpoints, otherwise 1, as diff does.
 int compare(const Options& options) {
   const std::string text = shearbus::store::first_difference(options.checkpoints[0], options.checkpoints[1]);
   fmt::print("{}\n", text.empty() ? "the same states" : text);
@@ -87,7 +87,7 @@ void check(const Options& options) {
   session.close();
 }
 
-// The public file is a line for a server's --authorized-keys.
+// Writes a key pair; the public file is a line for a server's --authorized-keys.
 void keygen(const Options& options) {
   const shearbus::KeyPair pair = shearbus::make_key_pair();
   const std::filesystem::path secret_file = options.key_name + ".secret";
@@ -102,7 +102,7 @@ void keygen(const Options& options) {
              pair.public_key);
 }
 
-// Every material a scene can name, with what scenes call its constants.
+// Prints the materials of the catalog, or one of them with its constants under their scene keys.
 void materials(const Options& options) {
   for (const auto& entry : shearbus::physics::catalog()) {
     if (!options.material.empty() && options.material != entry.name) continue;
@@ -115,7 +115,7 @@ void materials(const Options& options) {
     fmt::print("Numbers for which one source is named have been compared with no other.\n");
     return;
   }
-  // An unknown name is told as a scene would be told.
+  // An unknown name is reported with the message that a scene would get.
   const auto known = shearbus::physics::make_material(options.material, {});
   if (!known.fault.empty()) throw std::runtime_error(known.fault);
 }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kPressure = 11.2e9;  // [Pa]
 
-// A solver of lane 0 that steps the rig in the model's place.
+// A solver of lane 0 that replaces the model's step of the rig.
 using Solver = std::function<void(Rig&, double dt)>;
 
 struct Problem {
@@ -26,26 +26,26 @@ struct Problem {
   double dt = 1e-9;  // [s]
   int steps = 0;
   double jump = 0.0;         // [m/s]
-  bool pulse = false;        // and rest from the second step on
+  bool pulse = false;        // the jump is 0 from the second step on
   bool closed_loop = false;  // force-driven: the next jump is the last answer
-  double stress_soft = 0.0;  // [Pa], growing by this share in each step
+  double stress_soft = 0.0;  // far stress and its relative growth per step  [Pa]
   double stress_growth = 0.0;
-  double mass = 1.0;     // of either side  [kg/m2]
+  double mass = 1.0;     // of each side  [kg/m2]
   double start = 300.0;  // [K]
   bool must_ring = false;
-  std::function<double(const Answered&)> ringing_of;  // and what it is measured by, 1e-3 of which is felt
+  std::function<double(const Answered&)> ringing_of;  // and its scale; changes above 1e-3 of it count
   double size = 1.0;
   Solver solver;
 };
 
-// ---- What a wrong solver puts into the rig ----
+// ---- Writing the answer of a wrong solver into the rig ----
 
 struct WrongAnswer {
   double stress = 0.0, slip = 0.0, jump_new = 0.0, flux = 0.0;
   Regime regime = Regime::kTresca;
 };
 
-// From the state before, in `trial`, with temperatures that have been conducted already.
+// Answers from the state before, in `trial`, with temperatures after conduction.
 void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   const TileLayout& layout = rig.model.layout();
   rig.committed[layout.shear_stress] = answer.stress;
@@ -59,7 +59,7 @@ void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   rig.outputs.outcome[0] = 0;
 }
 
-// The state before goes to `trial`, the layer conducts for dt.
+// Copies the state before to `trial` and conducts heat for dt.
 const HeatOperator& begin(Rig& rig, double dt) {
   if (!rig.operators || rig.operators->dt() != dt) rig.operators = rig.model.operators(dt);
   rig.trial = rig.committed;
@@ -98,7 +98,7 @@ void midpoint_stick(Rig& rig, double dt) {
   finish(rig, dt, {(2.0 * jump + body.driven) / body.per_stress, 0.0, -jump, 0.0, Regime::kStick});
 }
 
-// DLP (56) by the secant method as it stands: no bracket, no guard, the last iterate is the answer.
+// DLP (56) by the plain secant method: no bracket, no safeguard, the last iterate is the answer.
 void plain_secant(Rig& rig, double dt) {
   const HeatOperator& heat = begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -153,7 +153,7 @@ void explicit_flux(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// The layer's flow of the last step in (64), the strain of this one afterwards.
+// (64) with the layer's flow of the last step; the strain of this step follows afterwards.
 Solver lagged_strain() {
   return [flow = 0.0](Rig& rig, double dt) mutable {
     const HeatOperator& heat = begin(rig, dt);
@@ -182,7 +182,7 @@ Solver lagged_strain() {
   };
 }
 
-// An elastic step at T_ad is tried first, and heats nothing; the model's step where something yields.
+// Tries an elastic step at T_ad without heat first, and takes the model's step if anything yields.
 void elastic_first(Rig& rig, double dt) {
   begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -197,8 +197,8 @@ void elastic_first(Rig& rig, double dt) {
   rig.step(dt);
 }
 
-// Heat by Crank and Nicolson: backward Euler over half a step from what forward Euler makes of the first half, which is
-// the last half of the step before once more, but for the change of the flux.
+// Crank-Nicolson conduction: half a step of forward Euler, which repeats the second half of the step before with the
+// new flux, then half a step of backward Euler.
 Solver crank_nicolson() {
   return [midway = std::vector<double>(), last_flux = 0.0](Rig& rig, double dt) mutable {
     const HeatGrid& grid = rig.heat_grid();
@@ -216,7 +216,7 @@ Solver crank_nicolson() {
     if (!rig.operators) rig.operators = rig.model.operators(dt);
     rig.trial = rig.committed;
     const std::size_t rows = static_cast<std::size_t>(grid.num_vertices()) * kLanes;
-    midway.resize(rows, 300.0);  // a uniform layer at first
+    midway.resize(rows, 300.0);  // uniform initial temperature
     for (std::size_t i = 0; i < rows; ++i) midway[i] = 2.0 * rig.committed[i] - midway[i];
     midway[0] += 0.5 * dt * (answer.flux - last_flux) / grid.capacity(0, o.soft, o.hard);
     last_flux = answer.flux;
@@ -226,7 +226,7 @@ Solver crank_nicolson() {
   };
 }
 
-// ---- Judging ----
+// ---- Checks ----
 
 ControlOutcome judge(const Problem& problem, bool model) {
   ControlOutcome outcome;

@@ -12,7 +12,7 @@ using hydro::ConstantFrictionLaw;
 inline constexpr double kFreeSlip = 0.0;
 inline constexpr double kBonded = std::numeric_limits<double>::infinity();
 
-// The paper's pair (server/physics/MODEL.md, constants), as far as elastic waves know it; dt is the transit time of a
+// The elastic constants of the paper's pair of metals (server/physics/MODEL.md, constants); dt is the transit time of a
 // zone.
 inline hydro::Problem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
                                          double courant = 1.0) {
