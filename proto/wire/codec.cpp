@@ -67,6 +67,15 @@ std::string encode(const Value& value) {
 
 // ---- messages to values ----
 
+// A scene, or a list of its faults, may be longer than other texts.
+std::size_t text_limit(const FieldDescriptor& field) {
+  const bool of_scene =
+      &field == v1::OpenSession::descriptor()->FindFieldByNumber(v1::OpenSession::kSceneFieldNumber) ||
+      &field == v1::SessionOpened::descriptor()->FindFieldByNumber(v1::SessionOpened::kEffectiveSceneFieldNumber) ||
+      &field == v1::Status::descriptor()->FindFieldByNumber(v1::Status::kTextFieldNumber);
+  return of_scene ? kMaxSceneBytes : kMaxTextBytes;
+}
+
 // What protobuf lets pass: fields nobody knows (`strict`), enum values nobody knows, text of any length.
 void check_parts(const Message& message, const std::string& path, bool strict) {
   const auto& reflection = *message.GetReflection();
@@ -98,9 +107,8 @@ void check_parts(const Message& message, const std::string& path, bool strict) {
         const std::string& text = field->is_repeated()
                                       ? reflection.GetRepeatedStringReference(message, field, i, &scratch)
                                       : reflection.GetStringReference(message, field, &scratch);
-        if (text.size() > kMaxTextBytes)
-          refuse(Code::kLimit,
-                 fmt::format("{} has {} bytes, at most {} allowed", named(field), text.size(), kMaxTextBytes), {},
+        if (const std::size_t limit = text_limit(*field); text.size() > limit)
+          refuse(Code::kLimit, fmt::format("{} has {} bytes, at most {} allowed", named(field), text.size(), limit), {},
                  named(field));
       }
     }

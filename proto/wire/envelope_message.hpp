@@ -14,7 +14,7 @@ class ReplyHeader;
 
 namespace shearbus::wire {
 
-// Everything but the payload. Texts are cut to kMaxTextBytes and to valid UTF-8; a scene's guest table stays at home.
+// Everything but the payload. Texts are cut to their limit and to valid UTF-8, but a scene that does not fit is refused.
 void to_message(const Request& request, v1::RequestHeader& message);
 void to_message(const Reply& reply, v1::ReplyHeader& message);
 

@@ -1,12 +1,14 @@
 // What request_message.cpp and reply_message.cpp share.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <span>
 #include <string>
 #include <utility>
 
 #include "proto/wire/envelope_message.hpp"
-#include "proto/wire/scene_message.hpp"
+#include "proto/wire/text.hpp"
 #include "shearbus/v1/envelope.pb.h"
 
 namespace shearbus::wire {
@@ -24,15 +26,12 @@ inline std::span<const std::byte> bytes_of(const std::string& text) {
   return std::as_bytes(std::span(text));
 }
 
-inline void put_scene(const Scene& scene, v1::Scene& message) {
-  to_message(scene, message);
-  message.clear_hydro();  // the guest's own business
-}
-
-inline Scene take_scene(const v1::Scene& message) {
-  Scene scene = from_message(message);
-  scene.hydro.reset();
-  return scene;
+// A scene is never cut or mended: what does not fit a message is refused.
+inline const std::string& scene_text(const std::string& text, const char* field) {
+  if (text.size() > kMaxSceneBytes)
+    refuse(Code::kLimit, fmt::format("the scene has {} bytes, at most {} allowed", text.size(), kMaxSceneBytes), field);
+  if (!is_utf8(text)) refuse(Code::kInvalidScene, "the scene is not UTF-8 text", field);
+  return text;
 }
 
 // All but the body, of a request or a reply.

@@ -9,8 +9,8 @@
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/limits.hpp"
-#include "proto/wire/scene.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus::wire {
 
@@ -38,7 +38,8 @@ struct Hello {
 };
 using ResumeToken = std::array<std::uint8_t, 16>;  // all zero: none
 struct OpenSession {
-  Scene scene;
+  std::string scene;       // TOML text
+  std::string scene_file;  // its name, for messages about it
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: none
@@ -121,9 +122,16 @@ struct Welcome {
   std::string access;
 };
 struct SessionOpened {
-  Scene effective_scene;
+  std::string effective_scene;  // canonical TOML text
   std::uint64_t bytes_per_node = 0;
   std::vector<std::string> warnings;
+  Strategy strategy = Strategy::kUnspecified;
+  std::uint32_t tangential_components = 1;
+  std::vector<Field> required_columns;    // of a step, besides the optional node_id
+  std::vector<Field> optional_columns;    // of a step
+  std::vector<Field> reply_columns;       // where the request names none
+  std::vector<Field> columns_on_request;  // where the request names them
+  std::string scene_name;
 };
 struct SessionResumed {
   SessionOpened session;

@@ -24,10 +24,31 @@ void put(const Welcome& from, v1::ReplyHeader& header) {
   to.set_durability(as_utf8(from.durability, kMaxTextBytes));
   to.set_access(as_utf8(from.access, kMaxTextBytes));
 }
+using ColumnNumbers = google::protobuf::RepeatedField<std::uint32_t>;
+
+void put_columns(const std::vector<Field>& from, ColumnNumbers& to) {
+  for (const Field field : from) to.Add(static_cast<std::uint32_t>(field));
+}
+
+// A newer server may name columns that this side does not know: it does not ask for them.
+std::vector<Field> take_columns(const ColumnNumbers& from) {
+  std::vector<Field> fields;
+  for (const std::uint32_t number : from)
+    if (number != 0 && v1::Field_IsValid(static_cast<int>(number))) fields.push_back(static_cast<Field>(number));
+  return fields;
+}
+
 void put(const SessionOpened& from, v1::SessionOpened& to) {
-  put_scene(from.effective_scene, *to.mutable_effective_scene());
+  to.set_effective_scene(scene_text(from.effective_scene, "session_opened.effective_scene"));
   to.set_bytes_per_node(from.bytes_per_node);
   for (const std::string& warning : from.warnings) to.add_warnings(as_utf8(warning, kMaxTextBytes));
+  to.set_strategy(static_cast<v1::Strategy>(from.strategy));
+  to.set_tangential_components(from.tangential_components);
+  put_columns(from.required_columns, *to.mutable_required_columns());
+  put_columns(from.optional_columns, *to.mutable_optional_columns());
+  put_columns(from.reply_columns, *to.mutable_reply_columns());
+  put_columns(from.columns_on_request, *to.mutable_columns_on_request());
+  to.set_scene_name(as_utf8(from.scene_name, kMaxTextBytes));
 }
 void put(const SessionOpened& from, v1::ReplyHeader& header) {
   put(from, *header.mutable_session_opened());
@@ -87,7 +108,7 @@ void put(const std::monostate&, v1::ReplyHeader&) {}
 
 void put_status(const Status& from, v1::Status& to) {
   to.set_code(static_cast<v1::Code>(from.code));
-  to.set_text(as_utf8(from.text, kMaxTextBytes));
+  to.set_text(as_utf8(from.text, kMaxSceneBytes));
   to.set_remedy(as_utf8(from.remedy, kMaxTextBytes));
   to.set_field(as_utf8(from.field, kMaxTextBytes));
   const std::size_t named = std::min(from.node_ids.size(), kMaxNodesNamed);
@@ -111,11 +132,18 @@ Welcome take(const v1::Welcome& from) {
           .access = from.access()};
 }
 SessionOpened take(const v1::SessionOpened& from) {
-  if (!from.has_effective_scene())
+  if (from.effective_scene().empty())
     refuse(Code::kMalformed, "session_opened has no effective scene", "session_opened.effective_scene");
-  return {.effective_scene = take_scene(from.effective_scene()),
+  return {.effective_scene = from.effective_scene(),
           .bytes_per_node = from.bytes_per_node(),
-          .warnings = {from.warnings().begin(), from.warnings().end()}};
+          .warnings = {from.warnings().begin(), from.warnings().end()},
+          .strategy = static_cast<Strategy>(from.strategy()),
+          .tangential_components = from.tangential_components(),
+          .required_columns = take_columns(from.required_columns()),
+          .optional_columns = take_columns(from.optional_columns()),
+          .reply_columns = take_columns(from.reply_columns()),
+          .columns_on_request = take_columns(from.columns_on_request()),
+          .scene_name = from.scene_name()};
 }
 SessionResumed take(const v1::SessionResumed& from) {
   if (static_cast<std::size_t>(from.offers_size()) > kMaxOffers)

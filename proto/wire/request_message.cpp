@@ -16,10 +16,12 @@ void put(const Hello& from, v1::RequestHeader& header) {
   to.set_client_name(as_utf8(from.client_name, kMaxTextBytes));
 }
 void put(const OpenSession& from, v1::RequestHeader& header) {
-  put_scene(from.scene, *header.mutable_open_session()->mutable_scene());
-  header.mutable_open_session()->set_session_id(id_bytes(from.session_id));
-  header.mutable_open_session()->set_resume_token(id_bytes(from.resume_token));
-  header.mutable_open_session()->set_domain(as_utf8(from.domain, kMaxTextBytes));
+  v1::OpenSession& to = *header.mutable_open_session();
+  to.set_scene(scene_text(from.scene, "open_session.scene"));
+  to.set_scene_file(as_utf8(from.scene_file, kMaxTextBytes));
+  to.set_session_id(id_bytes(from.session_id));
+  to.set_resume_token(id_bytes(from.resume_token));
+  to.set_domain(as_utf8(from.domain, kMaxTextBytes));
 }
 void put(const Downscale& from, v1::RequestHeader& header) {
   v1::Downscale& to = *header.mutable_downscale();
@@ -83,8 +85,9 @@ Hello take(const v1::Hello& from) {
   return {.oldest_major = from.oldest_major(), .newest_major = from.newest_major(), .client_name = from.client_name()};
 }
 OpenSession take(const v1::OpenSession& from) {
-  if (!from.has_scene()) refuse(Code::kMalformed, "open_session has no scene", "open_session.scene");
-  return {.scene = take_scene(from.scene()),
+  if (from.scene().empty()) refuse(Code::kMalformed, "open_session has no scene", "open_session.scene");
+  return {.scene = from.scene(),
+          .scene_file = from.scene_file(),
           .session_id = id_from(bytes_of(from.session_id()), "open_session.session_id"),
           .resume_token = id_from(bytes_of(from.resume_token()), "open_session.resume_token"),
           .domain = from.domain()};

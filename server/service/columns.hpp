@@ -1,7 +1,8 @@
-// The columns of a step as a shard takes and gives them.
+// The columns of a session's steps: those that a model has, and as a shard takes and gives them.
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/columns.hpp"
@@ -12,6 +13,27 @@ namespace shearbus::service {
 // The name of a column in a capsule: its field's name, with an ending for the second tangential component.
 inline std::string name_of(const wire::Column& column) {
   return std::string(wire::name(column.field)) + std::string(column.component == 0 ? "" : "_second");
+}
+
+inline wire::Strategy strategy_of(const physics::ModelOptions& options) {
+  return options.strategy == physics::Strategy::kForceDriven ? wire::Strategy::kForceDriven
+                                                             : wire::Strategy::kVelocityDriven;
+}
+
+// Optional columns of a request: only those that this model uses.
+inline std::vector<wire::Field> optional_columns_of(const physics::ModelOptions& options) {
+  if (options.strategy == physics::Strategy::kForceDriven)
+    return options.plastic_layer ? std::vector{wire::Field::kSoftPlasticStrainRate} : std::vector<wire::Field>{};
+  return options.drive == physics::Drive::kInterfaceSlip ? std::vector{wire::Field::kSoftShearRate}
+                                                         : std::vector<wire::Field>{};
+}
+
+// Columns of a reply to requests that name them: the energy ledger where a layer has one stress, the estimate of steps under a tolerance.
+inline std::vector<wire::Field> columns_on_request_of(const physics::ModelOptions& options) {
+  std::vector<wire::Field> fields;
+  if (!options.inertia) fields.assign(wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
+  if (options.tolerance) fields.push_back(wire::Field::kErrorEstimate);
+  return fields;
 }
 
 inline shard::StepInputs inputs_of(const wire::Batch& batch) {

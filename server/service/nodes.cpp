@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "proto/wire/limits.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/service/member.hpp"
+#include "server/service/scene_model.hpp"
 #include "server/service/service.hpp"
 #include "server/service/validate.hpp"
 
@@ -36,13 +36,6 @@ std::vector<std::uint64_t> common_to(std::span<const std::uint64_t> sorted_ids, 
   std::vector<std::uint64_t> common;
   std::ranges::set_intersection(sorted_ids, sorted(ids), std::back_inserter(common));
   return common;
-}
-
-// What must be equal for states of one session to be states of another: everything of the scene but its names.
-std::string layers_of(wire::Scene scene) {
-  scene.name.clear();
-  scene.source.clear();
-  return wire::scene_to_toml(scene);
 }
 
 void check_no_trial(const shard::Shard& shard) {
@@ -112,7 +105,7 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   for (const auto& [id, other] : members_) {
     if (!other->shard || other.get() == self || other->domain_it_is_in() != domain) continue;
     if (auto owned = other->shard->nodes().common(ids); !owned.empty())
-      refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene.name)),
+      refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene_name)),
              "Its holder retires it or offers it; or give the node another id, or the session another domain.");
   }
   for (const auto& [id, transfer] : transfers_) {
@@ -139,7 +132,7 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   const auto ids = check_new_nodes(batch, shard.nodes());
   check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
   const physics::Model& model = shard.model();
-  const auto temperatures = check_initial_temperatures(batch, member.scene, model.options().soft.melting_temperature);
+  const auto temperatures = check_initial_temperatures(batch, model.options());
   const std::size_t after = shard.nodes().size() + ids.size();
   check_memory(shard::Shard::bytes_for(model, after) - shard.state_bytes(), after);
   auto change = shard.adding(ids, temperatures);
@@ -182,7 +175,7 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                                                        .sequence = arrival.request.sequence,
                                                        .identity = member.identity,
                                                        .domain = member.domain,
-                                                       .layers = layers_of(member.scene),
+                                                       .layers = std::string(layers_of(member.scene)),
                                                        .node_ids = {ids.begin(), ids.end()},
                                                        .states = shard.states_of(rows.slots, false)});
   auto change = shard.removing(rows.slots);

@@ -228,9 +228,8 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
 
   const auto node_ids = check_opening_nodes(request.batch, open.domain);
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
-  SceneModel made = scene_model(open.scene);
-  const std::vector<double> temperatures =
-      check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
+  SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
+  const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
   physics::Model model(made.options);
   check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
 
@@ -240,6 +239,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->opened_ns = member->last_request_ns = arrival.started_ns;
   member->resume_token = open.resume_token;
   member->domain = open.domain;
+  member->scene_name = std::move(made.name);
   member->scene = std::move(made.effective);
   member->shard = std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
                                                  shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
@@ -248,7 +248,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   const shard::Shard& shard = *member->shard;
   const std::string line =
       fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
-                  member->identity, printable(member->scene.name), open.domain.empty() ? "" : ", domain ",
+                  member->identity, printable(member->scene_name), open.domain.empty() ? "" : ", domain ",
                   printable(open.domain), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
@@ -271,12 +271,20 @@ std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model,
 
 wire::SessionOpened Service::opened(const Member& member) const {
   const physics::Model& model = member.shard->model();
-  std::uint64_t reply_row = 0;
-  for (const Field field : wire::columns_of(member.scene.strategy).reply)
-    reply_row += wire::size_of(wire::element_of(field));
-  return {.effective_scene = member.scene,
-          .bytes_per_node = shard::Shard::bytes_per_node(model) + reply_row,
-          .warnings = model.warnings()};
+  const physics::ModelOptions& options = model.options();
+  const auto list = [](const auto& fields) { return std::vector<Field>(fields.begin(), fields.end()); };
+  wire::SessionOpened opened{.effective_scene = member.scene,
+                             .bytes_per_node = shard::Shard::bytes_per_node(model),
+                             .warnings = model.warnings(),
+                             .strategy = strategy_of(options),
+                             .tangential_components = static_cast<std::uint32_t>(options.tangential_components),
+                             .required_columns = list(wire::columns_of(strategy_of(options)).required),
+                             .optional_columns = optional_columns_of(options),
+                             .reply_columns = list(wire::columns_of(strategy_of(options)).reply),
+                             .columns_on_request = columns_on_request_of(options),
+                             .scene_name = member.scene_name};
+  for (const Field field : opened.reply_columns) opened.bytes_per_node += wire::size_of(wire::element_of(field));
+  return opened;
 }
 
 void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
@@ -343,15 +351,16 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
   // 1. everything that can fail: checks, factorisation, memory, the journal
-  const std::vector<Field> wanted = check_wanted(step, member.scene);
-  const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
+  const physics::ModelOptions& options = shard.model().options();
+  const std::vector<Field> wanted = check_wanted(step, options);
+  const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
     throw Error({.code = Code::kNothingToCommit,
                  .text = "commit_previous is set, and no trial is standing",
                  .remedy = "Set it only after a trial that was neither committed nor rolled back."});
   const auto operators = shard.operators(step.dt_s);
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows, member.scene.tangential_components);
+  reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   auto& upscale = reply->body.emplace<wire::Upscale>();
   const shard::StepInputs inputs = inputs_of(request.batch);
   shard::StepOutputs outputs = outputs_of(reply->batch);

@@ -11,7 +11,7 @@ import tempfile
 TOP_LEVEL = {"CMakeLists.txt", "README.md", "proto", "server", "client", "hydro_stub", "tests", "deploy"}
 SOURCES = ("proto", "server", "client", "hydro_stub")
 LIBRARIES = {  # library of the table -> what its headers look like
-    "protobuf": r"google/protobuf/.*|shearbus/v1/.*\.pb\.h",
+    "protobuf": r"google/protobuf/.*|(shearbus/v1|hydro_stub)/.*\.pb\.h",
     "tomlplusplus": r"toml\+\+/.*|toml\.hpp",
     "xxhash": r"xxhash\.h",
     "HDF5": r"hdf5\.h|H5.*",

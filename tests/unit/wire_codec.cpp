@@ -199,10 +199,8 @@ TEST(Codec, ValuesOutsideTheirEnumAreRefused) {
               HasSubstr("downscale.mode is not given"));
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 5))), Code::kShape);  // wanted
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 30))), Code::kOk);
-  constexpr std::uint32_t kOpenField = 17;
-  const std::string scene = field(1, field(3, 8));
-  EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kOpenField, scene))).text,
-              HasSubstr("open_session.scene.strategy = 8 is no value of Strategy"));
+  EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, field(5, 3)))).text,
+              HasSubstr("downscale.mode = 3 is no value of Mode"));
 }
 
 TEST(Codec, TextIsBoundedAndValid) {
@@ -268,22 +266,36 @@ TEST(Codec, StatusTextsAreCutNotRefused) {
   reply.status.remedy = "a byte \xFF that is no text";
   reply.status.node_ids.assign(1000, 7);
   const Reply again = decoded<Reply>(samples::frames_of(reply));
-  EXPECT_EQ(again.status.text.size(), kMaxTextBytes);
+  EXPECT_EQ(again.status.text.size(), kMaxSceneBytes);
   EXPECT_TRUE(again.status.text.ends_with("x..."));
   EXPECT_EQ(again.status.remedy, "a byte ? that is no text");
   EXPECT_EQ(again.status.node_ids.size(), kMaxNodesNamed);
 }
 
-TEST(Codec, GuestTableIsNeverSent) {
+TEST(Codec, ASceneArrivesAsItWasWritten) {
   Request request = samples::request("open_session");
-  std::get<OpenSession>(request.body).scene.hydro = Hydro{.end_time_s = 1e-6};
+  auto& opening = std::get<OpenSession>(request.body);
+  opening.scene = std::string(kMaxSceneBytes, '#');
+  opening.scene[100] = '\r';
+  opening.scene[101] = '\n';
   const Request again = decoded<Request>(samples::frames_of(request));
-  EXPECT_FALSE(std::get<OpenSession>(again.body).scene.hydro);
-  // and ignored where a stranger sends it
+  EXPECT_EQ(std::get<OpenSession>(again.body).scene, opening.scene);
+  EXPECT_EQ(std::get<OpenSession>(again.body).scene_file, "sample.toml");
+  const auto refused = [&](std::string scene) {
+    opening.scene = std::move(scene);
+    try {
+      encode_header(request);
+    } catch (const Error& error) {
+      return error.status();
+    }
+    return Status{};
+  };
+  EXPECT_EQ(refused(std::string(kMaxSceneBytes + 1, '#')).code, Code::kLimit);
+  EXPECT_EQ(refused("name = \"\xFF\"").code, Code::kInvalidScene) << "nothing is mended in a scene";
+  EXPECT_EQ(refused("name = \"\xFF\"").field, "open_session.scene");
   constexpr std::uint32_t kOpenField = 17;
-  const std::string scene = field(1, field(100, field(1, 1)));
-  EXPECT_FALSE(
-      std::get<OpenSession>(decoded<Request>(header_only(envelope() + field(kOpenField, scene))).body).scene.hydro);
+  const std::string long_scene = field(1, std::string(kMaxSceneBytes + 1, '#'));
+  EXPECT_EQ(code_of(envelope() + field(kOpenField, long_scene)), Code::kLimit);
 }
 
 TEST(Codec, NumbersArriveAsTheyWereSent) {
