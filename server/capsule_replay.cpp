@@ -98,7 +98,7 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   wire::Batch answer = wire::Batch::of(wanted, 1, static_cast<std::uint32_t>(made.options.tangential_components));
   shard::Rows rows;
   rows.all = true;
-  shard.step(rows, *shard.operators(capsule.dt_s), service::inputs_of(row), service::outputs_of(answer));
+  shard.step(rows, *shard.operators(capsule.dt_s), service::step_columns(row, answer));
   for (const store::CapsuleValue& recorded : capsule.answer) {
     const double found = value_in(std::as_const(answer), recorded.name);
     const bool same = std::bit_cast<std::uint64_t>(found) == std::bit_cast<std::uint64_t>(recorded.value);

@@ -4,10 +4,12 @@ namespace shearbus::service {
 namespace {
 
 // In the order of wire::Request's bodies; the names of their fields in the envelope.
-constexpr std::array<const char*, Metrics::kVerbs> kVerbNames = {
-    "unreadable",    "hello",         "open_session",   "downscale", "commit",         "rollback",
-    "close_session", "server_status", "resume_session", "mark",      "register_nodes", "retire_nodes",
-    "offer_nodes",   "accept_nodes",  "checkpoint",     "drain",     "inspect"};
+// Names of the bodies of a request, by their place in the variant.
+template <typename... Body>
+constexpr std::array<const char*, Metrics::kVerbs> names_of(const std::variant<std::monostate, Body...>*) {
+  return {"unreadable", Body::kBody.name...};
+}
+constexpr auto kVerbNames = names_of(static_cast<const decltype(wire::Request::body)*>(nullptr));
 
 }  // namespace
 

@@ -118,9 +118,9 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
 }
 
 // The change that was made ready; from here on nothing fails.
-void Service::take(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
+void Service::apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
   metrics_.state_bytes -= member.shard->state_bytes();
-  member.shard->take(std::move(change));
+  member.shard->apply(std::move(change));
   metrics_.state_bytes += member.shard->state_bytes();
   reply.body = wire::NodesChanged{.nodes = member.shard->nodes().size()};
 }
@@ -137,7 +137,7 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   check_memory(shard::Shard::bytes_for(model, after) - shard.state_bytes(), after);
   auto change = shard.adding(ids, temperatures);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.nodes += ids.size();
 }
 
@@ -147,7 +147,7 @@ void Service::retire_nodes(Member& member, const Arrival& arrival, wire::Reply& 
   const shard::Rows rows = check_leaving_nodes(arrival.request.batch, shard.nodes());
   auto change = shard.removing(rows.slots);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.nodes -= rows.slots.size();
 }
 
@@ -180,7 +180,7 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                                                        .states = shard.states_of(rows.slots, false)});
   auto change = shard.removing(rows.slots);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.state_bytes += kept_bytes(made.begin()->second.states);
   transfers_.merge(made);
 }
@@ -215,7 +215,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
   auto change = shard.adding(transfer.node_ids, initial, &transfer.states);
   reply.batch = node_column(transfer.node_ids);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.state_bytes -= freed;
   transfers_.erase(found);
 }
