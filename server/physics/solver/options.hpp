@@ -47,7 +47,7 @@ struct ModelOptions {
   // and the layer's mass is accelerated (DLP 36).
   bool inertia = false;
 
-  // Nodes at rest are not solved (MODEL.md section 3b). Without inertia, modes and SDIRK2, at most kMaxBasisVertices
+  // Nodes at rest are not solved (METHODS.md, "Sleep"). Without inertia, modes and SDIRK2, at most kMaxBasisVertices
   // that conduct.
   bool sleep = false;
   // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
@@ -55,7 +55,7 @@ struct ModelOptions {
   std::optional<double> taylor_quinney_factor;
 };
 
-// The options with a tolerance, and with the grid, heat and time integrator that it asks for (MODEL.md section 3c).
+// The options with a tolerance, and with the grid, heat and time integrator that it asks for (METHODS.md, "Tolerance").
 ModelOptions discretised(ModelOptions options, double tolerance);
 
 }  // namespace shearbus::physics

@@ -1,4 +1,4 @@
-// Nodes at rest (server/physics/MODEL.md section 3b): an open contact, or one that sticks without friction heat and
+// Nodes at rest (server/physics/METHODS.md, "Sleep"): an open contact, or one that sticks without friction heat and
 // whose layer certainly does not flow, is not solved. After some steps at rest its temperatures are turned into
 // amplitudes of the heat's modes, in place; from then on a step is a product per living mode, and gives T0. The first
 // step that would bring heat, or might bring flow, turns them back and solves as ever. What a lane does here depends on

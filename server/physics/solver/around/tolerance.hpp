@@ -1,4 +1,4 @@
-// Models that are told a tolerance: a step is cut until its error is below it (MODEL.md section 3c).
+// Models that are told a tolerance: a step is cut until its error is below it (METHODS.md, "Tolerance").
 #pragma once
 
 #include "server/physics/solver/pipeline.hpp"

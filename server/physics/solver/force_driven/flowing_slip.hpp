@@ -1,6 +1,6 @@
-// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and
-// the interface law for s, [v], T0 and ep together. It asks for the flow of the layer under one stress and heat flux at
-// a time, so that the lanes of a tile, whose layers are summed together, search together.
+// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61),
+// (64) and the interface law for s, [v], T0 and ep together. It asks for the flow of the layer under one stress and
+// heat flux at a time, so that the lanes of a tile, whose layers are summed together, search together.
 #pragma once
 
 #include "server/physics/solver/flow/heated.hpp"

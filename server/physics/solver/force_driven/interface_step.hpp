@@ -1,5 +1,5 @@
 // What the interface of one lane does in a step or substep of a force-driven model whose layer does not flow, its heat
-// apart (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c).
+// apart (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions (section 6c).
 #pragma once
 
 #include <cmath>
