@@ -45,7 +45,7 @@ class Model {
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
-  // Energy ledger of that step (MODEL.md section 7b): writes the active lanes of `ledger`, changes no state.
+  // Energy ledger of that step (MODEL.md, "Energy ledger"): writes the active lanes of `ledger`, changes no state.
   void record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
                      const double* committed, const double* trial, TileLedger& ledger) const;
 

@@ -19,8 +19,8 @@ inline constexpr std::uint8_t kAsleep = 32;      // at rest: not solved
 inline constexpr std::uint8_t kFirstOrder = 64;  // a second-order step left its domain: backward Euler in its place
 inline constexpr std::uint8_t kFailed = 128;
 
-// What the host sends for one step of one tile. Lanes that are not active may hold any finite number; they are not read.
-// Members `second_` are second tangential components: read only where a model has two.
+// What the host sends for one step of one tile. Lanes that are not active may hold any finite number; they are not
+// read. Members `second_` are second tangential components: read only where a model has two.
 struct TileInputs {
   const double* stress_before = nullptr;                     // [kLanes], in place of the committed shear stress  [Pa]
   SearchEffort* effort = nullptr;                            // counters to add to; null: none
@@ -53,7 +53,7 @@ struct TileOutputs {
   std::uint8_t outcome[kLanes];
 };
 
-// Terms of the energy ledger of a step, per area of interface  [J/m2] (MODEL.md section 7b).
+// Terms of the energy ledger of a step, per area of interface  [J/m2] (MODEL.md, "Energy ledger").
 enum class LedgerTerm : std::uint8_t {
   kWork,
   kHeatToSoft,

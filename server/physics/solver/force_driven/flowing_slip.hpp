@@ -1,4 +1,4 @@
-// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and
+// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61), (64) and
 // the interface law for s, [v], T0 and ep together. The search is a state machine: stress() and flux() are the next load
 // of the layer, update() receives the flow under it. The lanes of a tile, whose flow is summed together, search together.
 #pragma once

@@ -1,5 +1,5 @@
 // Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
-// (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c). The heat is the caller's.
+// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The heat is the caller's.
 #pragma once
 
 #include <cmath>

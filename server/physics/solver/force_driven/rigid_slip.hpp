@@ -1,4 +1,5 @@
-// The force-driven step of one lane whose layer does not flow (server/physics/MODEL.md section 6): DLP (61), (65).
+// The force-driven step of one lane whose layer does not flow (server/physics/MODEL.md, "Force-driven step"): DLP (61),
+// (65).
 #pragma once
 
 #include "server/physics/interface/stress_limit.hpp"

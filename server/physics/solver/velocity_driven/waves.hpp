@@ -1,4 +1,4 @@
-// Shear waves in the layer of one node (MODEL.md section 5b): DLP (36-37) with inertia, (42-48) at every vertex.
+// Shear waves in the layer of one node (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
 #pragma once
 
 #include "server/physics/layer/grid.hpp"
