@@ -102,8 +102,9 @@ struct SubgridLaw::Impl {
       : embedded(embed(where)),
         client(client_options(where.address, embedded)),
         session(enter(client)),
-        wants_soft_plastic_strain_rate(session.effective_scene().interface &&
-                                       session.effective_scene().interface->plastic_layer),
+        wants_soft_plastic_strain_rate(
+            std::ranges::find(session.opened().optional_columns, Field::kSoftPlasticStrainRate) !=
+            session.opened().optional_columns.end()),
         request(session.request()),
         server(embedded ? "in this process" : where.address.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {
@@ -130,14 +131,14 @@ struct SubgridLaw::Impl {
   wire::SessionClosed totals;  // once it is closed
 };
 
-std::string explain(const wire::Scene& scene, std::size_t nodes) {
-  return server::explain(scene).text(nodes);
+std::string explain(const SceneText& scene, std::size_t nodes) {
+  return server::explain(scene.text, scene.file).text(nodes);
 }
 
-SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
+SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
                        std::span<const double> initial_temperature, const SubgridServer& server)
     : impl_(std::make_unique<Impl>(server, [&](Client& client) {
-        return client.open(scene, node_ids, {.initial_temperature_k = initial_temperature});
+        return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
 // The mark is set anew: of those the server keeps it is now the newest, so that the next one cannot push it out.

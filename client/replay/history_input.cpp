@@ -7,17 +7,16 @@
 
 namespace shearbus::replay {
 
-HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop)
+HistoryInput::HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop)
     : history_(history),
-      force_driven_(scene.strategy == wire::Strategy::kForceDriven),
-      components_(scene.tangential_components) {
+      force_driven_(session.strategy == wire::Strategy::kForceDriven),
+      components_(session.tangential_components) {
   if (closed_loop && !force_driven_)
-    throw Error(
-        {.code = Code::kInvalidValue,
-         .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven", scene.name),
-         .remedy = "Leave --closed-loop out: the history imposes the jump."});
-  const wire::StrategyColumns& columns = wire::columns_of(scene.strategy);
-  for (const Field field : columns.required) {
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven",
+                                     session.scene_name),
+                 .remedy = "Leave --closed-loop out: the history imposes the jump."});
+  for (const Field field : session.required_columns) {
     if (field == Field::kVelocityJump && force_driven_)
       choose_jump(closed_loop);
     else if (field == Field::kMassSoft || field == Field::kMassHard)
@@ -26,9 +25,8 @@ HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, boo
       require_rows(field);
   }
   if (!force_driven_) jump_origin_ = "imposed by /velocity_jump";
-  for (const Field field : columns.optional) use_optional(field, scene);
-  refuse_what_is_missing(scene);
-  if (history_.has("initial_temperature")) initial_temperature_ = history_.per_node("initial_temperature");
+  for (const Field field : wire::columns_of(session.strategy).optional) use_optional(field, session);
+  refuse_what_is_missing(session);
 }
 
 void HistoryInput::require_rows(Field field) {
@@ -49,13 +47,10 @@ void HistoryInput::require_constant(Field field) {
     missing_.push_back(fmt::format("/{} [N]", dataset));
 }
 
-void HistoryInput::use_optional(Field field, const Scene& scene) {
+void HistoryInput::use_optional(Field field, const wire::SessionOpened& session) {
   const std::string dataset = wire::quantity_of(field);
   if (!history_.has(dataset)) return;
-  const bool drives = field == Field::kSoftPlasticStrainRate
-                          ? scene.interface && scene.interface->plastic_layer
-                          : scene.velocity_driven.drive == wire::Drive::kInterfaceSlip;
-  if (!drives) {
+  if (std::ranges::find(session.optional_columns, field) == session.optional_columns.end()) {
     notes_.push_back(fmt::format("/{} is not used: {}", dataset,
                                  field == Field::kSoftPlasticStrainRate
                                      ? "without interface.plastic_layer there is no plastic strain to set against it"
@@ -97,18 +92,18 @@ void HistoryInput::choose_jump(bool closed_loop) {
   }
 }
 
-void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
+void HistoryInput::refuse_what_is_missing(const wire::SessionOpened& session) const {
   if (missing_.empty()) return;
   const char* const other = force_driven_ ? "velocity_driven" : "force_driven";
   const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_soft")
                                                   : history_.has("stress_soft") && history_.has("mass_soft");
-  throw Error(
-      {.code = Code::kInvalidValue,
-       .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks", scene.name,
-                           force_driven_ ? "force_driven" : "velocity_driven", fmt::join(missing_, ", ")),
-       .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
-                                      : "See client/replay/README.md for what a history holds.",
-       .field = "strategy"});
+  throw Error({.code = Code::kInvalidValue,
+               .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks",
+                                   session.scene_name, force_driven_ ? "force_driven" : "velocity_driven",
+                                   fmt::join(missing_, ", ")),
+               .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
+                                              : "See client/replay/README.md for what a history holds.",
+               .field = "strategy"});
 }
 
 void HistoryInput::prepare(Batch& request) const {

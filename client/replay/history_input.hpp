@@ -15,10 +15,9 @@ class HistoryInput {
  public:
   // Throws Error{kInvalidValue} that names every dataset the scene's strategy needs and the history lacks.
   // `closed_loop`: force-driven, each reply's new jump is the next input even where the history has /velocity_jump.
-  HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop);
+  HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
-  std::span<const double> initial_temperature_k() const { return initial_temperature_; }  // empty: the scene's
   bool force_driven() const { return force_driven_; }
   std::uint32_t components() const { return components_; }  // of slip and stress
   bool closed_loop() const { return closed_loop_; }
@@ -38,9 +37,9 @@ class HistoryInput {
   };
   void require_rows(Field field);
   void require_constant(Field field);
-  void use_optional(Field field, const Scene& scene);
+  void use_optional(Field field, const wire::SessionOpened& session);
   void choose_jump(bool closed_loop);
-  void refuse_what_is_missing(const Scene& scene) const;
+  void refuse_what_is_missing(const wire::SessionOpened& session) const;
 
   wire::HistoryReader& history_;
   bool force_driven_;
@@ -51,7 +50,6 @@ class HistoryInput {
   std::vector<std::string> missing_;
   std::vector<Field> optional_columns_;
   std::vector<double> first_jump_[2];  // of each component
-  std::vector<double> initial_temperature_;
   std::string jump_origin_;
   std::vector<std::string> notes_;
 };

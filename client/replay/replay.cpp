@@ -10,10 +10,10 @@
 #include "client/include/shearbus/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
+#include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
 
@@ -38,37 +38,24 @@ struct Service {
   Client client;
 };
 
-// What a server refuses in a scene is shown where it stands in the file.
-Session open(Client& client, const wire::SceneFile& scene, const wire::HistoryReader& history,
-             const HistoryInput& input) {
-  try {
-    return client.open(scene.scene, history.node_ids(), {.initial_temperature_k = input.initial_temperature_k()});
-  } catch (const Error& error) {
-    Status status = error.status();
-    if (status.code != Code::kInvalidScene) throw;
-    status.text = fmt::format("{}: {}", scene.where(status.field), status.text);
-    throw Error(status);
-  }
-}
-
-// What a result holds of each step: every component of every column of the scene's replies.
+// What a result holds of each step: every component of every column of the session's replies.
 struct ReplyColumn {
   Field field;
   std::uint32_t component;
 };
 
-std::vector<ReplyColumn> reply_columns(const Scene& scene) {
+std::vector<ReplyColumn> reply_columns(const wire::SessionOpened& session) {
   std::vector<ReplyColumn> columns;
-  for (const Field field : wire::columns_of(scene.strategy).reply)
-    for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? scene.tangential_components : 1);
+  for (const Field field : session.reply_columns)
+    for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? session.tangential_components : 1);
          ++component)
       columns.push_back({field, component});
   return columns;
 }
 
-std::vector<wire::Quantity> quantities(const Scene& scene) {
+std::vector<wire::Quantity> quantities(const wire::SessionOpened& session) {
   std::vector<wire::Quantity> all;
-  for (const ReplyColumn& column : reply_columns(scene))
+  for (const ReplyColumn& column : reply_columns(session))
     all.push_back(wire::quantity_of_column(column.field, column.component));
   return all;
 }
@@ -102,7 +89,7 @@ void replay(const Options& options, wire::HistoryReader& history, HistoryInput& 
             wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", history.steps(), options.progress);
   Batch request = session.request(input.optional_columns());
-  const std::vector<ReplyColumn> columns = reply_columns(session.effective_scene());
+  const std::vector<ReplyColumn> columns = reply_columns(session.opened());
   input.prepare(request);
   for (std::size_t step = 0; step < history.steps(); ++step) {
     if (wire::interrupted())
@@ -142,23 +129,24 @@ std::string plural(std::size_t count, const char* noun) {
 }  // namespace
 
 void explain(const fs::path& scene) {
-  fmt::print("{}", server::explain(wire::load_scene_file(scene).scene).text());
+  fmt::print("{}", server::explain(scene::load_text(scene), scene.string()).text());
 }
 
 void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
-  const wire::SceneFile scene = wire::load_scene_file(options.scene);
+  const std::string scene = scene::load_text(options.scene);
   wire::HistoryReader history(options.history);
-  HistoryInput input(history, scene.scene, options.closed_loop);
-  if (options.check)
-    input.check_all_rows();
-  else
-    refuse_to_write_over_the_history(options);
+  if (!options.check) refuse_to_write_over_the_history(options);
+  const std::vector<double> initial_temperature =
+      history.has("initial_temperature") ? history.per_node("initial_temperature") : std::vector<double>();
   RunTime time{.reading = Clock::now() - start};
 
   Service service(options.server);
-  Session session = open(service.client, scene, history, input);
+  Session session = service.client.open(scene, options.scene.string(), history.node_ids(),
+                                        {.initial_temperature_k = initial_temperature});
+  HistoryInput input(history, session.opened(), options.closed_loop);
+  if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
   const std::string extent =
@@ -174,12 +162,12 @@ void run(const Options& options) {
   const std::map<std::string, std::string> meta = {
       {"producer", "shearbus-replay " + options.version},
       {"server_version", service.client.welcome().server_version},
-      {"scene", wire::scene_to_toml(session.effective_scene())},
+      {"scene", session.effective_scene()},
       {"input_file", options.history.filename().string()},
       {"input_hash", wire::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
   };
-  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.effective_scene()), meta,
+  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
                              history.start_time_s());
   Tally tally(history.node_ids());
   replay(options, history, input, session, writer, tally, time);
@@ -190,7 +178,7 @@ void run(const Options& options) {
   time.total = Clock::now() - start;
 
   fmt::print("{}: {}\n", options.history.string(), extent);
-  fmt::print("  scene                       {} ({})\n", scene.scene.name, options.scene.string());
+  fmt::print("  scene                       {} ({})\n", session.opened().scene_name, options.scene.string());
   fmt::print("  velocity jump               {}\n", input.jump_origin());
   for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
   fmt::print("{}", tally.text(time));

@@ -18,6 +18,14 @@ struct Column {
   Element element = Element::kUnspecified;
   std::uint64_t offset_bytes = 0;  // a multiple of 8
   std::uint64_t count = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "field", m.field);
+    v(2, "component", m.component);
+    v(3, "element", m.element);
+    v(4, "offset_bytes", m.offset_bytes);
+    v(5, "count", m.count);
+  }
 };
 
 // Columns over one 8-byte aligned block. Cheap to move, not copyable.

@@ -184,7 +184,7 @@ class Results(HydroTest):
         run = self.hydro("--explain", scene=PROBLEMS / "cone_al_steel_coarse.toml")
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertRegex(run.stdout, r"off tangential_components +would take \+\d+ B per node")
-        self.assertRegex(run.stdout, r"off layer.inertia +not in this scene: .*velocity_driven")
+        self.assertRegex(run.stdout, r"off layer.inertia +not in this scene: .*strategy = \"force_driven\"")
         self.assertRegex(run.stdout, r"a step of 41 nodes +[\d.]+ µs if all slip")
         self.assertFalse(self.out.exists(), "--explain runs nothing")
 

@@ -1,29 +1,22 @@
-// Scenes as text for people: TOML with comments, and the reference of every key.
+// Messages as canonical TOML text, and the reference of every key.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
 
 #include <algorithm>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "proto/wire/scene_file.hpp"
-#include "proto/wire/scene_message.hpp"
-#include "proto/wire/scene_rules.hpp"
-#include "proto/wire/with_message.hpp"
-#include "shearbus/v1/scene.pb.h"
+#include "proto/scene/reader.hpp"
 
-namespace shearbus::wire {
+namespace shearbus::scene {
 namespace {
 
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
-
-const v1::Rule& rule_of(const FieldDescriptor& field) {
-  return field.options().GetExtension(v1::rule);
-}
 
 std::string toml_string(std::string_view text) {
   std::string out = "\"";
@@ -60,10 +53,10 @@ std::string value_text(const Message& message, const FieldDescriptor& field) {
     default: {
       const auto* value = field.enum_type()->FindValueByNumber(reflection.GetEnumValue(message, &field));
       if (!value)
-        throw Error({.code = Code::kInvalidScene,
-                     .text = fmt::format("{} has no value of number {}", field.name(),
-                                         reflection.GetEnumValue(message, &field)),
-                     .field = field.name()});
+        throw wire::Error({.code = wire::Code::kInvalidScene,
+                           .text = fmt::format("{} has no value of number {}", field.name(),
+                                               reflection.GetEnumValue(message, &field)),
+                           .field = field.name()});
       return toml_string(choices_of(field)[static_cast<std::size_t>(value->index()) - 1]);
     }
   }
@@ -76,18 +69,30 @@ std::string comment_of(const FieldDescriptor& field) {
   return text.empty() ? std::string() : "  # " + text;
 }
 
-// Keys first, then tables: a key after a [table] would belong to it.
-void write_table(const Message& message, const std::string& path, std::string& out) {
+// Keys first, then tables: a key after a [table] would belong to it. Keys of merged messages stand among those of the table.
+void write_keys(const Message& message, std::string& out) {
   std::vector<const FieldDescriptor*> present;
   message.GetReflection()->ListFields(message, &present);
-  for (const FieldDescriptor* field : present)
-    if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
+  for (const FieldDescriptor* field : present) {
+    if (rule_of(*field).merged())
+      write_keys(message.GetReflection()->GetMessage(message, field), out);
+    else if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
       out += fmt::format("{} = {}{}\n", field->name(), value_text(message, *field), comment_of(*field));
+  }
+}
+
+void write_tables(const Message& message, const std::string& path, std::string& out) {
+  std::vector<const FieldDescriptor*> present;
+  message.GetReflection()->ListFields(message, &present);
   for (const FieldDescriptor* field : present) {
     if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
-    const std::string name = path.empty() ? field->name() : path + "." + field->name();
-    out += fmt::format("\n[{}]{}\n", name, comment_of(*field));
-    write_table(message.GetReflection()->GetMessage(message, field), name, out);
+    const Message& inner = message.GetReflection()->GetMessage(message, field);
+    const std::string name = path_of(path, *field);
+    if (!rule_of(*field).merged()) {
+      out += fmt::format("\n[{}]{}\n", name, comment_of(*field));
+      write_keys(inner, out);
+    }
+    write_tables(inner, name, out);
   }
 }
 
@@ -124,45 +129,42 @@ std::string default_text(const FieldDescriptor& field) {
 void describe_table(const Descriptor& table, const std::string& path, const std::string& heading, std::string& out) {
   out += fmt::format("\n## {}\n\n| key | type | unit | default | bounds | meaning |\n|---|---|---|---|---|---|\n",
                      heading);
-  for (int i = 0; i < table.field_count(); ++i) {
-    const FieldDescriptor& field = *table.field(i);
-    if (field.message_type()) continue;
-    out += fmt::format("| `{}` | {} | {} | {} | {} | {} |\n", field.name(), type_text(field), rule_of(field).unit(),
-                       default_text(field), bounds_of(field), rule_of(field).meaning());
+  const std::vector<const FieldDescriptor*> keys = keys_of(table);
+  for (const FieldDescriptor* field : keys) {
+    if (field->message_type()) continue;
+    out += fmt::format("| `{}` | {} | {} | {} | {} | {} |\n", field->name(), type_text(*field), rule_of(*field).unit(),
+                       default_text(*field), bounds_of(*field), rule_of(*field).meaning());
   }
   std::vector<const Descriptor*> described;
-  for (int i = 0; i < table.field_count(); ++i) {
-    const Descriptor* inner = table.field(i)->message_type();
+  for (const FieldDescriptor* first : keys) {
+    const Descriptor* inner = first->message_type();
     if (!inner || std::find(described.begin(), described.end(), inner) != described.end()) continue;
     described.push_back(inner);
-    const std::string prefix = path.empty() ? std::string() : path + ".";
     std::vector<std::string> names;
     std::vector<std::string> meanings;
-    for (int j = i; j < table.field_count(); ++j)
-      if (table.field(j)->message_type() == inner) {
-        names.push_back(fmt::format("[{}{}]", prefix, table.field(j)->name()));
-        meanings.push_back(rule_of(*table.field(j)).meaning());
+    for (const FieldDescriptor* field : keys)
+      if (field->message_type() == inner) {
+        names.push_back(fmt::format("[{}]", path_of(path, *field)));
+        meanings.push_back(rule_of(*field).meaning());
       }
-    describe_table(*inner, prefix + table.field(i)->name(),
+    describe_table(*inner, path_of(path, *first),
                    fmt::format("{}: {}", fmt::join(names, ", "), fmt::join(meanings, "; ")), out);
   }
 }
 
 }  // namespace
 
-std::string scene_to_toml(const Scene& scene) {
-  return with_message<v1::Scene>([&](v1::Scene& message) {
-    to_message(scene, message);
-    std::string out;
-    write_table(message, "", out);
-    return out;
-  });
-}
-
-std::string scene_reference() {
-  std::string out = "# Keys of a scene\n\nA scene is a TOML file. Numbers are SI; an integer may stand for a number.\n";
-  describe_table(*v1::Scene::descriptor(), "", "The scene itself: keys before the first [table]", out);
+std::string to_toml(const Message& root) {
+  std::string out;
+  write_keys(root, out);
+  write_tables(root, "", out);
   return out;
 }
 
-}  // namespace shearbus::wire
+std::string reference_of(const Descriptor& root) {
+  std::string out = "# Keys of a scene\n\nA scene is a TOML file. Numbers are SI; an integer may stand for a number.\n";
+  describe_table(root, "", "The scene itself: keys before the first [table]", out);
+  return out;
+}
+
+}  // namespace shearbus::scene
