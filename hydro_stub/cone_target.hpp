@@ -13,12 +13,11 @@
 
 #include "hydro_stub/metal.hpp"
 #include "hydro_stub/problem2d.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 struct ConeTarget {
-  wire::ConeTarget scene;
+  guest::ConeTarget scene;
   double end_time = 0.0;  // [s]
   Metal soft, hard;
 
@@ -29,7 +28,7 @@ struct ConeTarget {
 };
 
 // Throws wire::Error{kInvalidScene} that names the field at fault.
-ConeTarget make_cone_target(const wire::Scene& scene);
+ConeTarget make_cone_target(const guest::HydroScene& scene);
 
 // Mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
 lagrange::Bodies make_bodies(const ConeTarget& problem);

@@ -8,12 +8,12 @@
 
 namespace shearbus::hydro {
 
-CoulombTrescaLaw::CoulombTrescaLaw(const wire::CoulombTresca& constants, const physics::Material& soft,
+CoulombTrescaLaw::CoulombTrescaLaw(const guest::CoulombTresca& constants, const physics::Material& soft,
                                    const physics::Material& hard, std::span<const double> initial_temperature)
-    : friction_{.at_rest = constants.friction_coefficient_at_rest,
-                .fast = constants.friction_coefficient_fast,
-                .decay = constants.velocity_decay_s_per_m},
-      yield_fraction_(constants.yield_fraction),
+    : friction_{.at_rest = constants.friction_coefficient_at_rest(),
+                .fast = constants.friction_coefficient_fast(),
+                .decay = constants.velocity_decay_s_per_m()},
+      yield_fraction_(constants.yield_fraction()),
       soft_(soft),
       heat_share_(physics::heat_partition(soft, hard)),
       cell_temperature_(initial_temperature.begin(), initial_temperature.end()) {}

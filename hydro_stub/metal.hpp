@@ -3,8 +3,8 @@
 
 #include <string>
 
+#include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/lagrange/cycle.hpp"
-#include "proto/wire/scene.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::hydro {
@@ -16,7 +16,7 @@ struct Metal {
 
 // Makes the metal of [table] with the equation of state of its own constants, or of `other` if it has none. Throws for
 // missing constants.
-Metal make_metal(const wire::Body& body, const std::string& table, const wire::MieGrueneisen& other = {});
+Metal make_metal(const v1::Body& body, const std::string& table, const guest::MieGrueneisen& other = {});
 
 inline lagrange::BodyMaterial body_material(const Metal& metal) {
   return {.eos = lagrange::Eos(metal.eos), .strength = metal.strength};

@@ -5,18 +5,18 @@
 #include <optional>
 #include <string>
 
+#include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/restart.hpp"
 #include "proto/wire/key_file.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;                      // this, or
-  std::filesystem::path restart;                    // the directory of a run to go on with
-  std::filesystem::path out;                        // empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;                       // no endpoint: in this process
-  std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
+  std::filesystem::path scene;                       // this, or
+  std::filesystem::path restart;                     // the directory of a run to go on with
+  std::filesystem::path out;                         // empty: out/<scene name>-<interface law>
+  wire::ServerAddress server;                        // no endpoint: in this process
+  std::optional<guest::InterfaceLaw> interface_law;  // in place of the scene's
   DumpSchedule dumps;
   bool overlap = true;
   bool check = false;

@@ -9,20 +9,20 @@
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/scene.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 // Makes the scene's law for nodes with these initial temperatures, or restores it from `kept` (InterfaceLaw::keep).
 // Prints the server's warnings to stderr. Throws wire::Error.
-std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
+std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        const SubgridServer& server, const std::string& kept = {});
 
 // Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
 // std::exception; then no file has the name of a complete result.
-void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
+void run(const guest::HydroScene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
          bool progress);
 
 // Draw the results in `out` with plot_histories.py or plot_cone.py. Throw std::runtime_error if that fails.

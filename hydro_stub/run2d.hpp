@@ -7,8 +7,8 @@
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/problem2d.hpp"
 #include "hydro_stub/restart.hpp"
+#include "hydro_stub/scene.hpp"
 #include "proto/wire/dump.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
@@ -23,7 +23,7 @@ struct RunOptions {
 // summary.json to `options.out`, and prints the summary. `effective` is the scene with all constants filled in. With
 // `from` the run continues from that dump. Throws Interrupted after SIGINT or SIGTERM, wire::Error or std::exception;
 // then neither histories nor a summary are written.
-void run_problem2d(const wire::Scene& scene, const wire::Scene& effective, Problem2d problem, InterfaceLaw& law,
+void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from);
 
 }  // namespace shearbus::hydro

@@ -64,7 +64,7 @@ void accelerate(ShearBody& body, double dt) {
     const double* outer = body.stress_at(j);
     for (std::size_t i = 0; i < columns; ++i) velocity[i] += scale * (outer[i] - inner[i]);
   }
-  if (body.mesh.far_end == wire::FarEnd::kFree) {
+  if (body.mesh.far_end == guest::FAR_END_FREE) {
     accelerate_free_end(body, dt);
   } else {
     accelerate_transmitting_end(body, dt);

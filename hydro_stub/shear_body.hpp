@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/wire/scene.hpp"
+#include "hydro_stub/hydro.pb.h"
 
 namespace shearbus::hydro {
 
@@ -26,7 +26,7 @@ struct BodyMesh {
   double zone_width = 0.0;     // [m]
   double density = 0.0;        // [kg/m3]
   double shear_modulus = 0.0;  // [Pa]
-  wire::FarEnd far_end = wire::FarEnd::kTransmitting;
+  guest::FarEnd far_end = guest::FAR_END_TRANSMITTING;
 
   double wave_speed() const;                                            // [m/s]
   double impedance() const;                                             // rho c  [Pa s/m]

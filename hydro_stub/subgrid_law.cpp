@@ -102,8 +102,9 @@ struct SubgridLaw::Impl {
       : embedded(embed(where)),
         client(client_options(where.address, embedded)),
         session(enter(client)),
-        wants_soft_plastic_strain_rate(session.effective_scene().interface &&
-                                       session.effective_scene().interface->plastic_layer),
+        wants_soft_plastic_strain_rate(
+            std::ranges::find(session.opened().optional_columns, Field::kSoftPlasticStrainRate) !=
+            session.opened().optional_columns.end()),
         request(session.request()),
         server(embedded ? "in this process" : where.address.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {
@@ -130,14 +131,14 @@ struct SubgridLaw::Impl {
   wire::SessionClosed totals;  // once it is closed
 };
 
-std::string explain(const wire::Scene& scene, std::size_t nodes) {
-  return server::explain(scene).text(nodes);
+std::string explain(const SceneText& scene, std::size_t nodes) {
+  return server::explain(scene.text, scene.file).text(nodes);
 }
 
-SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
+SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
                        std::span<const double> initial_temperature, const SubgridServer& server)
     : impl_(std::make_unique<Impl>(server, [&](Client& client) {
-        return client.open(scene, node_ids, {.initial_temperature_k = initial_temperature});
+        return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
 // The mark is set anew: of those the server keeps it is now the newest, so that the next one cannot push it out.
@@ -166,10 +167,10 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
     copy(in.soft_plastic_strain_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
-  copy(in.stress_soft, request.f64(Field::kStressMinus));
-  copy(in.stress_hard, request.f64(Field::kStressPlus));
-  copy(in.mass_soft, request.f64(Field::kMassMinus));
-  copy(in.mass_hard, request.f64(Field::kMassPlus));
+  copy(in.stress_soft, request.f64(Field::kStressSoft));
+  copy(in.stress_hard, request.f64(Field::kStressHard));
+  copy(in.mass_soft, request.f64(Field::kMassSoft));
+  copy(in.mass_hard, request.f64(Field::kMassHard));
   impl_->session.start_trial(
       request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
   impl_->asked = &in;

@@ -12,7 +12,6 @@
 
 #include "hydro_stub/interface_law.hpp"
 #include "proto/wire/key_file.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
@@ -22,13 +21,19 @@ struct SubgridServer {
   std::filesystem::path state_dir;  // of a server in this process: where its sessions outlive it; empty: they do not
 };
 
+// A scene as the server reads it.
+struct SceneText {
+  std::string text;  // TOML
+  std::string file;  // its name, for messages
+};
+
 // What a scene pays for, measured on this machine: for people.
-std::string explain(const wire::Scene& scene, std::size_t nodes);
+std::string explain(const SceneText& scene, std::size_t nodes);
 
 class SubgridLaw : public InterfaceLaw {
  public:
   // Opens a session for the nodes. Throws wire::Error with what the server refused.
-  SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
+  SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
              std::span<const double> initial_temperature, const SubgridServer& server = {});
   // Comes back to what another process kept.
   SubgridLaw(const std::string& kept, const SubgridServer& server);

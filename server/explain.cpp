@@ -13,8 +13,11 @@
 #include <optional>
 #include <utility>
 
+#include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 
@@ -32,58 +35,11 @@ constexpr int kSteps = 60;
 constexpr int kRepeats = 5;
 constexpr std::chrono::milliseconds kLongest{40};  // of one measurement
 
-// A part as a change of the scene; `set` is called with what the scene shall be.
-struct Switch {
-  const char* name;
-  const char* meaning;
-  bool (*is_on)(const wire::Scene&);
-  void (*set)(wire::Scene&, bool);
-};
+using physics::Property;
 
-constexpr std::array kSwitches = {
-    Switch{"hard_layer", "the hard body conducts on a grid of its own, in place of a fixed share of the heat",
-           [](const wire::Scene& s) { return s.hard_layer.has_value(); },
-           [](wire::Scene& s, bool on) {
-             if (on)
-               s.hard_layer.emplace();
-             else
-               s.hard_layer.reset();
-           }},
-    Switch{"interface.plastic_layer", "the layer flows and hardens beside the slip",
-           [](const wire::Scene& s) { return s.interface && s.interface->plastic_layer; },
-           [](wire::Scene& s, bool on) {
-             if (s.interface) s.interface->plastic_layer = on;
-           }},
-    Switch{"junctions", "contact on a part of the area, which hardens with the slip",
-           [](const wire::Scene& s) { return s.junctions.has_value(); },
-           [](wire::Scene& s, bool on) {
-             s.junctions.reset();
-             if (on) s.junctions = wire::Junctions{.contact_fraction = 0.5, .height_m = 1e-6};
-           }},
-    Switch{"velocity_driven.taylor_quinney_factor", "plastic work heats the layer where it flows",
-           [](const wire::Scene& s) { return s.velocity_driven.taylor_quinney_factor.has_value(); },
-           [](wire::Scene& s, bool on) {
-             s.velocity_driven.taylor_quinney_factor = on ? std::optional(1.0) : std::nullopt;
-           }},
-    Switch{"layer.inertia", "shear waves cross the layer", [](const wire::Scene& s) { return s.layer.inertia; },
-           [](wire::Scene& s, bool on) { s.layer.inertia = on; }},
-    Switch{"tangential_components", "slip and stress have a second direction",
-           [](const wire::Scene& s) { return s.tangential_components == 2; },
-           [](wire::Scene& s, bool on) { s.tangential_components = on ? 2 : 1; }},
-    Switch{"soft.melting_curve", "melting follows the pressure",
-           [](const wire::Scene& s) { return s.soft.melting_curve == wire::MeltingCurve::kLindemann; },
-           [](wire::Scene& s, bool on) {
-             s.soft.melting_curve = on ? wire::MeltingCurve::kLindemann : wire::MeltingCurve::kConstant;
-           }},
-    Switch{"layer.heat = \"profile\"", "the temperature across the layer, not of the interface alone",
-           [](const wire::Scene& s) { return s.layer.heat == wire::Heat::kProfile; },
-           [](wire::Scene& s, bool on) {
-             s.layer.heat = on ? wire::Heat::kProfile : wire::Heat::kModes;
-             if (on) s.layer.modes.reset();
-           }},
-    Switch{"layer.sleep", "nodes at rest are not solved", [](const wire::Scene& s) { return s.layer.sleep; },
-           [](wire::Scene& s, bool on) { s.layer.sleep = on; }},
-};
+// Parts that take the place of others or leave work out, and so add no physics.
+constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
+                                    Property::kModes,         Property::kSleep,        Property::kTolerance};
 constexpr const char* kLedger = "energy ledger";
 
 // One tile of a model, stepped as a host would.
@@ -169,52 +125,45 @@ class Bench {
   std::vector<double> states_[2];
 };
 
-std::uint64_t bytes_per_node(const wire::Scene& scene, const physics::ModelOptions& options, bool ledger) {
+std::uint64_t bytes_per_node(const physics::ModelOptions& options, bool ledger) {
   std::uint64_t bytes = shard::Shard::bytes_per_node(physics::Model(options));
-  for (const wire::Field field : wire::columns_of(scene.strategy).reply)
+  for (const wire::Field field : wire::columns_of(service::strategy_of(options)).reply)
     bytes += wire::size_of(wire::element_of(field));
   if (ledger) bytes += wire::kLedgerColumns.size() * sizeof(double);
   return bytes;
 }
 
-SceneCost cost_of(const wire::Scene& scene, const physics::ModelOptions& options, bool ledger) {
+SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
   Bench bench(options);
-  return {.bytes_per_node = bytes_per_node(scene, options, ledger),
+  return {.bytes_per_node = bytes_per_node(options, ledger),
           .slipping_s = bench.slipping(ledger),
           .resting_s = bench.resting(),
           .step_length_s = bench.step_length()};
 }
 
-// The model of a scene, or why there is none.
-struct Tried {
-  std::optional<physics::ModelOptions> options;
-  std::string refused;
-};
-Tried tried(const wire::Scene& scene) {
-  try {
-    return {service::scene_model(scene).options, {}};
-  } catch (const wire::Error& error) {
-    const std::string& text = error.status().text;  // the first of its reasons
-    return {std::nullopt, text.substr(0, text.find('\n'))};
-  }
+// Why a model of these options cannot be made; empty: it can.
+std::string refusal_of(const physics::ModelOptions& options) {
+  if (const std::string_view missing = physics::constant_missing_for_options(options.soft); !missing.empty())
+    return fmt::format("soft.{} is missing", missing);
+  const auto refusals = physics::refusals(options);
+  return refusals.empty() ? std::string() : refusals.front().text;
 }
 
-// The scene with every part that goes together with those before it, in the order of kSwitches, and their names.
-// Without sleep, which adds no physics.
-struct FullScene {
-  wire::Scene scene;
+// Every part that adds physics and goes together with those before it, in the order of the table, and their keys.
+struct FullModel {
+  physics::ModelOptions options;
   std::vector<std::string> parts;
 };
-FullScene with_everything(const wire::Scene& scene) {
-  FullScene full{.scene = scene, .parts = {}};
-  full.scene.layer.sleep = false;
-  for (const Switch& part : kSwitches) {
-    if (part.name == std::string_view("layer.sleep")) continue;
-    wire::Scene more = full.scene;
-    part.set(more, true);
-    if (!part.is_on(more) || !tried(more).options) continue;
-    full.scene = std::move(more);
-    full.parts.emplace_back(part.name);
+FullModel with_everything(const physics::ModelOptions& options) {
+  FullModel full{.options = options, .parts = {}};
+  for (const Property property : {Property::kModes, Property::kSleep})
+    full.options = physics::switched(full.options, physics::part_of(property), false);
+  for (const physics::Part& part : physics::parts()) {
+    if (part.set == nullptr || std::ranges::find(kAddNothing, part.property) != kAddNothing.end()) continue;
+    physics::ModelOptions more = physics::switched(full.options, part, true);
+    if (!refusal_of(more).empty()) continue;
+    full.options = std::move(more);
+    full.parts.emplace_back(part.key);
   }
   return full;
 }
@@ -225,38 +174,39 @@ std::string microseconds(double seconds) {
 
 }  // namespace
 
-Explanation explain(const wire::Scene& scene) {
-  const service::SceneModel made = service::scene_model(scene);
-  Explanation told{
-      .scene = scene.name, .cost = cost_of(scene, made.options, false), .parts = {}, .everything = {}, .together = {}};
+Explanation explain(std::string_view scene, const std::string& file) {
+  const service::SceneModel made = service::scene_model(scene, file);
+  const physics::ModelOptions& options = made.options;
+  Explanation explanation{
+      .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
 
   // 1. Each part switched the other way, alone.
-  for (const Switch& part : kSwitches) {
-    ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    wire::Scene other = scene;
-    part.set(other, !found.on);
-    if (const Tried model = tried(other); !model.options) {
-      found.excluded = model.refused;
-    } else {
+  for (const physics::Part& part : physics::parts()) {
+    if (part.set == nullptr) continue;
+    ScenePart found{.name = std::string(part.key), .on = part.is_on(options), .meaning = std::string(part.adds)};
+    const physics::ModelOptions other = physics::switched(options, part, !found.on);
+    found.excluded = refusal_of(other);
+    if (found.excluded.empty()) {
       const double sign = found.on ? 1.0 : -1.0;
-      const auto here = static_cast<std::int64_t>(told.cost.bytes_per_node);
-      const auto there = static_cast<std::int64_t>(bytes_per_node(other, *model.options, false));
+      const auto here = static_cast<std::int64_t>(explanation.cost.bytes_per_node);
+      const auto there = static_cast<std::int64_t>(bytes_per_node(other, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (told.cost.slipping_s - Bench(*model.options).slipping(false));
+      found.slipping_s = sign * (explanation.cost.slipping_s - Bench(other).slipping(false));
     }
-    told.parts.push_back(std::move(found));
+    explanation.parts.push_back(std::move(found));
   }
-  told.parts.push_back({.name = kLedger,
-                        .meaning = "where the energy of each node's step went, for requests that name its columns",
-                        .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = Bench(made.options).slipping(true) - told.cost.slipping_s});
+  explanation.parts.push_back(
+      {.name = kLedger,
+       .meaning = "where the energy of each node's step went, for requests that name its columns",
+       .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
+       .slipping_s = Bench(options).slipping(true) - explanation.cost.slipping_s});
 
   // 2. Everything that goes together.
-  auto [all, names] = with_everything(scene);
-  told.together = std::move(names);
-  told.together.emplace_back(kLedger);
-  told.everything = cost_of(all, *tried(all).options, true);
-  return told;
+  auto [all, names] = with_everything(options);
+  explanation.together = std::move(names);
+  explanation.together.emplace_back(kLedger);
+  explanation.everything = cost_of(all, true);
+  return explanation;
 }
 
 std::string Explanation::text(std::size_t nodes) const {
@@ -300,16 +250,17 @@ std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
   return lines;
 }
 
-OmittedCost omitted_cost(const wire::Scene& effective, const wire::SessionClosed& totals) {
-  const FullScene full = with_everything(effective);
+OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals) {
+  const physics::ModelOptions options = service::scene_model(effective_scene, "the effective scene").options;
+  const FullModel full = with_everything(options);
   OmittedCost omitted{.parts = {},
-                      .bytes_per_node = bytes_per_node(effective, service::scene_model(effective).options, false),
-                      .bytes_per_node_with_everything = bytes_per_node(full.scene, *tried(full.scene).options, true),
+                      .bytes_per_node = bytes_per_node(options, false),
+                      .bytes_per_node_with_everything = bytes_per_node(full.options, true),
                       .share_asleep = {}};
-  for (const Switch& part : kSwitches)
-    if (!part.is_on(effective) && std::ranges::find(full.parts, part.name) != full.parts.end())
-      omitted.parts.emplace_back(part.name);
-  if (effective.layer.sleep && totals.node_steps > 0)
+  for (const physics::Part& part : physics::parts())
+    if (!part.is_on(options) && std::ranges::find(full.parts, part.key) != full.parts.end())
+      omitted.parts.emplace_back(part.key);
+  if (options.sleep && totals.node_steps > 0)
     omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
   return omitted;
 }

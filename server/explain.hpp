@@ -6,28 +6,28 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "proto/wire/messages.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::server {
 
 struct ScenePart {
   std::string name;                 // "hard_layer"
   bool on = false;                  // the scene asks for it
-  std::string meaning;              // what it brings
-  std::string excluded;             // why this scene could not have it; empty: it could
-  std::int64_t bytes_per_node = 0;  // it takes, or would take
-  double slipping_s = 0.0;          // it adds, or would add, to a node-step
+  std::string meaning;              // the physics that it adds
+  std::string excluded;             // why this scene could not be without it, or with it; empty: it could
+  std::int64_t bytes_per_node = 0;  // that it takes, or would take
+  double slipping_s = 0.0;          // that it adds, or would add, to a node-step
 };
 
 struct SceneCost {
   std::uint64_t bytes_per_node = 0;  // both states, index and kept reply
-  double slipping_s = 0.0;           // a node-step
-  double resting_s = 0.0;            // of an open contact that holds heat
-  double step_length_s = 0.0;        // a step length that was not there before, once
+  double slipping_s = 0.0;           // of a node-step
+  double resting_s = 0.0;            // of a node-step of an open contact that holds heat
+  double step_length_s = 0.0;        // of the operators of a new step length
 };
 
 struct Explanation {
@@ -41,7 +41,7 @@ struct Explanation {
 };
 
 // Measures every part on this machine, for a second at most. Throws wire::Error where the scene is not in order.
-Explanation explain(const wire::Scene& scene);
+Explanation explain(std::string_view scene, const std::string& file);
 
 // Optional physics that a run left out, and the memory it would have taken. Nothing is measured.
 struct OmittedCost {
@@ -52,6 +52,6 @@ struct OmittedCost {
 
   std::vector<std::pair<std::string, std::string>> lines() const;  // of a summary: label and text
 };
-OmittedCost omitted_cost(const wire::Scene& effective, const wire::SessionClosed& totals);
+OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals);
 
 }  // namespace shearbus::server

@@ -17,11 +17,12 @@
 
 #include "client/ctl/operations.hpp"
 #include "client/include/shearbus/client.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/key_file.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/options_page.hpp"
 #include "server/store/compare.hpp"
 
 namespace {
@@ -76,22 +77,17 @@ int compare(const Options& options) {
   return text.empty() ? 0 : kExitFault;
 }
 
-// Reads a scene and has a server of our own understand it: the file's schema and the materials both speak.
+// Opens a session of the scene in a server of this process, which checks schema and materials.
 void check(const Options& options) {
-  const shearbus::wire::SceneFile file = shearbus::wire::load_scene_file(options.scene);
+  const std::string file = options.scene.string();
   const shearbus::server::Embedded server;
   shearbus::Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-ctl"});
-  try {
-    const std::array<std::uint64_t, 1> node = {0};
-    shearbus::Session session = client.open(file.scene, node);
-    fmt::print("{}", shearbus::wire::scene_to_toml(session.effective_scene()));
-    for (const std::string& warning : session.warnings()) fmt::print(stderr, "{}: warning: {}\n", file.file, warning);
-    fmt::print(stderr, "{}: valid; {} bytes of state per node\n", file.file, session.bytes_per_node());
-    session.close();
-  } catch (const shearbus::Error& fault) {
-    if (fault.status().code != shearbus::Code::kInvalidScene) throw;
-    throw std::runtime_error(fmt::format("{}: {}", file.where(fault.status().field), fault.status().text));
-  }
+  const std::array<std::uint64_t, 1> node = {0};
+  shearbus::Session session = client.open(shearbus::scene::load_text(options.scene), file, node);
+  fmt::print("{}", session.effective_scene());
+  for (const std::string& warning : session.warnings()) fmt::print(stderr, "{}: warning: {}\n", file, warning);
+  fmt::print(stderr, "{}: valid; {} bytes of state per node\n", file, session.bytes_per_node());
+  session.close();
 }
 
 // Writes a key pair; the public file is a line for a server's --authorized-keys.
@@ -128,7 +124,11 @@ void materials(const Options& options) {
 }
 
 void reference() {
-  fmt::print("{}", shearbus::wire::scene_reference());
+  fmt::print("{}", shearbus::scene::reference_of(*shearbus::v1::Scene::descriptor()));
+}
+
+void options_page() {
+  fmt::print("{}", shearbus::physics::options_page());
 }
 
 // The commands of the program. Parsing the command line chooses one of them, for run().
@@ -258,6 +258,10 @@ class Commands {
         ->add_option("MATERIAL", options_.material, "One of them, with its constants as a scene would give them");
     add("reference", "Every key of a scene, as Markdown", [] {
       reference();
+      return 0;
+    });
+    add("options", "What the physics can switch on and what excludes what, as Markdown", [] {
+      options_page();
       return 0;
     });
   }

@@ -8,7 +8,6 @@
 
 #include "hydro_stub/metal.hpp"
 #include "hydro_stub/problem2d.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
@@ -105,6 +104,6 @@ double shear_impedance(const physics::Material& metal);  // sqrt(rho G)  [Pa s/m
 bool at_rest(const ImplosionProblem& problem, const lagrange::Cycle& cycle);
 
 // The verification problem of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
-Problem2d make_verification(const wire::Scene& scene);
+Problem2d make_verification(const guest::HydroScene& scene);
 
 }  // namespace shearbus::hydro

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/batch.hpp"
 
 namespace shearbus::wire {
 

@@ -3,11 +3,12 @@
 namespace shearbus::service {
 namespace {
 
-// Names of the bodies' fields in the envelope, in the order of the alternatives of wire::Request::body.
-constexpr std::array<const char*, Metrics::kVerbs> kVerbNames = {
-    "unreadable",    "hello",         "open_session",   "downscale", "commit",         "rollback",
-    "close_session", "server_status", "resume_session", "mark",      "register_nodes", "retire_nodes",
-    "offer_nodes",   "accept_nodes",  "checkpoint",     "drain",     "inspect"};
+// Names of the bodies in the envelope, in the order of the alternatives of wire::Request::body.
+template <typename... Body>
+constexpr std::array<const char*, Metrics::kVerbs> names_of(const std::variant<std::monostate, Body...>*) {
+  return {"unreadable", Body::kBody.name...};
+}
+constexpr auto kVerbNames = names_of(static_cast<const decltype(wire::Request::body)*>(nullptr));
 
 }  // namespace
 

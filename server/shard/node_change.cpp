@@ -112,7 +112,7 @@ Shard::NodeChange Shard::removing(std::span<const std::uint32_t> slots) const {
   return change;
 }
 
-void Shard::take(NodeChange&& change) {
+void Shard::apply(NodeChange&& change) {
   const std::size_t doubles = model_.layout().doubles;
   for (const auto& [from, to] : change.moves_)
     copy_lane(committed(from / kLanes), committed(to / kLanes), doubles, from % kLanes, to % kLanes);

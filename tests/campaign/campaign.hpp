@@ -37,7 +37,7 @@ struct Physics {
 };
 std::vector<Physics> all_physics();
 
-// A force-driven step with several solutions: stick, and two different slips (MODEL.md section 6).
+// A force-driven step with several solutions: stick, and two different slips (MODEL.md, "Force-driven step").
 struct SeveralAnswers {
   double dt;           // [s]
   double temperature;  // T_melt - below  [K]

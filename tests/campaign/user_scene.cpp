@@ -30,31 +30,31 @@ namespace {
                      .field = std::move(field)});
 }
 
-// Of the problems of shearbus-hydro those in which bodies slide on each other.
-bool has_interface(const wire::Hydro& hydro) {
-  return hydro.shear_column || hydro.cone_target || hydro.sliding_plates;
+// The problems of shearbus-hydro in which bodies slide on each other.
+bool has_interface(const guest::Hydro& hydro) {
+  return hydro.has_shear_column() || hydro.has_cone_target() || hydro.has_sliding_plates();
 }
 
-void require_layer(const wire::Scene& scene) {
-  if (scene.hydro && !has_interface(*scene.hydro))
+void require_layer(const guest::HydroScene& scene) {
+  if (scene.has_hydro() && !has_interface(scene.hydro()))
     refuse("hydro", "expected a scene with a shear layer, found a problem in which no bodies slide on each other",
            "Give a scene with shear_column, cone_target or sliding_plates, or without [hydro].");
-  if (scene.hydro && scene.hydro->interface_law != wire::InterfaceLaw::kSubgrid &&
-      scene.hydro->interface_law != wire::InterfaceLaw::kUnspecified)
+  if (scene.has_hydro() && scene.hydro().interface_law() != guest::INTERFACE_LAW_SUBGRID)
     refuse("hydro.interface_law",
            fmt::format("expected interface_law \"subgrid\", found \"{}\": it keeps no shear layer",
-                       hydro::name(scene.hydro->interface_law)),
+                       hydro::name(scene.hydro().interface_law())),
            "Let it be \"subgrid\", with strategy and [interface].");
-  if (scene.strategy == wire::Strategy::kUnspecified)
+  if (scene.scene().strategy() == v1::STRATEGY_UNSPECIFIED)
     refuse("strategy", "expected a scene with a shear layer, found one without strategy",
            "Set strategy = \"velocity_driven\" or \"force_driven\".");
 }
 
-// What a server says to a scene when it is opened.
-void require_opened(wire::Scene scene) {
-  scene.hydro.reset();
+// Opens a session in a server of this process and throws what it refuses.
+void require_opened(const hydro::SceneFile& file) {
   support::ServiceHarness host;
-  const support::Answer answer = host.ask(support::ServiceHarness::opening(scene, support::node_ids(1)));
+  wire::Request opening = support::ServiceHarness::opening(file.server_text(), support::node_ids(1));
+  std::get<wire::OpenSession>(opening.body).scene_file = file.document.file;
+  const support::Answer answer = host.ask(opening);
   if (answer.code() != wire::Code::kOk) throw wire::Error(answer.reply.status);
 }
 
@@ -67,9 +67,9 @@ struct Told {
 
 // Of shear_column its own mesh and step; of the problems in two dimensions zones of one width, and the step that a wave
 // in the stiffer metal allows.
-Told host_of(const wire::Scene& scene) {
+Told host_of(const guest::HydroScene& scene) {
   Told told{.host = {}, .by = "not in the scene: the paper's"};
-  if (!scene.hydro) return told;
+  if (!scene.has_hydro()) return told;
   Host& host = told.host;
   const auto in_two_dimensions = [&](double width, double courant, const hydro::Metal& soft, const hydro::Metal& hard) {
     host.half_zone_soft = host.half_zone_hard = 0.5 * width;
@@ -79,31 +79,31 @@ Told host_of(const wire::Scene& scene) {
     };
     host.dt = courant * width / std::max(speed(soft), speed(hard));
   };
-  if (scene.hydro->shear_column) {
+  if (scene.hydro().has_shear_column()) {
     const hydro::Problem problem = hydro::make_problem(scene);
-    host = {.pressure = *std::ranges::max_element(scene.hydro->shear_column->pressure_pa),
+    host = {.pressure = *std::ranges::max_element(scene.hydro().shear_column().pressure_pa()),
             .half_zone_soft = 0.5 * problem.soft.zone_width,
             .half_zone_hard = 0.5 * problem.hard.zone_width,
             .dt = problem.dt};
     told.by = "[hydro.shear_column]";
-  } else if (scene.hydro->cone_target) {
+  } else if (scene.hydro().has_cone_target()) {
     const hydro::ConeTarget cone = hydro::make_cone_target(scene);
-    in_two_dimensions(cone.scene.zone_width_m, cone.scene.courant, cone.soft, cone.hard);
+    in_two_dimensions(cone.scene.zone_width_m(), cone.scene.courant(), cone.soft, cone.hard);
     // The flyer is of the metal it strikes: half its speed, along the Hugoniot.
-    const double u = 0.5 * cone.scene.flyer_speed_m_per_s;
+    const double u = 0.5 * cone.scene.flyer_speed_m_per_s();
     host.pressure = cone.hard.eos.density * (cone.hard.eos.sound_speed + cone.hard.eos.s1 * u) * u;
     told.by = "[hydro.cone_target]";
   } else {
-    const wire::SlidingPlates& plates = *scene.hydro->sliding_plates;
-    in_two_dimensions(plates.zone_width_m, lagrange::TimeStepOptions{}.cfl, hydro::make_metal(scene.soft, "soft"),
-                      hydro::make_metal(scene.hard, "hard"));
-    host.pressure = plates.pressure_pa;
+    const guest::SlidingPlates& plates = scene.hydro().sliding_plates();
+    in_two_dimensions(plates.zone_width_m(), lagrange::TimeStepOptions{}.cfl,
+                      hydro::make_metal(scene.scene().soft(), "soft"), hydro::make_metal(scene.scene().hard(), "hard"));
+    host.pressure = plates.pressure_pa();
     told.by = "[hydro.sliding_plates]";
   }
   return told;
 }
 
-Told host_of(const wire::Scene& scene, const HostGiven& given) {
+Told host_of(const guest::HydroScene& scene, const HostGiven& given) {
   Told told = host_of(scene);
   std::vector<std::string> options;
   if (given.pressure) {
@@ -127,9 +127,9 @@ Told host_of(const wire::Scene& scene, const HostGiven& given) {
 
 // ---- What the physics is, in words ----
 
-std::string body(const wire::Body& body, const physics::Material& metal) {
-  std::string text = body.material.empty() ? "a metal of its own" : body.material;
-  if (!body.material.empty() && !body.given.empty()) text += " with constants of its own";
+std::string body(const v1::Body& body, const physics::Material& metal) {
+  std::string text = body.material().empty() ? "a metal of its own" : body.material();
+  if (!body.material().empty() && !scene::numbers_of(body).empty()) text += " with constants of its own";
   if (metal.flow_law != physics::FlowLaw{}) text += fmt::format(" ({})", physics::FlowLaws::name_of(metal.flow_law));
   if (metal.melting_curve != physics::MeltingCurve::kConstant) text += ", T_melt(P)";
   if (metal.pressure_term != physics::PressureTerm::kLinear) text += ", compressed";
@@ -165,42 +165,42 @@ std::string layer(const ModelOptions& o) {
   return o.sleep ? text + ", nodes at rest sleep" : text;
 }
 
-std::string describe(const wire::Scene& scene, const ModelOptions& o) {
+std::string describe(const v1::Scene& scene, const ModelOptions& o) {
   return fmt::format("{}{}: {} on {}{}; layer {}; T_ref {:g} K, melting at {:g} K",
                      o.strategy == physics::Strategy::kForceDriven ? "force-driven" : "velocity-driven",
-                     o.tangential_components == 2 ? ", two components" : "", body(scene.soft, o.soft),
-                     body(scene.hard, o.hard), law(o), layer(o), o.initial_temperature, o.soft.melting_temperature);
+                     o.tangential_components == 2 ? ", two components" : "", body(scene.soft(), o.soft),
+                     body(scene.hard(), o.hard), law(o), layer(o), o.initial_temperature, o.soft.melting_temperature);
 }
 
-// Faults of a scene, with their place in the file.
+// Faults of a scene with their place in the file.
 template <class Work>
-auto placed(const wire::SceneFile& file, const Work& work) {
+auto placed(const hydro::SceneFile& file, const Work& work) {
   try {
     return work();
   } catch (const wire::Error& error) {
-    const std::string& field = error.status().field;
-    throw std::runtime_error(fmt::format("{}: {}", field.empty() ? file.file : file.where(field), error.what()));
+    throw std::runtime_error(wire::describe(file.document.placed(error.status())));
   }
 }
 
 }  // namespace
 
-wire::SceneFile load_scene_with_layer(const std::filesystem::path& path) {
-  wire::SceneFile file = wire::load_scene_file(path);
+hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path) {
+  hydro::SceneFile file = hydro::load_scene(path);
   placed(file, [&] {
     require_layer(file.scene);
-    require_opened(file.scene);
+    require_opened(file);
   });
   return file;
 }
 
-UserScene user_scene(const wire::SceneFile& file, const HostGiven& given) {
+UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given) {
   return placed(file, [&] {
-    const ModelOptions options = service::scene_model(file.scene).options;
+    const v1::Scene& scene = file.scene.scene();
+    const ModelOptions options = service::scene_model(scene).options;
     const auto [host, by] = host_of(file.scene, given);
     return UserScene{
-        .physics = {.name = file.scene.name, .options = options, .host = host},
-        .text = describe(file.scene, options),
+        .physics = {.name = scene.name(), .options = options, .host = host},
+        .text = describe(scene, options),
         .host = fmt::format("{:.4g} GPa, zones of {:.4g} and {:.4g} um, steps of {:.4g} ns ({})", 1e-9 * host.pressure,
                             2e6 * host.half_zone_soft, 2e6 * host.half_zone_hard, 1e9 * host.dt, by)};
   });

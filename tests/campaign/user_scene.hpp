@@ -5,14 +5,14 @@
 #include <optional>
 #include <string>
 
-#include "proto/wire/scene_file.hpp"
+#include "hydro_stub/scene.hpp"
 #include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study {
 
 // Reads a scene with a shear layer that a server would open. Throws with expected and found value, remedy and place in
 // the file.
-wire::SceneFile load_scene_with_layer(const std::filesystem::path& path);
+hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
 // Properties of the host from the command line; absent ones come from the scene's problem, or else from the paper.
 struct HostGiven {
@@ -26,6 +26,6 @@ struct UserScene {
   std::string text;            // description of the physics
   std::string host;            // description of the host and the origin of its values
 };
-UserScene user_scene(const wire::SceneFile& file, const HostGiven& given);
+UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given);
 
 }  // namespace shearbus::study

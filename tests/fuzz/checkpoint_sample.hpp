@@ -23,7 +23,7 @@ inline std::vector<std::byte> sample_checkpoint() {
     ask(ServiceHarness::step(sequence, support::step_columns(strategy, nodes, static_cast<int>(sequence)), mode,
                              session));
   };
-  wire::Scene heated = support::velocity_scene(4);
+  v1::Scene heated = support::velocity_scene(4);
   heated.velocity_driven.taylor_quinney_factor = 0.9;
   heated.hard_layer.emplace();
   ask(ServiceHarness::opening(heated, nodes, 1));

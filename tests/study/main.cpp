@@ -32,8 +32,8 @@ struct Options : CommandOptions {
 std::vector<StudyCase> cases_of(const Options& options) {
   if (options.scene.empty()) return fixed_cases();
   std::vector<StudyCase> cases;
-  cases.push_back(
-      case_of(load_scene_with_layer(options.scene).scene, options.velocity_jump, options.pressure, 1.0, options.end));
+  cases.push_back(case_of(load_scene_with_layer(options.scene).scene.scene(), options.velocity_jump, options.pressure,
+                          1.0, options.end));
   return cases;
 }
 

@@ -17,28 +17,33 @@
 
 namespace shearbus::study {
 
-wire::Scene scene_with(const StudyCase& study_case, const Setting& setting) {
-  wire::Scene scene = study_case.scene;
+v1::Scene scene_with(const StudyCase& study_case, const Setting& setting) {
+  v1::Scene scene = study_case.scene;
   if (setting.tolerance > 0.0) {
-    scene.layer = {.thickness_m = scene.layer.thickness_m,
-                   .far_boundary = scene.layer.far_boundary,
-                   .initial_temperature_k = scene.layer.initial_temperature_k,
-                   .inertia = scene.layer.inertia};
-    scene.tolerance = setting.tolerance;
+    v1::Layer& layer = *scene.mutable_layer();
+    layer.clear_cells();
+    layer.clear_grading();
+    layer.clear_time_integrator();
+    layer.clear_heat();
+    layer.clear_modes();
+    layer.clear_sleep();
+    scene.set_tolerance(setting.tolerance);
     return scene;
   }
-  scene.tolerance.reset();
-  scene.layer.time_integrator = setting.sdirk2 ? wire::TimeIntegrator::kSdirk2 : wire::TimeIntegrator::kBackwardEuler;
+  scene.clear_tolerance();
+  scene.mutable_layer()->set_time_integrator(setting.sdirk2 ? v1::TIME_INTEGRATOR_SDIRK2
+                                                            : v1::TIME_INTEGRATOR_BACKWARD_EULER);
   if (setting.cells > 0) {
-    scene.layer.cells = setting.cells;
-    scene.layer.grading = setting.grading;
-    scene.layer.heat = wire::Heat::kProfile;
-    scene.layer.modes.reset();
+    scene.mutable_layer()->set_cells(setting.cells);
+    scene.mutable_layer()->set_grading(setting.grading);
+    scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
+    scene.mutable_layer()->clear_modes();
   } else {
-    scene.layer.heat = wire::Heat::kModes;
-    scene.layer.modes = wire::HeatModes{.accuracy = setting.accuracy,
-                                        .shortest_step_s = 0.4 * study_case.end / setting.steps,
-                                        .longest_time_s = study_case.end};
+    scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+    scene.mutable_layer()->clear_modes();
+    scene.mutable_layer()->mutable_modes()->set_accuracy(setting.accuracy);
+    scene.mutable_layer()->mutable_modes()->set_shortest_step_s(0.4 * study_case.end / setting.steps);
+    scene.mutable_layer()->mutable_modes()->set_longest_time_s(study_case.end);
   }
   return scene;
 }
@@ -129,7 +134,7 @@ Reference by_extrapolation(const StudyCase& study_case, bool quick) {
   const bool modes = allows(study_case, {.accuracy = 1e-9, .steps = 1000});
   const bool second_order = allows(study_case, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
   const int steps = modes ? (quick ? 20000 : 400000) : quick ? 400 : 16000;
-  const std::uint32_t cells = quick ? 120 : study_case.scene.layer.inertia ? 800 : 1600;
+  const std::uint32_t cells = quick ? 120 : study_case.scene.layer().inertia() ? 800 : 1600;
   const double grading = std::pow(1.08, 60.0 / cells);
   const auto at = [&](bool sdirk2, std::uint32_t n, int m) {
     if (modes) return run(study_case, {.sdirk2 = sdirk2, .accuracy = 1e-9, .steps = m}, nullptr, 1);
@@ -287,14 +292,14 @@ double message_ns(const StudyCase& study_case, const Setting& setting) {
   std::vector<std::uint64_t> ids(kNodes);
   std::iota(ids.begin(), ids.end(), 1);
   Client client({.endpoint = server.endpoint(), .context = server.context()});
-  Session session = client.open(scene_with(study_case, setting), ids);
+  Session session = client.open(support::text_of(scene_with(study_case, setting)), "scene", ids);
   Batch request = session.request();
-  const bool forced = study_case.scene.strategy == wire::Strategy::kForceDriven;
+  const bool forced = study_case.scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
   std::ranges::fill(request.f64(Field::kVelocityJump), study_case.velocity_jump);
   std::ranges::fill(request.f64(Field::kPressure), study_case.pressure);
   if (forced) {
-    std::ranges::fill(request.f64(Field::kMassMinus), study_case.mass);
-    std::ranges::fill(request.f64(Field::kMassPlus), study_case.mass);
+    std::ranges::fill(request.f64(Field::kMassSoft), study_case.mass);
+    std::ranges::fill(request.f64(Field::kMassHard), study_case.mass);
   }
   std::vector<double> spent;
   for (int i = 0; i < kRounds; ++i) {

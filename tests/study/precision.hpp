@@ -53,7 +53,7 @@ struct SweepOptions {
   bool quick = false;  // few settings, for tests
 };
 
-wire::Scene scene_with(const StudyCase& study_case, const Setting& setting);
+v1::Scene scene_with(const StudyCase& study_case, const Setting& setting);
 double melting_range(const StudyCase& study_case);  // T_melt - T_ref  [K]
 std::function<double(double)> at_samples(const Answer& answer, double end);
 

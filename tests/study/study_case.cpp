@@ -10,14 +10,17 @@ namespace {
 
 using physics::kLanes;
 
-wire::Scene paper_scene(wire::Strategy strategy) {
-  wire::Scene scene;
-  scene.name = "study";
-  scene.strategy = strategy;
-  scene.soft.material = "aluminium_dlp";
-  scene.hard.material = "steel_dlp";
-  if (strategy == wire::Strategy::kForceDriven)
-    scene.interface = wire::Interface{.friction_coefficient = 0.3, .yield_strength_pa = 200e6};
+v1::Scene paper_scene(v1::Strategy strategy) {
+  v1::Scene scene;
+  scene.set_name("study");
+  scene.set_strategy(strategy);
+  scene.mutable_soft()->set_material("aluminium_dlp");
+  scene.mutable_hard()->set_material("steel_dlp");
+  if (strategy == v1::STRATEGY_FORCE_DRIVEN) {
+    scene.mutable_interface()->set_friction_coefficient(0.3);
+    scene.mutable_interface()->set_yield_strength_pa(200e6);
+  }
+  scene::fill_defaults(scene);
   return scene;
 }
 
@@ -44,8 +47,8 @@ class ImposedJump : public Host {
 test::HalfSpaces volterra_of(const StudyCase& study_case) {
   return {.initial_jump = study_case.velocity_jump,
           .pressure = study_case.pressure,
-          .friction_coefficient = study_case.scene.interface->friction_coefficient,
-          .yield_strength = study_case.scene.interface->yield_strength_pa};
+          .friction_coefficient = study_case.scene.interface().friction_coefficient(),
+          .yield_strength = study_case.scene.interface().yield_strength_pa()};
 }
 
 // Two elastic half-spaces in a leapfrog at unit Courant number, where it is exact: half a zone has the mass Z dt/2, and
@@ -98,7 +101,7 @@ class Shaken : public Host {
 };
 
 Reference constant_flux_reference(const StudyCase& study_case) {
-  const double s = study_case.scene.interface->friction_coefficient * study_case.pressure;
+  const double s = study_case.scene.interface().friction_coefficient() * study_case.pressure;
   const test::HalfSpaces pair = volterra_of(study_case);
   const double q = pair.heat_partition() * s * study_case.velocity_jump;
   return {[=](double t) {
@@ -185,8 +188,8 @@ std::unique_ptr<Host> make_imposed(const StudyCase& study_case, double) {
 
 std::vector<StudyCase> fixed_cases() {
   std::vector<StudyCase> cases;
-  wire::Scene scene = paper_scene(wire::Strategy::kForceDriven);
-  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  v1::Scene scene = paper_scene(v1::STRATEGY_FORCE_DRIVEN);
+  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
 
   StudyCase flux{.name = "constant_flux",
                  .title = "constant flux (exact)",
@@ -194,7 +197,10 @@ std::vector<StudyCase> fixed_cases() {
                  .end = 1e-6,
                  .host = make_imposed,
                  .reference = constant_flux_reference};
-  flux.scene.interface = wire::Interface{.friction_coefficient = 0.05, .yield_strength_pa = 1e11};
+  flux.scene.clear_interface();
+  flux.scene.mutable_interface()->set_friction_coefficient(0.05);
+  flux.scene.mutable_interface()->set_yield_strength_pa(1e11);
+
   flux.velocity_jump = 200.0;
   flux.pressure = 1e9;
   cases.push_back(flux);
@@ -213,7 +219,7 @@ std::vector<StudyCase> fixed_cases() {
                    .coupled = true});
   cases.push_back({.name = "paper_velocity_driven",
                    .title = "paper's case, velocity-driven",
-                   .scene = paper_scene(wire::Strategy::kVelocityDriven),
+                   .scene = paper_scene(v1::STRATEGY_VELOCITY_DRIVEN),
                    .end = 1e-6,
                    .host = make_imposed,
                    .reference = extrapolated});
@@ -229,14 +235,13 @@ std::vector<StudyCase> fixed_cases() {
   return cases;
 }
 
-StudyCase case_of(const wire::Scene& scene, double velocity_jump, double pressure, double mass, double end) {
-  StudyCase study_case{.name = scene.name,
-                       .title = scene.name,
+StudyCase case_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end) {
+  StudyCase study_case{.name = scene.name(),
+                       .title = scene.name(),
                        .scene = scene,
                        .end = end,
                        .host = make_imposed,
                        .reference = extrapolated};
-  study_case.scene.hydro.reset();
   study_case.velocity_jump = velocity_jump;
   study_case.pressure = pressure;
   study_case.mass = mass;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/wire/scene.hpp"
+#include "proto/scene/scene.hpp"
 #include "server/physics/solver/model.hpp"
 
 namespace shearbus::study {
@@ -38,8 +38,8 @@ struct Reference {
 struct StudyCase {
   std::string name;
   std::string title;
-  wire::Scene scene;  // the layer's grid and methods are what is swept
-  double end;         // [s]
+  v1::Scene scene;  // the layer's grid and methods are what is swept
+  double end;       // [s]
   std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
   Reference (*reference)(const StudyCase&);
   double velocity_jump = 100.0;  // [m/s]
@@ -51,6 +51,6 @@ struct StudyCase {
 inline constexpr int kSamples = 10;  // of T0 in a run: every tenth of it
 
 std::vector<StudyCase> fixed_cases();
-StudyCase case_of(const wire::Scene& scene, double velocity_jump, double pressure, double mass, double end);
+StudyCase case_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end);
 
 }  // namespace shearbus::study

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -128,10 +129,13 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
       options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
     }
   }
-  const bool of_one_limit = !options.taylor_quinney_factor && !options.plastic_layer && !options.junctions &&
-                            options.interface.friction_law == FrictionLaw{} && !is_johnson_cook(soft);
-  if (of_one_limit && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
-  if (strategy == Strategy::kForceDriven && !options.hard_grid && !options.plastic_layer && draw.chance(0.5)) {
+  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
+    options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+    options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
+    options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
+  }
+  if (goes_with(Property::kSecondOrder, options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (goes_with(Property::kModes, options) && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
@@ -146,6 +150,7 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   } while (is_johnson_cook(options.soft));
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
+  options.time_integrator = TimeIntegrator::kBackwardEuler;
   options.inertia = true;
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;

@@ -48,11 +48,14 @@ struct ServiceHarness {
     return session_id;
   }
 
-  static wire::Request opening(const wire::Scene& scene, std::span<const std::uint64_t> nodes,
-                               std::uint8_t session = 1) {
+  static wire::Request opening(const v1::Scene& scene, std::span<const std::uint64_t> nodes, std::uint8_t session = 1) {
+    return opening(text_of(scene), nodes, session);
+  }
+
+  static wire::Request opening(std::string scene, std::span<const std::uint64_t> nodes, std::uint8_t session = 1) {
     wire::Request request;
     request.request_id = 1;
-    request.body = wire::OpenSession{.scene = scene, .session_id = id(session)};
+    request.body = wire::OpenSession{.scene = std::move(scene), .session_id = id(session)};
     request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
     std::copy(nodes.begin(), nodes.end(), request.batch.u64(wire::Field::kNodeId).begin());
     return request;

@@ -1,5 +1,5 @@
-// Two elastic half-spaces that slide under the thermally softened interface law (server/physics/MODEL.md, exact
-// solutions), as one Volterra equation solved here to high accuracy. Shares no code with the layer, the hydrocode or
+// Two elastic half-spaces that slide under the thermally softened interface law (server/physics/MEASURED.md, "Exact
+// solutions"), as one Volterra equation solved here to high accuracy. Shares no code with the layer, the hydrocode or
 // the bus.
 #pragma once
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "hydro_stub/problem.hpp"
-#include "proto/wire/scene_file.hpp"
+#include "hydro_stub/scene.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -11,8 +11,8 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-wire::Scene scene_with(const std::string& lists) {
-  return wire::parse_scene(
+guest::HydroScene scene_with(const std::string& lists) {
+  return parse_scene(
              "name = \"lists\"\nstrategy = \"force_driven\"\n"
              "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"
              "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 200e6\n"

@@ -16,7 +16,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::uint64_t bytes_of_session(const wire::Scene& scene) {
+Explanation explain(const v1::Scene& scene) {
+  return server::explain(support::text_of(scene), "scene");
+}
+
+std::uint64_t bytes_of_session(const v1::Scene& scene) {
   support::ServiceHarness harness;
   const auto ids = support::node_ids(3);
   const support::Answer opened = harness.ask(support::ServiceHarness::opening(scene, ids));
@@ -28,13 +32,13 @@ const ScenePart& part(const Explanation& told, const std::string& name) {
 }
 
 TEST(Explain, MemoryIsThatOfASession) {
-  wire::Scene scene = support::force_scene();
+  v1::Scene scene = support::force_scene();
   const Explanation told = explain(scene);
   EXPECT_EQ(told.cost.bytes_per_node, bytes_of_session(scene));
   // What a part would take is what it takes once it is there.
   const std::int64_t without = static_cast<std::int64_t>(bytes_of_session(scene));
   const std::int64_t would = part(told, "hard_layer").bytes_per_node;
-  scene.hard_layer.emplace();
+  scene.mutable_hard_layer();
   EXPECT_EQ(static_cast<std::int64_t>(bytes_of_session(scene)), without + would);
   const Explanation with = explain(scene);
   EXPECT_TRUE(part(with, "hard_layer").on);
@@ -45,7 +49,7 @@ TEST(Explain, MemoryIsThatOfASession) {
 
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
-  EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("needs strategy velocity_driven"));
+  EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("does not go with strategy"));
   EXPECT_THAT(forced.text(), HasSubstr("off layer.inertia"));
   const Explanation driven = explain(support::velocity_scene());
   EXPECT_TRUE(part(driven, "layer.inertia").excluded.empty());
@@ -53,7 +57,7 @@ TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
 }
 
 TEST(Explain, TimesAreMeasured) {
-  wire::Scene scene = support::velocity_scene(60);
+  v1::Scene scene = support::velocity_scene(60);
   const Explanation told = explain(scene);
   for (const SceneCost& cost : {told.cost, told.everything}) {
     EXPECT_GT(cost.slipping_s, 1e-8);
@@ -66,14 +70,14 @@ TEST(Explain, TimesAreMeasured) {
 }
 
 TEST(OmittedCost, NamesTheMissingPartsTheirMemoryAndTheShareAsleep) {
-  wire::Scene scene = support::force_scene();
-  const OmittedCost awake = omitted_cost(scene, {.node_steps = 10});
+  v1::Scene scene = support::force_scene();
+  const OmittedCost awake = omitted_cost(support::text_of(scene), {.node_steps = 10});
   EXPECT_EQ(awake.lines().size(), 1U);
   EXPECT_FALSE(awake.share_asleep);
   EXPECT_EQ(awake.bytes_per_node, bytes_of_session(scene));
   EXPECT_EQ(awake.bytes_per_node_with_everything, explain(scene).everything.bytes_per_node);
-  scene.layer.sleep = true;
-  const OmittedCost omitted = omitted_cost(scene, {.node_steps = 200, .asleep_node_steps = 50});
+  scene.mutable_layer()->set_sleep(true);
+  const OmittedCost omitted = omitted_cost(support::text_of(scene), {.node_steps = 200, .asleep_node_steps = 50});
   ASSERT_FALSE(omitted.parts.empty());
   EXPECT_EQ(omitted.parts.front(), "hard_layer");
   EXPECT_EQ(omitted.share_asleep, 0.25);
@@ -84,8 +88,8 @@ TEST(OmittedCost, NamesTheMissingPartsTheirMemoryAndTheShareAsleep) {
 }
 
 TEST(OmittedCost, IsTheSameInEveryRun) {
-  const wire::Scene scene = support::velocity_scene(60);
-  EXPECT_EQ(omitted_cost(scene, {}).lines(), omitted_cost(scene, {}).lines());
+  const v1::Scene scene = support::velocity_scene(60);
+  EXPECT_EQ(omitted_cost(support::text_of(scene), {}).lines(), omitted_cost(support::text_of(scene), {}).lines());
 }
 
 }  // namespace

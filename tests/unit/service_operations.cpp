@@ -157,8 +157,8 @@ TEST_F(Top, HottestAndFastestAreThoseOfTheLastAnswer) {
 }
 
 TEST(Operations, WithoutAProfileTheHottestAreToldToo) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.heat = wire::Heat::kModes;
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, kNodes), kOther);
   const Answer answer =

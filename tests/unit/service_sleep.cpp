@@ -18,9 +18,9 @@ using wire::Mode;
 
 constexpr std::size_t kNodes = 21;  // three tiles, the last in part
 
-wire::Scene sleepy_scene() {
-  wire::Scene scene = support::force_scene();
-  scene.layer.sleep = true;
+v1::Scene sleepy_scene() {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_sleep(true);
   return scene;
 }
 
@@ -33,7 +33,7 @@ wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids 
 }
 
 struct Host {
-  explicit Host(const wire::Scene& scene) : ids(support::node_ids(kNodes)) {
+  explicit Host(const v1::Scene& scene) : ids(support::node_ids(kNodes)) {
     harness.ask(ServiceHarness::opening(scene, ids));
   }
   Answer step(Mode mode = Mode::kAdvance) {
@@ -68,10 +68,10 @@ TEST(ServiceSleep, SleepersAreCountedAndAreNoRemark) {
 
 // A second session under the same inputs, with a temperature profile, measures the error of the modes.
 TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
   Host profile(scene);
-  scene.layer.heat = wire::Heat::kModes;
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
   Host modes(scene);
   double apart = 0.0;
   for (int n = 0; n < 30; ++n) {

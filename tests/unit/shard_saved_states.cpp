@@ -78,15 +78,18 @@ std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   Rows rows;
   rows.all = true;
   for (int step = 0; step < steps; ++step) {
+    using physics::TileInputs;
+    using physics::TileOutputs;
     shard.step(rows, *shard.operators(1e-9),
-               {.velocity_jump = jump,
-                .second_velocity_jump = across,
-                .pressure = pressure,
-                .stress_soft = pull,
-                .stress_hard = pull,
-                .mass_soft = mass,
-                .mass_hard = mass},
-               {.shear_stress = stress, .interface_temperature = temperature});
+               {.inputs = {{&TileInputs::velocity_jump, jump},
+                           {&TileInputs::second_velocity_jump, across},
+                           {&TileInputs::pressure, pressure},
+                           {&TileInputs::stress_soft, pull},
+                           {&TileInputs::stress_hard, pull},
+                           {&TileInputs::mass_soft, mass},
+                           {&TileInputs::mass_hard, mass}},
+                .outputs = {AnswerColumn{&TileOutputs::shear_stress, std::span(stress)},
+                            AnswerColumn{&TileOutputs::interface_temperature, std::span(temperature)}}});
     if (commits) shard.commit();
   }
   stress.insert(stress.end(), temperature.begin(), temperature.end());
@@ -126,7 +129,7 @@ TEST(SavedModes, GoWithTheirNodes) {
   const std::vector<std::uint32_t> slots = {2, 5, 7, 10};
   const std::vector<std::uint64_t> ids(slots.begin(), slots.end());
   const States moving = giver.states_of(slots, false);
-  taker.take(taker.adding(ids, std::vector<double>(ids.size(), 300.0), &moving));
+  taker.apply(taker.adding(ids, std::vector<double>(ids.size(), 300.0), &moving));
   for (std::uint32_t i = 0; i < slots.size(); ++i) EXPECT_EQ(values_of(taker, i + 1), values_of(stayed, slots[i]));
   // 2. A trial that is rolled back.
   advance(giver, 1, false);

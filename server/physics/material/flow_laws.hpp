@@ -1,15 +1,31 @@
-// The laws of the flow stress there are. A law's place in this list is its FlowLaw, and one less than its number in the
-// scene's enum.
+// The flow laws. The place of a law in this list is its FlowLaw, and one less than its number in the scene's enum.
 #pragma once
 
+#include <algorithm>
+
+#include "server/physics/material/flow_law.hpp"
 #include "server/physics/material/johnson_cook.hpp"
 #include "server/physics/material/law_list.hpp"
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 
 namespace shearbus::physics {
 
-using FlowLaws = LawList<FlowLaw,                 // one line each
-                         SteinbergCochranGuinan,  //
-                         JohnsonCook>;
+template <FlowLawClass... Laws>
+using FlowLawList = LawList<FlowLaw, Laws...>;
+
+using FlowLaws = FlowLawList<SteinbergCochranGuinan,  // one line each
+                             JohnsonCook>;
+
+// Whether a constant is one of the law's own.
+inline bool has_constant(FlowLaw law, double Material::*constant) {
+  return FlowLaws::with(law, [&](auto own) {
+    const auto& constants = decltype(own)::type::kConstants;
+    return std::find(constants.begin(), constants.end(), constant) != constants.end();
+  });
+}
+
+inline FlowLawProperties properties_of(FlowLaw law) {
+  return FlowLaws::with(law, [](auto own) { return properties_of_law<typename decltype(own)::type>(); });
+}
 
 }  // namespace shearbus::physics

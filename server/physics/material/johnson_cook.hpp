@@ -25,10 +25,21 @@ namespace shearbus::physics {
 class JohnsonCook {
  public:
   static constexpr std::string_view kName = "johnson_cook";
+  static constexpr std::string_view kEquation = "Johnson, Cook 1983";
+  static constexpr std::string_view kAdds = "a flow stress with its rate, solved with the strain";
+  static constexpr std::string_view kWhen = "metals known by that law only";
   static constexpr std::array kConstants = {&Material::yield_strength,        &Material::hardening_modulus,
                                             &Material::hardening_exponent,    &Material::rate_coefficient,
                                             &Material::reference_strain_rate, &Material::thermal_exponent,
                                             &Material::reference_temperature};
+
+  static constexpr bool kDependsOnRate = true;
+  static constexpr bool kSeparable = true;
+  static constexpr bool kFirstOrderInTime = true;
+  static constexpr bool kVanishesAtMelting = true;
+  static constexpr bool kHasPressureTerm = false;
+  static constexpr bool kHasCeiling = false;
+  static constexpr bool kHasWaveReturn = false;
 
   static LawFault fault_of(const Material& m) {
     if (m.reference_temperature < m.melting_temperature) return {};

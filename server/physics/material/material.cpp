@@ -34,19 +34,14 @@ constexpr std::array kFields = {
     MaterialField{"grueneisen_volume_correction", &Material::volume_correction, false, true},
 };
 
-template <class Law>
-bool is_own(double Material::*constant) {
-  return std::find(Law::kConstants.begin(), Law::kConstants.end(), constant) != Law::kConstants.end();
-}
-
 bool is_strength(double Material::*constant) {
-  return FlowLaws::any([&](auto each) { return is_own<typename decltype(each)::type>(constant); });
+  return FlowLaws::any(
+      [&](auto each) { return has_constant(FlowLaws::place<typename decltype(each)::type>(), constant); });
 }
 
-// Constants of no law belong to every material, those of a law to the materials that follow it.
+// A constant of no law belongs to every material, a constant of laws to the materials that follow one of these.
 bool belongs(double Material::*constant, FlowLaw law) {
-  return !is_strength(constant) ||
-         FlowLaws::with(law, [&](auto own) { return is_own<typename decltype(own)::type>(constant); });
+  return !is_strength(constant) || has_constant(law, constant);
 }
 
 // Number of single-letter edits between two words (Levenshtein).
@@ -90,7 +85,7 @@ std::string all_names() {
   return names;
 }
 
-// What is wrong with a constant's value; empty: nothing.
+// The fault of a constant's value; empty: none.
 std::string value_fault(const MaterialField& field, double value) {
   if (!std::isfinite(value)) return "expected a finite number, found " + std::to_string(value);
   if (field.may_be_zero ? value >= 0.0 : value > 0.0) return {};
@@ -106,7 +101,7 @@ std::span<const MaterialField> material_fields() {
 
 MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given,
                              std::optional<FlowLaw> law) {
-  // 1. Where the constants start from: the catalog, or nothing.
+  // 1. The constants start from the catalog, or from nothing.
   Material material;
   if (!name.empty()) {
     const auto entries = catalog();
@@ -117,11 +112,11 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     }
     material = entry->material;
   }
-  // Under another law the catalog's strength means nothing: all of the new law's constants must come.
+  // Under another law the strength constants of the catalog mean nothing: the caller must give all of the new law.
   const bool other_law = law && *law != material.flow_law;
   if (law) material.flow_law = *law;
 
-  // 2. What the caller puts over them.
+  // 2. The constants given by the caller replace those of the start.
   std::array<bool, kFields.size()> is_given{};
   for (const auto& [key, value] : given) {
     const auto field =
@@ -144,7 +139,7 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     return is_given[static_cast<std::size_t>(field - kFields.begin())];
   };
 
-  // 3. Nothing required may be missing.
+  // 3. No required constant may be missing.
   for (std::size_t i = 0; i < kFields.size(); ++i) {
     const bool of_law = belongs(kFields[i].value, material.flow_law);
     const bool from_catalog = !name.empty() && !(other_law && is_strength(kFields[i].value));
@@ -166,9 +161,8 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
       FlowLaws::with(material.flow_law, [&](auto own) { return decltype(own)::type::fault_of(material); });
   if (!law_fault.field.empty()) return failed(law_fault.field, std::string(law_fault.text));
 
-  // 4. The diffusivity that goes with the other heat constants. A catalog's own (which need not be exactly k/(rho c))
-  // stays
-  //    only while conductivity, density and specific heat are the catalog's too.
+  // 4. The diffusivity that goes with the other heat constants. The diffusivity of the catalog (which need not be
+  //    exactly k/(rho c)) stays only while conductivity, density and specific heat are those of the catalog too.
   const bool other_heat = name.empty() || overridden(&Material::conductivity) || overridden(&Material::density) ||
                           overridden(&Material::specific_heat);
   if (!overridden(&Material::diffusivity) && (other_heat || material.diffusivity == 0.0)) {

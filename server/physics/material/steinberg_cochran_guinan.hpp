@@ -20,9 +20,20 @@ namespace shearbus::physics {
 class SteinbergCochranGuinan {
  public:
   static constexpr std::string_view kName = "steinberg_cochran_guinan";
+  static constexpr std::string_view kEquation = "DLP (14), (15)";
+  static constexpr std::string_view kAdds = "hardening with strain, gain with pressure, softening with temperature";
+  static constexpr std::string_view kWhen = "the default: metals at high rates, where the rate no longer matters";
   static constexpr std::array kConstants = {&Material::yield_strength,        &Material::yield_strength_max,
                                             &Material::hardening_coefficient, &Material::hardening_exponent,
                                             &Material::pressure_coefficient,  &Material::temperature_coefficient};
+
+  static constexpr bool kDependsOnRate = false;
+  static constexpr bool kSeparable = true;
+  static constexpr bool kFirstOrderInTime = false;
+  static constexpr bool kVanishesAtMelting = true;
+  static constexpr bool kHasPressureTerm = true;
+  static constexpr bool kHasCeiling = true;
+  static constexpr bool kHasWaveReturn = true;
 
   static constexpr double kReference = 300.0;      // of hT (T - 300)                       [K]
   static constexpr double kMeltingFactor = 0.001;  // of exp(-0.001 T / (T_melt - T))

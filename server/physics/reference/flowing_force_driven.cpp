@@ -37,9 +37,9 @@ struct FlowingStep {
   }
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
+  double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
   double limit(double q) const {  // of the interface
-    return std::min(options.interface.friction_coefficient * in.pressure,
-                    options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
+    return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
   double ceiling(double q) const {  // of the layer
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
@@ -186,7 +186,8 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.friction_heat = taken.flux * dt;
   out.interface_temperature = state.temperature[0];
   const bool melting = state.temperature[taken.sticks ? hottest : 0] >= 0.99 * step.T_melt;
-  const bool coulomb = options.interface.friction_coefficient * in.pressure <= step.limit(taken.flux);
+  const double friction = step.friction(taken.flux);
+  const bool coulomb = friction > 0.0 && friction <= step.limit(taken.flux);
   out.regime = taken.sticks && !flows     ? Regime::kStick
                : !taken.sticks && coulomb ? Regime::kCoulomb
                : melting                  ? Regime::kMelting

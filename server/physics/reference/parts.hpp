@@ -50,6 +50,10 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 // dep of one vertex under a stress magnitude: DLP (48) as printed, or the root of the law as printed.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
 
+// The friction coefficient at z = 0, as printed: of the interface law, or of a velocity-driven layer the coefficient of
+// its Coulomb limit; infinity without friction.
+double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip);
+
 // The force-driven step with plastic strain.
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 

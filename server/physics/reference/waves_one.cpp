@@ -3,7 +3,6 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/material/strength.hpp"
@@ -21,10 +20,7 @@ struct Layer {
 
   int cells() const { return grid.num_cells(); }
   double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
-  double coulomb() const {
-    return options.friction_coefficient ? *options.friction_coefficient * in.pressure
-                                        : std::numeric_limits<double>::infinity();
-  }
+  double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
 };
 
 // What a vertex keeps of a trial stress magnitude: s + sqrt(3) G0 dep = t, s = Y(ep + dep)/sqrt(3), by bisection in

@@ -2,10 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/around/discretisation.hpp"
 #include "server/physics/solver/around/ledger.hpp"
 #include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/around/tolerance.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
@@ -17,81 +23,36 @@ namespace {
 // side 2^1.5 smaller: six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
-TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes,
-                       int layer_vertices) {
-  TileLayout layout;
-  if (modes != nullptr) {
-    layout.num_vertices = 1;
-    layout.num_heat_modes = static_cast<std::size_t>(modes->num_rows()) - 1;
-    layout.heat_modes = 0;
-    layout.temperature = layout.num_heat_modes * kLanes;
-  } else {
-    layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
-    layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
-    if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
-    layout.temperature = layout.num_hard_vertices * kLanes;
-  }
-  layout.doubles = layout.temperature + layout.num_vertices * kLanes;
-  if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
-    layout.plastic_strain = layout.doubles;
-    layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
-    layout.doubles += layout.num_strain_vertices * kLanes;
-  }
-  if (options.taylor_quinney_factor) {
-    layout.heat_shape = layout.doubles;
-    layout.doubles += layout.num_strain_vertices * kLanes;
-  }
-  if (options.inertia) {
-    layout.num_stress_vertices = static_cast<std::size_t>(layer_vertices);
-    layout.num_velocity_cells = layout.num_stress_vertices - 1;
-  }
-  layout.shear_stress = layout.doubles;
-  layout.doubles += layout.num_stress_vertices * kLanes;
-  if (options.inertia) {
-    layout.layer_velocity = layout.doubles;
-    layout.doubles += layout.num_velocity_cells * kLanes;
-  }
-  if (options.tangential_components == 2) {
-    layout.second_stress = layout.doubles;
-    layout.doubles += kLanes;
-  }
-  layout.regime = layout.doubles;
-  layout.doubles += kLanes;
-  if (options.plastic_layer) {
-    layout.sticking = layout.doubles;
-    layout.doubles += kLanes;
-  }
-  if (options.junctions) {
-    layout.junction_strain = layout.doubles;
-    layout.doubles += kLanes;
-  }
-  if (options.sleep) {
-    layout.resting = layout.doubles;
-    layout.doubles += std::size_t{2} * kLanes;
-  }
-  if (options.sleep && layout.plastic_strain != TileLayout::kAbsent) {
-    layout.weakest = layout.doubles;
-    layout.doubles += std::size_t{2} * kLanes;
-  }
-  return layout;
-}
-
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
+}
+
+// A velocity-driven interface has no yield limit of its own, and friction where the options name it.
+InterfaceOptions interface_of(const ModelOptions& options) {
+  if (options.strategy == Strategy::kForceDriven) return options.interface;
+  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  return {.friction_coefficient = options.friction_coefficient.value_or(kUnlimited), .yield_strength = kUnlimited};
+}
+
+// The options, or the exception that says what excludes what.
+const ModelOptions& possible(const ModelOptions& options) {
+  if (std::vector<Refusal> found = refusals(options); !found.empty()) throw RefusedOptions(std::move(found));
+  return options;
 }
 
 }  // namespace
 
 Problem::Problem(const ModelOptions& model_options)
     : options(model_options),
+      interface(interface_of(model_options)),
       grid(model_options.grid),
       heat_grid(make_heat_grid(model_options, grid)),
       modes(model_options.modes
                 ? std::optional<HeatModes>(std::in_place, HeatKernel(model_options.soft, model_options.grid),
                                            *model_options.modes)
                 : std::nullopt),
-      layout(make_layout(model_options, heat_grid, modes ? &*modes : nullptr, grid.num_vertices())),
+      layout(model_options, heat_grid, modes ? &*modes : nullptr, grid.num_vertices()),
       basis(model_options.sleep
                 ? std::optional<HeatBasis>(std::in_place, heat_grid, model_options.soft, model_options.hard)
                 : std::nullopt),
@@ -103,7 +64,7 @@ struct Model::Impl : Problem {
   using Problem::Problem;
 };
 
-Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(possible(options))) {}
 Model::~Model() = default;
 Model::Model(Model&&) noexcept = default;
 
@@ -193,8 +154,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: the step is itself one so often halved, and no substep taken where an answer has a choice becomes shorter
-  // than the shortest of the whole one.
+  // `times`: how often the step is halved already; it leaves fewer halvings, so that the shortest substep of the ladder
+  // does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
@@ -210,55 +171,9 @@ std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   return operators;
 }
 
-void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
-               TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  copy_lane(committed, trial, layout.doubles, lane);
-  outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
-  outputs.sliding_velocity[lane] = 0.0;
-  outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
-  outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
-  outputs.friction_heat[lane] = 0.0;
-  outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-  outputs.outcome[lane] = kFailed;
-}
-
-void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs) {
-  const bool sdirk2 = problem.options.time_integrator == TimeIntegrator::kSdirk2;
-  const AdvanceTile awake = problem.options.inertia ? advance_with_inertia
-                            : problem.options.strategy == Strategy::kVelocityDriven
-                                ? (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)
-                            : problem.options.plastic_layer ? advance_force_driven_flowing
-                            : sdirk2                        ? advance_force_driven_sdirk2
-                                                            : advance_force_driven;
-  if (problem.basis) {
-    advance_with_sleep(problem, operators, awake, inputs, committed, trial, outputs);
-  } else {
-    awake(problem, operators, inputs, committed, trial, outputs);
-  }
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!contains(inputs.active, lane)) {
-      copy_lane(committed, trial, problem.layout.doubles, lane);
-    } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
-               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
-               !std::isfinite(outputs.friction_heat[lane])) {
-      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer.
-      keep_lane(problem, inputs, committed, trial, lane, outputs);
-    }
-  }
-}
-
-void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                   const double* committed, double* trial, TileOutputs& outputs) {
-  (problem.options.tolerance ? advance_controlled : advance_once)(problem, operators, inputs, committed, trial,
-                                                                  outputs);
-}
-
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
-  const auto step = impl_->options.tangential_components == 2 ? advance_two_components : advance_along;
-  step(*impl_, operators, inputs, committed, trial, outputs);
+  advance_tile(*impl_, operators, inputs, committed, trial, outputs);
 }
 
 void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,

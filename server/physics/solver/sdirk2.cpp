@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <vector>
 
 namespace shearbus::physics::sdirk2 {
 namespace {
@@ -21,12 +20,6 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
                         double* rows) {
   conduct(step, num_rows, old, rows);
   for (int l = 0; l < kLanes; ++l) add_early_flux_lane(step, num_rows, l, early_flux[l], rows);
-}
-
-double* scratch_tile(std::size_t doubles) {
-  thread_local std::vector<double> tile;
-  if (tile.size() < doubles) tile.resize(doubles);
-  return tile.data();
 }
 
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T) {

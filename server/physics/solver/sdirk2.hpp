@@ -27,7 +27,4 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
 // Euler cannot produce either. A temperature below the lowest old one by rounding only is set to the lowest.
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T);
 
-// Scratch state of one tile, owned by the calling thread: [doubles].
-double* scratch_tile(std::size_t doubles);
-
 }  // namespace shearbus::physics::sdirk2

@@ -16,8 +16,11 @@ Host::Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& 
       connection_(std::make_shared<SimulatedConnection>(world)),
       client_(insist([&] { return Client(std::shared_ptr<Connection>(connection_)); })),
       reference_client_(std::make_shared<DirectConnection>(reference)),
-      session_(insist([&] { return client_.open(support::scene_of(strategy_), first_nodes(), {.domain = "run"}); })),
-      reference_(reference_client_.open(support::scene_of(strategy_), first_nodes(), {.domain = "run"})) {
+      session_(insist([&] {
+        return client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(), {.domain = "run"});
+      })),
+      reference_(reference_client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(),
+                                        {.domain = "run"})) {
   ledger_.add(reference_.node_ids());
 }
 

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <string>
 
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/reader.hpp"
 #include "tests/study/map/output.hpp"
 #include "tests/study/map/sweep.hpp"
 
@@ -66,12 +66,12 @@ CLI::App* add_command(CLI::App& program, CommandOptions& options) {
 }
 
 void run(const CommandOptions& options) {
-  const wire::SceneFile scene = wire::load_scene_file(options.scene);
+  const SceneText scene{.text = scene::load_text(options.scene), .file = options.scene.string()};
   const Axes axes{log_spaced(options.pressures_pa[0], options.pressures_pa[1], options.num_pressures),
                   log_spaced(options.velocities_m_per_s[0], options.velocities_m_per_s[1], options.num_velocities)};
-  const Map map = sweep(scene.scene, axes, options.times_s, options.dt_s);
+  const Map map = sweep(scene, axes, options.times_s, options.dt_s);
   for (const std::string& warning : map.warnings) fmt::print(stderr, "shearbus-study: warning: {}\n", warning);
-  write(map, scene.scene.name, SHEARBUS_VERSION, options.out);
+  write(map, map.scene_name, SHEARBUS_VERSION, options.out);
   fmt::print("{}{}: nodes.csv, map.json\n", summary(map), options.out.string());
 }
 

@@ -2,23 +2,25 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
-#include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 #include "server/embedded.hpp"
 
 namespace shearbus::map {
 namespace {
 
-void require_imposed_shear(const Scene& scene) {
-  if (scene.strategy == wire::Strategy::kVelocityDriven && scene.velocity_driven.drive == wire::Drive::kLayerShear)
+// With drive "interface_slip" the layer follows the shear rate, an optional column of a step.
+void require_imposed_shear(const wire::SessionOpened& opened) {
+  if (opened.strategy == wire::Strategy::kVelocityDriven &&
+      std::ranges::find(opened.optional_columns, Field::kSoftShearRate) == opened.optional_columns.end())
     return;
   throw Error({.code = Code::kInvalidScene,
                .text = "a map needs strategy = \"velocity_driven\" with drive = \"layer_shear\": it compares the slip "
-                       "that the layer carries with the one that is imposed on it",
+                       "that the layer carries with the slip that is imposed on it",
                .field = "strategy"});
 }
 
@@ -41,18 +43,19 @@ std::vector<double> log_spaced(double low, double high, std::size_t count) {
   return values;
 }
 
-Map sweep(const Scene& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s) {
-  require_imposed_shear(scene);
+Map sweep(const SceneText& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s) {
   std::vector<std::uint64_t> nodes(axes.num_nodes());
   std::iota(nodes.begin(), nodes.end(), 0);
   const server::Embedded server;
   Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-study"});
-  Session session = client.open(scene, nodes);
+  Session session = client.open(scene.text, scene.file, nodes);
+  require_imposed_shear(session.opened());
 
   Map map{.axes = axes,
           .dt_s = dt_s,
           .melting_time_s = std::vector(nodes.size(), std::numeric_limits<double>::quiet_NaN()),
-          .effective_scene = wire::scene_to_toml(session.effective_scene()),
+          .scene_name = session.opened().scene_name,
+          .effective_scene = session.effective_scene(),
           .server_version = client.welcome().server_version,
           .warnings = session.warnings()};
   Batch request = session.request();

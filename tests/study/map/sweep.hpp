@@ -38,13 +38,19 @@ struct Map {
   double dt_s = 0.0;
   std::vector<Observation> observations;
   std::vector<double> melting_time_s;  // first step that ended melting, T0 >= 0.99 T_melt; NaN: none did
-  std::string effective_scene;         // TOML
+  std::string scene_name;
+  std::string effective_scene;  // TOML
   std::string server_version;
   std::vector<std::string> warnings;
 };
 
+struct SceneText {
+  std::string text;  // TOML
+  std::string file;  // its name, for messages
+};
+
 // The scene's sweep up to the last of `times_s`, which are increasing multiples of dt_s. Throws Error for a scene whose
 // layer is not the one that carries the jump.
-Map sweep(const Scene& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s);
+Map sweep(const SceneText& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s);
 
 }  // namespace shearbus::map

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/physics/reference/parts.hpp"
 #include "tests/support/invariants/answered.hpp"
 #include "tests/support/random_physics.hpp"
 
@@ -28,11 +29,8 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
     strength = {fraction * hardened_strength(metal, std::max(0.0, a.junction_strain - grown)),
                 fraction * hardened_strength(metal, a.junction_strain + grown)};
   }
-  double mu = law.friction_coefficient;
-  if (law.friction_law != FrictionLaw{}) {
-    mu = VelocityWeakening{mu, law.friction_coefficient_fast, law.velocity_decay}.coefficient(std::abs(a.slip));
-  }
   const auto limit = [&](double yield, double T) {
+    const double mu = reference::friction_coefficient(options, a.pressure, T, std::abs(a.slip));
     return std::min(mu * a.pressure, yield * softening(soft, a.pressure, T).g / kSqrt3);
   };
   return {limit(strength.lower, a.T0 * (1 + kDigits)) * (1 - 1e-10),

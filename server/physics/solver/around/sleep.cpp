@@ -1,33 +1,31 @@
 #include "server/physics/solver/around/sleep.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <optional>
 
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/force_driven/interface_step.hpp"
-#include "server/physics/solver/velocity_driven/elastic_trial.hpp"
+#include "server/physics/solver/scratch.hpp"
 
 namespace shearbus::physics {
 namespace {
 
 constexpr int kLeastStepsBeforeSleep = 16;
-constexpr double kRoundingOfT = 1e-6;   // far above what a temperature in modes is off  [K]
-constexpr double kSurely = 1.0 - 1e-9;  // likewise a flow stress
+constexpr double kTemperatureMargin = 1e-6;     // far above the rounding error of temperatures in modes  [K]
+constexpr double kStrengthMargin = 1.0 - 1e-9;  // likewise of a flow stress
 
 int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
 }
 
-// The layer of a lane that is no weaker anywhere: as hot as its hottest vertex, as little strained as its least
-// strained. Without source heat only evens out, and who does not flow does not harden, so that while it sleeps it stays
-// that.
+// A lower bound of the layer's strength: the strength of its least hardened vertex at the temperature of its hottest.
+// The bound holds as long as the lane sleeps: without source diffusion only levels the temperature, and without flow the
+// strain is constant.
 struct WeakestVertex {
   double temperature;  // [K]
-  double strength;     // before softening, at rest: a rate only adds  [Pa]
+  double strength;     // before softening, at rest (a rate only adds strength)  [Pa]
 };
 
 WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
@@ -40,87 +38,48 @@ WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lan
   return {hottest, hardened_strength(problem.options.soft, least)};
 }
 
-// Whether no vertex can flow under a stress magnitude, rounding included. `soft`: at the pressure.
+// Whether certainly no vertex flows under a stress magnitude, with margins far above rounding. `soft`: at the pressure.
 bool surely_rigid(const Material& soft, double pressure, double stress, const WeakestVertex& weakest) {
-  const double g = softening(soft, pressure, weakest.temperature + kRoundingOfT).g;
-  return kSqrt3 * stress <= kSurely * (weakest.strength * g);
+  const double g = softening(soft, pressure, weakest.temperature + kTemperatureMargin).g;
+  return kSqrt3 * stress <= kStrengthMargin * (weakest.strength * g);
 }
 
-// Interface slip, whose starting stress is that of a layer at yield.
-bool starts_at_yield(const Problem& problem, const TileInputs& inputs, int lane) {
-  return problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip &&
-         inputs.velocity_jump[lane] != 0.0;
-}
-
-std::optional<LaneStep> driven_at_rest(const Problem& problem, const TileInputs& inputs, const double* committed,
-                                       const Material& soft, double dt, int lane) {
-  const double jump = inputs.velocity_jump[lane];
-  const double pressure = inputs.pressure[lane];
-  if (pressure <= 0.0) return LaneStep{0.0, jump, jump, 0.0, Regime::kOpen, false, true, false};
-  const ElasticTrial trial =
-      elastic_trial(problem, soft, inputs, lane, dt, stress_before(problem.layout, inputs, committed, lane));
-  const std::optional<double> mu = problem.options.friction_coefficient;
-  if (trial.heats() || starts_at_yield(problem, inputs, lane) || (mu && *mu * pressure < std::abs(trial.stress)))
-    return std::nullopt;
-  // A zero with the sign that it has where the layer is solved.
-  const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;
-  return LaneStep{trial.stress, slip, jump, 0.0, Regime::kStick, true, true, false};
-}
-
-// The step of a lane that sleeps, where no heat comes with it and the layer does not flow; nothing where it has to
-// wake.
-std::optional<LaneStep> step_at_rest(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                     const double* committed, const Material& soft, double T0, int lane) {
+// The step of a sleeping lane; nothing where heat or flow wakes the lane.
+std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, const RestRules& rest,
+                                        const TileInputs& inputs, const double* committed, const Material& soft,
+                                        double T0, int lane) {
   const TileLayout& layout = problem.layout;
-  std::optional<LaneStep> step;
-  if (problem.options.strategy == Strategy::kVelocityDriven) {
-    step = driven_at_rest(problem, inputs, committed, soft, operators.dt(), lane);
-  } else {
-    const HeatOperator& heat = operators.heat();
-    step = InterfaceStep(problem, inputs, committed, soft, lane)
-               .from(InterfaceStep::before(layout, inputs, committed, lane), heat.dt, *heat.layer_response(), T0);
-    if (!step->unique || step->flux != 0.0 || !(step->regime == Regime::kOpen || step->sticks)) return std::nullopt;
+  const std::optional<RestingStep> found = rest.step(problem, operators, inputs, committed, soft, T0, lane);
+  if (found && found->step.regime != Regime::kOpen && layout.hottest_at_rest != TileLayout::kAbsent) {
+    const WeakestVertex weakest{committed[layout.hottest_at_rest + lane],
+                                committed[layout.least_strength_at_rest + lane]};
+    if (!surely_rigid(soft, inputs.pressure[lane], std::abs(found->step.stress), weakest)) return std::nullopt;
   }
-  if (step && step->regime != Regime::kOpen && layout.weakest != TileLayout::kAbsent) {
-    const WeakestVertex weakest{committed[layout.weakest + lane], committed[layout.weakest + kLanes + lane]};
-    if (!surely_rigid(soft, inputs.pressure[lane], std::abs(step->stress), weakest)) return std::nullopt;
-  }
-  return step;
+  return found;
 }
 
-// Whether the step that was solved brought neither heat nor flow, in a way that step_at_rest could have told.
-bool rested(const Problem& problem, const TileInputs& inputs, const TileOutputs& outputs, int lane) {
+// Whether a solved step brought neither heat nor flow, so that step_at_rest would have given the same answer.
+bool rested(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const TileOutputs& outputs,
+            int lane) {
   if (outputs.friction_heat[lane] != 0.0 || (outputs.outcome[lane] & ~kOutsideDomain) != 0) return false;
   const Regime regime = outputs.regime[lane];
-  return regime == Regime::kOpen || (regime == Regime::kStick && !starts_at_yield(problem, inputs, lane));
+  return regime == Regime::kOpen ||
+         (regime == Regime::kStick && (rest.may_rest == nullptr || rest.may_rest(problem, inputs, lane)));
 }
 
-// The committed states of a tile in which sleepers that wake have their temperatures again.
-class Woken {
- public:
-  const double* tile(const Problem& problem, std::uint32_t waking, const double* committed) {
-    const TileLayout& layout = problem.layout;
-    std::copy_n(committed, layout.doubles, states_.data());
-    for (const int l : lanes_of(waking)) profile_of(problem, committed, l, states_.data() + layout.first_temperature());
-    return states_.data();
-  }
-
- private:
-  static constexpr std::size_t kOtherRows = 9;
-  // Temperatures, strain, heat shape.
-  std::array<double, (std::size_t{3} * kMaxBasisVertices + kOtherRows) * kLanes> states_;
-};
-
-[[gnu::noinline]] void advance_woken(const Problem& problem, const StepOperators& operators, AdvanceTile awake,
-                                     const TileInputs& inputs, std::uint32_t waking, const double* committed,
-                                     double* trial, TileOutputs& outputs) {
-  Woken woken;
-  awake(problem, operators, inputs, woken.tile(problem, waking, committed), trial, outputs);
-}
-
-void write_sleeper(const Problem& problem, const double* committed, const LaneStep& step, double T0, int num_live,
-                   int lane, double* trial, TileOutputs& outputs) {
+// A copy of the committed tile in which the waking lanes have their temperatures back.
+const double* waking_tile(const Problem& problem, std::uint32_t waking, const double* committed) {
   const TileLayout& layout = problem.layout;
+  double* states = scratch_tile(Scratch::kWaking, layout.doubles);
+  std::copy_n(committed, layout.doubles, states);
+  for (const int l : lanes_of(waking)) profile_of(problem, committed, l, states + layout.first_temperature());
+  return states;
+}
+
+void write_sleeping_lane(const Problem& problem, const double* committed, const RestingStep& resting, double T0,
+                         int num_live, int lane, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const LaneStep& step = resting.step;
   trial[layout.shear_stress + lane] = step.stress;
   trial[layout.regime + lane] = static_cast<double>(step.regime);
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + lane] = step.sticks ? 1.0 : 0.0;
@@ -132,21 +91,19 @@ void write_sleeper(const Problem& problem, const double* committed, const LaneSt
   outputs.velocity_jump_new[lane] = step.jump_new;
   outputs.friction_heat[lane] = 0.0;
   outputs.regime[lane] = step.regime;
-  outputs.outcome[lane] = kAsleep;
-  if (problem.options.strategy == Strategy::kVelocityDriven)
-    outputs.outcome[lane] |= outside_domain(step.slip, step.jump_new);
+  outputs.outcome[lane] = kAsleep | resting.outcome;
 }
 
-// Counts the steps at rest of a lane that was solved, and puts it to sleep after enough of them. One of which it is not
-// certain that it would not flow is looked at again after as many.
-void count_rest(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
-                int lane, double* trial, const TileOutputs& outputs) {
+// Counts the steps at rest of a lane that was solved and puts the lane to sleep after enough of them. A lane that might
+// flow stays awake, and its count starts again.
+void count_rest(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const double* committed,
+                const Material& soft, int lane, double* trial, const TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const double before = asleep(layout, committed, lane) ? 0.0 : committed[layout.resting + lane];
-  const double steps = rested(problem, inputs, outputs, lane) ? before + 1.0 : 0.0;
+  const double steps = rested(problem, rest, inputs, outputs, lane) ? before + 1.0 : 0.0;
   WeakestVertex weakest{};
   bool sleeps = steps >= problem.steps_before_sleep;
-  if (sleeps && layout.weakest != TileLayout::kAbsent) {
+  if (sleeps && layout.hottest_at_rest != TileLayout::kAbsent) {
     weakest = weakest_vertex(problem, trial, lane);
     sleeps = outputs.regime[lane] == Regime::kOpen ||
              surely_rigid(soft, inputs.pressure[lane], std::abs(outputs.shear_stress[lane]), weakest);
@@ -154,9 +111,36 @@ void count_rest(const Problem& problem, const TileInputs& inputs, const double* 
   trial[layout.resting + lane] = sleeps || steps < problem.steps_before_sleep ? steps : 0.0;
   trial[layout.resting + kLanes + lane] =
       sleeps ? to_modes(*problem.basis, lane, trial + layout.first_temperature()) : 0.0;
-  if (layout.weakest == TileLayout::kAbsent) return;
-  trial[layout.weakest + lane] = sleeps ? weakest.temperature : 0.0;
-  trial[layout.weakest + kLanes + lane] = sleeps ? weakest.strength : 0.0;
+  if (layout.hottest_at_rest == TileLayout::kAbsent) return;
+  trial[layout.hottest_at_rest + lane] = sleeps ? weakest.temperature : 0.0;
+  trial[layout.least_strength_at_rest + lane] = sleeps ? weakest.strength : 0.0;
+}
+
+// Heat of one lane above a uniform reference temperature.
+struct Held {
+  double soft, hard;
+};
+Held held_heat(const Problem& problem, const double* tile, int lane, double reference) {
+  const HeatGrid& grid = problem.heat_grid;
+  const double* rows = tile + problem.layout.first_temperature() + lane;
+  Held held{};
+  if (asleep(problem.layout, tile, lane)) {
+    const HeatBasis& basis = *problem.basis;  // modes after the first have no net heat
+    if (!problem.options.hard_grid) return {basis.heat * (rows[0] - reference), 0.0};
+    held.soft = basis.soft_heat[0] * (rows[0] - reference);
+    for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
+      held.soft += basis.soft_heat[static_cast<std::size_t>(k)] * rows[k * kLanes];
+    held.hard = basis.heat * (rows[0] - reference) - held.soft;
+    return held;
+  }
+  for (int i = 0; i < grid.num_vertices(); ++i) {
+    const double heat =
+        grid.capacity(i, problem.options.soft, problem.options.hard) * (rows[std::ptrdiff_t{i} * kLanes] - reference);
+    const double in_soft = i < grid.interface ? 0.0 : i == grid.interface ? problem.soft_share_at_interface() : 1.0;
+    held.soft += in_soft * heat;
+    held.hard += (1.0 - in_soft) * heat;
+  }
+  return held;
 }
 
 }  // namespace
@@ -165,7 +149,7 @@ int steps_before_sleep(int num_heat_vertices) {
   return std::max(kLeastStepsBeforeSleep, num_heat_vertices / 4);
 }
 
-double interface_temperature(const Problem& problem, const double* tile, int lane) {
+double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane) {
   const TileLayout& layout = problem.layout;
   if (!asleep(layout, tile, lane)) return tile[layout.temperature + lane];
   const double* amplitude = tile + layout.first_temperature() + lane;
@@ -185,7 +169,34 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
   copy_lane(rows, temperature, static_cast<std::size_t>(problem.heat_grid.num_vertices()) * kLanes, lane);
 }
 
-void advance_with_sleep(const Problem& problem, const StepOperators& operators, AdvanceTile awake,
+StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
+                                  const double* entered) {
+  const TileLayout& layout = problem.layout;
+  const std::size_t first = layout.first_temperature();
+  int num_awake = 0;
+  bool slept[kLanes], sleeps[kLanes];
+  for (int l = 0; l < kLanes; ++l) {
+    slept[l] = asleep(layout, committed, l);
+    sleeps[l] = asleep(layout, trial, l);
+    num_awake += slept[l] || sleeps[l] ? 0 : 1;
+  }
+  StoredHeat stored;
+  if (num_awake > 0) stored = stored_in_rows(problem, committed + first, trial + first, entered);
+  for (int l = 0; l < kLanes; ++l) {
+    if (!slept[l] && !sleeps[l]) continue;
+    stored.soft[l] = stored.hard[l] = 0.0;
+    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // no heat enters or leaves
+    // Relative to the cold end of the profile or to the mean temperature, so that the difference cancels little.
+    const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
+    const Held before = held_heat(problem, committed, l, reference);
+    const Held after = held_heat(problem, trial, l, reference);
+    stored.soft[l] = after.soft - before.soft;
+    stored.hard[l] = after.hard - before.hard;
+  }
+  return stored;
+}
+
+void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const HeatBasis& basis = *problem.basis;
@@ -193,7 +204,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   const double* rows = committed + layout.first_temperature();
   double* rows_new = trial + layout.first_temperature();
 
-  // 1. Who sleeps, and what the interface temperatures of the sleepers will be.
+  // 1. The sleeping lanes, and their interface temperatures at the end of the step.
   std::uint32_t sleeping = 0;
   int num_live = 0;
   for (const int l : lanes_of(inputs.active)) {
@@ -204,32 +215,31 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   double T0[kLanes];
   if (sleeping != 0) interface_later(basis, decay, num_live, rows, T0);
 
-  // 2. Who goes on sleeping.
-  LaneStep at_rest[kLanes];
+  // 2. The lanes that stay asleep.
+  RestingStep at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   for (const int l : lanes_of(sleeping)) {
-    const auto step = step_at_rest(problem, operators, inputs, committed, soft_at(l), T0[l], l);
+    const auto step = step_at_rest(problem, operators, solver.rest, inputs, committed, soft_at(l), T0[l], l);
     if (!step) continue;
     at_rest[l] = *step;
     resting |= 1u << l;
   }
 
-  // 3. The others are solved.
+  // 3. Solve the others.
   const std::uint32_t solved = inputs.active & ~resting;
   if (solved != 0) {
     TileInputs others = inputs;
     others.active = solved;
-    if (const std::uint32_t waking = sleeping & solved; waking != 0) {
-      advance_woken(problem, operators, awake, others, waking, committed, trial, outputs);
-    } else {
-      awake(problem, operators, others, committed, trial, outputs);
-    }
-    for (const int l : lanes_of(solved)) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
+    const std::uint32_t waking = sleeping & solved;
+    const double* from = waking != 0 ? waking_tile(problem, waking, committed) : committed;
+    solver.solve(problem, operators, others, from, trial, outputs);
+    for (const int l : lanes_of(solved))
+      count_rest(problem, solver.rest, inputs, committed, soft_at(l), l, trial, outputs);
   }
   if (resting == 0) return;
 
-  // 4. The sleepers' heat, and the rest of their states, which stays as it is.
+  // 4. Decay the modes of the sleeping lanes; their other states stay.
   if (solved == 0) {
     const auto behind = static_cast<std::ptrdiff_t>(layout.temperature + layout.num_vertices * kLanes);
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);
@@ -241,7 +251,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
-    write_sleeper(problem, committed, at_rest[l], T0[l], lives, l, trial, outputs);
+    write_sleeping_lane(problem, committed, at_rest[l], T0[l], lives, l, trial, outputs);
   }
 }
 

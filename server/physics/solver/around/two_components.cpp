@@ -1,10 +1,7 @@
-// Slip with two tangential components (MODEL.md section 6d). Friction and plasticity are isotropic: the step is the
-// scalar one along the direction of its trial stress.
+#include "server/physics/solver/around/two_components.hpp"
+
 #include <algorithm>
 #include <cmath>
-
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -31,7 +28,7 @@ double length(const Vector& a) {
   return largest * std::sqrt(x * x + y * y);
 }
 
-// What the host says of one lane.
+// Inputs of one lane, and its old stress.
 struct LaneVectors {
   Vector jump, stress_soft, stress_hard, stress_old;
 };
@@ -43,7 +40,8 @@ LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const
           {committed[layout.shear_stress + l], committed[layout.second_stress + l]}};
 }
 
-// The stress an elastic layer would have, DLP (37), or the jump a free interface would, (61), which decides the stress.
+// The trial vector, which gives the direction: velocity-driven the stress of an elastic layer, DLP (37); force-driven the
+// jump of a free interface, (61).
 Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
   if (options.strategy == Strategy::kForceDriven) {
     return lane.jump +
@@ -68,8 +66,8 @@ Vector direction_of(const Vector& trial, const Vector& otherwise) {
 
 }  // namespace
 
-void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const double* committed, double* trial, TileOutputs& outputs) {
+void advance_two_components(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
+                            const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const ModelOptions& options = problem.options;
   const bool forced = options.strategy == Strategy::kForceDriven;
@@ -89,7 +87,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
     along.stress_hard[l] = dot(lane.stress_hard, e);
   }
   along.stress_before = stress_old;
-  advance_along(problem, operators, along, committed, trial, outputs);
+  advance(problem, operators, along, committed, trial, outputs);
 
   // 2. Its answer as vectors.
   for (const int l : lanes_of(inputs.active)) {

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "server/physics/layer/wide.hpp"
 #include "server/physics/material/flow_laws.hpp"
-#include "server/physics/solver/flow/wide.hpp"
 
 namespace shearbus::physics {
 namespace {

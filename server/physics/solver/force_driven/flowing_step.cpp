@@ -1,5 +1,5 @@
-// The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
-// interface law together.
+#include "server/physics/solver/force_driven/flowing_step.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -13,14 +13,11 @@
 namespace shearbus::physics {
 namespace {
 
-// One lane's host inputs and laws, for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+// Inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
 FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                       const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
-  const InterfaceOptions& law = problem.options.interface;
   FlowingStart start{};
-  start.limit = {law.friction_coefficient * inputs.pressure[lane], law.yield_strength / kSqrt3, inputs.pressure[lane],
-                 &soft};
-  start.limit.effort = inputs.effort;
+  start.limit = interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort);
   start.ceiling = strength_ceiling(soft) / kSqrt3;
   start.hardens = hardens(soft);
   start.first_weight = problem.grid.weight[0];
@@ -38,7 +35,7 @@ void add_surplus(const Problem& problem, const FlowingSlip::Answer& answer, int 
       answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
 }
 
-// One substep of one lane, in place: temperature after conduction, strain of the last substep.
+// One substep of one lane after conduction; `strain` is updated in place.
 LaneStep substep(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                  const HeatOperator& heat, const LaneStep& before, const double* T, double* strain) {
   if (inputs.pressure[lane] <= 0.0) {
@@ -54,7 +51,7 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
     return flow_of_lane(flow, load, lane, strain_new);
   };
   FlowingSlip step(start);
-  while (!step.done()) step.take(slip_under(step, nullptr));
+  while (!step.done()) step.update(slip_under(step, nullptr));
   const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
   add_surplus(problem, answer, lane, strain);
   return answer.step;
@@ -106,7 +103,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done()) continue;
-      lanes[l].take(sum.slip[l]);
+      lanes[l].update(sum.slip[l]);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
     }
   }
@@ -118,34 +115,22 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
   double flux[kLanes] = {};
+  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
-    LaneResult result;
-    std::uint8_t outcome = 0;
-    if (inputs.pressure[l] <= 0.0) {
-      result.step = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
-    } else {
+    LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
+    if (inputs.pressure[l] > 0.0) {
       const FlowingSlip::Answer answer = lanes[l].answer(sum.slip[l]);
-      result.step = answer.step;
+      whole = answer.step;
       add_surplus(problem, answer, l, strain_new);
     }
-    result.heat = result.step.flux * heat.dt;
-    if (!result.step.unique) outcome = kSubstepped;
-    if (result.step.unique || operators.max_halvings() == 0) {
-      flux[l] = result.step.flux;
-    } else {
-      divide_step(
-          [&](int k) -> const HeatOperator& { return operators.heat_halved(k); }, operators.max_halvings(), n, l,
-          before[l], T_old, T_all, result,
-          [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
-          [&](const HeatOperator& shorter, const LaneStep& last) {
-            return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
-          });
-    }
-    if (result.step.several) outcome |= kMultipleRoots;
-    set_outputs(result, l, outputs);
-    outputs.outcome[l] = outcome;
-    trial[layout.shear_stress + l] = result.step.stress;
-    trial[layout.regime + l] = static_cast<double>(result.step.regime);
+    const LaneResult result = step_or_divide(
+        whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
+        [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
+        [&](const HeatOperator& shorter, const LaneStep& last) {
+          return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
+        });
+    flux[l] = result.flux;
+    write_answer(result, layout, l, trial, outputs);
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
   }
 

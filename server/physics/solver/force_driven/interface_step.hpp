@@ -1,17 +1,15 @@
-// What the interface of one lane does in a step or substep of a force-driven model whose layer does not flow, its heat
-// apart (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c).
+// Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
+// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The heat is the caller's.
 #pragma once
 
 #include <cmath>
-#include <limits>
 
-#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
 
-// With the host's plastic shear beside a layer that may flow, DLP (64).
+// Includes the host's plastic shear where the layer may flow, DLP (64).
 inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
   Forcing forcing = forcing_of(inputs, lane);
   if (problem.options.plastic_layer)
@@ -25,11 +23,8 @@ class InterfaceStep {
                 int lane)
       : junction_strain(problem.options.junctions ? committed[problem.layout.junction_strain + lane] : 0.0),
         problem_(problem),
-        yield_{std::numeric_limits<double>::infinity(), problem.options.interface.yield_strength / kSqrt3,
-               inputs.pressure[lane], &soft},
-        forcing_(forcing_of(problem, inputs, lane)) {
-    yield_.effort = inputs.effort;
-  }
+        strength_(interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort)),
+        forcing_(forcing_of(problem, inputs, lane)) {}
 
   // The lane as it was before the step.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
@@ -45,20 +40,15 @@ class InterfaceStep {
         false};
   }
 
-  // A step of dt from `last`; B0 is the response of T0 to the flux, T_ad what T0 is without.
+  // A step of dt from `last`. B0: response of T0 to the flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
-    if (yield_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
-    const InterfaceOptions& law = problem_.options.interface;
-    yield_.junctions =
+    if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
+    strength_.junctions =
         junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr, junction_strain, dt);
     const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-    const FrictionHeating slip = trial_slip.slipping(0.0, 0.0);
-    const Friction friction = FrictionLaws::with(law.friction_law, [&](auto own) {
-      return decltype(own)::type::friction(law, yield_.pressure, slip.c, slip.b, trial_slip.stress_stick);
-    });
     const LaneStep step =
-        rigid_slip(yield_, friction, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
-    junction_strain = yield_.junctions.strain(std::abs(step.slip));
+        rigid_slip(strength_, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
+    junction_strain = strength_.junctions.strain(std::abs(step.slip));
     return step;
   }
 
@@ -66,7 +56,7 @@ class InterfaceStep {
 
  private:
   const Problem& problem_;
-  StressLimit yield_;
+  StressLimit strength_;
   Forcing forcing_;
 };
 

@@ -1,9 +1,12 @@
-// The force-driven step of second order in time: SDIRK2 (server/physics/METHODS.md).
+#include "server/physics/solver/force_driven/stages.hpp"
+
 #include <cmath>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/force_driven/step.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
@@ -14,11 +17,10 @@ using sdirk2::begin_second_stage;
 using sdirk2::kDiagonal;
 using sdirk2::kFirstWeight;
 using sdirk2::lanes_out_of_range;
-using sdirk2::scratch_tile;
 
 constexpr double kMet = 1e-9;  // relative: how far a stress may be from its limit
 
-// Whether flux leaves every vertex of a lane below melting: an extrapolated profile may be hottest inside.
+// Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
 bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
   for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
     if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
@@ -33,7 +35,7 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
-  double direction;  // of the jump, or of what sets it off
+  double direction;  // of the jump, or the acceleration
   double jump_old;   // along the direction  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // of the first stage  [Pa]
@@ -45,8 +47,8 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
-// First stage: stress and flux at gamma dt, the slip being that at its end. False where the jump turns or stops within
-// the step or the stress has a choice: a kink, which is backward Euler's.
+// First stage: stress and flux at gamma dt, with the slip at the end of the stage. False where the jump reverses or stops
+// within the step or the answer is not unique: such steps are left to backward Euler.
 bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
                  double guess, double& flux) {
   flux = 0.0;
@@ -66,9 +68,9 @@ bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad
   return true;
 }
 
-// Second stage, for the mean stress a of the step, of which the first stage's has the share 1 - gamma:
+// Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
 //   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat is the work taken out of the bodies, as in a backward Euler step.
+// so that the heat is the work solved out of the bodies, as in a backward Euler step.
 bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
                   double& flux) {
   flux = 0.0;
@@ -81,10 +83,7 @@ bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_a
     lane.stress = lane.early_stress;
     return lane.limit.at(T_ad).stress >= lane.stress;
   }
-  StressLimit limit = lane.limit;
-  limit.coulomb *= kDiagonal;
-  limit.tresca *= kDiagonal;
-  limit.offset = kFirstWeight * lane.early_stress;
+  const StressLimit limit = lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress);
   const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
                                 0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
   const double a_stick = free / (dt * lane.forcing.mobility);
@@ -101,27 +100,24 @@ template <class Heat>
 void advance(const Problem& problem, const StepOperators& operators, const Heat& first, const Heat& second,
              const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  const InterfaceOptions& law = problem.options.interface;
   const int n = problem.heat_rows;
   const double dt = operators.dt();
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
-  std::uint32_t taken = inputs.active;
-  const auto drop = [&](int lane) { taken &= ~(1u << lane); };
+  std::uint32_t solved = inputs.active;
+  const auto drop = [&](int lane) { solved &= ~(1u << lane); };
 
   // 1. First stage: conduction, then stress and flux lane by lane.
   StagedLane lanes[kLanes];
   Material soft[kLanes];
   double early_flux[kLanes] = {};
   conduct(first, n, T_old, T);
-  for (const int l : lanes_of(taken)) {
+  for (const int l : lanes_of(solved)) {
     soft[l] = at_pressure(problem.options.soft, inputs.pressure[l]);
     const double jump = inputs.velocity_jump[l];
     StagedLane& lane = lanes[l];
-    lane.limit = {law.friction_coefficient * inputs.pressure[l], law.yield_strength / kSqrt3, inputs.pressure[l],
-                  &soft[l]};
-    lane.limit.effort = inputs.effort;
+    lane.limit = interface_strength(problem.interface, soft[l], inputs.pressure[l], inputs.effort);
     lane.forcing = forcing_of(inputs, l);
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;
@@ -135,9 +131,9 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
 
   // 2. Second stage.
   begin_second_stage(second, n, T_old, early_flux, T);
-  taken &= ~lanes_out_of_range(problem, inputs, T_old, T);
+  solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
   double flux[kLanes] = {};
-  for (const int l : lanes_of(taken)) {
+  for (const int l : lanes_of(solved)) {
     const bool found =
         second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
     if (!found || !stays_solid(second, n, l, flux[l], soft[l].melting_temperature, T)) {
@@ -148,21 +144,21 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
 
   add_flux(second, n, flux, T);
 
-  // 3. Lanes it is not for: backward Euler.
-  if (const std::uint32_t fallen_back = inputs.active & ~taken; fallen_back != 0) {
+  // 3. Backward Euler for the other lanes.
+  if (const std::uint32_t fallen_back = inputs.active & ~solved; fallen_back != 0) {
     TileInputs theirs = inputs;
     theirs.active = fallen_back;
-    double* beside = scratch_tile(layout.doubles);
-    advance_force_driven(problem, operators, theirs, committed, beside, outputs);
+    double* fallback = scratch_tile(Scratch::kStages, layout.doubles);
+    advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
     for (const int l : lanes_of(fallen_back)) {
-      copy_lane(beside, trial, layout.doubles, l);
-      // A node that stops or rests has no slip to be accurate about.
+      copy_lane(fallback, trial, layout.doubles, l);
+      // A node that stops or rests has no slip whose order matters.
       if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }
   }
 
   // 4. Answers.
-  for (const int l : lanes_of(taken)) {
+  for (const int l : lanes_of(solved)) {
     const StagedLane& lane = lanes[l];
     const bool open = inputs.pressure[l] <= 0.0;
     outputs.shear_stress[l] = lane.direction * lane.stress;

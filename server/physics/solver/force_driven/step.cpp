@@ -1,5 +1,5 @@
-// The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
-// stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
+#include "server/physics/solver/force_driven/step.hpp"
+
 #include <cstddef>
 
 #include "server/physics/solver/force_driven/interface_step.hpp"
@@ -34,24 +34,12 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
       return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
     };
 
-    LaneResult result;
-    result.step = step_from(heat_of(0), before);
-    result.heat = result.step.flux * heat_of(0).dt;
-    std::uint8_t outcome = 0;
-    if (!result.step.unique) outcome = kSubstepped;
-    if (result.step.unique || max_halvings == 0) {
-      flux[lane] = result.step.flux;
-    } else {
-      // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
-      divide_step(
-          heat_of, max_halvings, n, lane, before, T_old, T, result,
-          [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
-    }
-    if (result.step.several) outcome |= kMultipleRoots;
-    set_outputs(result, lane, outputs);
-    outputs.outcome[lane] = outcome;
-    trial[layout.shear_stress + lane] = result.step.stress;
-    trial[layout.regime + lane] = static_cast<double>(result.step.regime);
+    // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
+    const LaneResult result = step_or_divide(
+        step_from(heat_of(0), before), heat_of, max_halvings, {lane, before, n, T_old, T},
+        [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
+    flux[lane] = result.flux;
+    write_answer(result, layout, lane, trial, outputs);
     if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
   }
 
@@ -73,6 +61,17 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
         problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },
         operators.max_halvings(), inputs, committed, trial, outputs);
   }
+}
+
+std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                     const TileInputs& inputs, const double* committed,
+                                                     const Material& soft, double T0, int lane) {
+  const HeatOperator& heat = operators.heat();
+  const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
+  const LaneStep step =
+      InterfaceStep(problem, inputs, committed, soft, lane).from(before, heat.dt, *heat.layer_response(), T0);
+  if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
+  return RestingStep{step};
 }
 
 }  // namespace shearbus::physics

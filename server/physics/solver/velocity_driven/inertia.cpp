@@ -1,12 +1,12 @@
-// The velocity-driven step of layers with inertia (MODEL.md section 5b): DLP (36), solved with the rest. The host
-// imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic flow find the stress.
+#include "server/physics/solver/velocity_driven/inertia.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
+#include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 
@@ -21,7 +21,7 @@ void scatter(const double* values, int count, double* rows) {
   for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
 }
 
-// An open contact: the layer moves with the soft body, unstressed. So it meets the hard body when it closes.
+// An open contact: the layer moves with the soft body without stress, until the contact closes.
 void open_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l,
                TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
@@ -53,9 +53,9 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
                       .pressure = inputs.pressure[l],
                       .jump = jump,
                       .heat_share = problem.heat_partition,
-                      .coulomb = problem.options.friction_coefficient
-                                     ? *problem.options.friction_coefficient * inputs.pressure[l]
-                                     : std::numeric_limits<double>::infinity()};
+                      .coulomb = interface_strength(problem.interface, soft, inputs.pressure[l], nullptr)
+                                     .friction(trial[layout.temperature + l])
+                                     .stress};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(committed + layout.plastic_strain + l, n + 1, fields.strain);

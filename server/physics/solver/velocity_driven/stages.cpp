@@ -1,13 +1,15 @@
-// The velocity-driven step of second order in time: SDIRK2 (server/physics/METHODS.md).
+#include "server/physics/solver/velocity_driven/stages.hpp"
+
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/balance.hpp"
 
 namespace shearbus::physics {
 
 using sdirk2::begin_second_stage;
 using sdirk2::lanes_out_of_range;
-using sdirk2::scratch_tile;
 
 // The balance is exact over a step of any length: only heat is approximated in time. Both stages therefore start from
 // the old stress and strain, the first over gamma dt for its flux alone, the second over dt for the answer.
@@ -33,11 +35,11 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   // 3. Where it points nowhere: backward Euler.
   if (fallen_back == 0) return;
   const std::size_t doubles = problem.layout.doubles;
-  double* beside = scratch_tile(doubles);
+  double* fallback = scratch_tile(Scratch::kStages, doubles);
   theirs.active = fallen_back;
-  advance_velocity_driven(problem, operators, theirs, committed, beside, outputs);
+  advance_velocity_driven(problem, operators, theirs, committed, fallback, outputs);
   for (const int l : lanes_of(fallen_back)) {
-    copy_lane(beside, trial, doubles, l);
+    copy_lane(fallback, trial, doubles, l);
     outputs.outcome[l] |= kFirstOrder;
   }
 }
