@@ -98,7 +98,7 @@ void carry_out(const Options& options, SceneFile& file) {
                        .text = "runs of shear_column write no restart dumps, problems in two dimensions do",
                        .remedy = "leave out --dump-every and --dump-interval",
                        .field = "hydro.shear_column"});
-  const Problem problem = make_problem(scene);
+  const ColumnProblem problem = make_problem(scene);
   if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =
       make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,

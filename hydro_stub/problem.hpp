@@ -14,7 +14,7 @@
 
 namespace shearbus::hydro {
 
-struct Problem {
+struct ColumnProblem {
   std::string name;
   std::size_t columns = 1;
   physics::Material soft_material;
@@ -36,6 +36,6 @@ struct Problem {
 physics::Material resolve(const v1::Body& body, const std::string& table);
 
 // Throws wire::Error{kInvalidScene} that names the field at fault.
-Problem make_problem(const guest::HydroScene& scene);
+ColumnProblem make_problem(const guest::HydroScene& scene);
 
 }  // namespace shearbus::hydro
