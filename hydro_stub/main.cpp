@@ -1,4 +1,4 @@
-// shearbus-hydro: scene -> problem and interface law -> run -> results.
+// shearbus-hydro: makes problem and interface law of a scene, runs it and writes the results.
 #include <fmt/format.h>
 
 #include <cctype>
@@ -72,7 +72,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   server.address.endpoint = run.server;
   if (!options.check) {
     if (from == nullptr) make_room_for_dumps(run.out);
-    // A server in this process outlives it by its journal, beside the dumps.
+    // A server in this process keeps its journal next to the dumps, so that its sessions outlive the process.
     const bool subgrid = scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID;
     if (subgrid && run.server.empty() && (from != nullptr || run.dumps.wanted()))
       server.state_dir = server_directory(run.out);

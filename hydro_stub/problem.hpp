@@ -32,7 +32,7 @@ struct ColumnProblem {
 // Throws wire::Error{kInvalidScene} for a field of the scene.
 [[noreturn]] void refuse(std::string field, std::string text, std::string remedy);
 
-// The material of [table]; refuses what the catalog does not know or the constants do not make.
+// Makes the material of [table]. Throws for an unknown name and for inconsistent constants.
 physics::Material resolve(const v1::Body& body, const std::string& table);
 
 // Throws wire::Error{kInvalidScene} that names the field at fault.
