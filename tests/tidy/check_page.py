@@ -16,7 +16,7 @@ def difference(page, command):
 
 def self_test():
     with tempfile.TemporaryDirectory() as scratch:
-        page = pathlib.Path(scratch, "page.md")
+        page = pathlib.Path(scratch, "page.txt")
         page.write_text("one\ntwo\n")
         same = difference(page, ["printf", "one\\ntwo\\n"])
         other = difference(page, ["printf", "one\\nthree\\n"])

@@ -114,10 +114,12 @@ def joined(text):
 
 
 def page_named(name, path, root, pages):
-    """The page that a reference means: beside the file, from the root, or the only one whose path ends so."""
-    for place in (path.parent / name, root / name):
-        if place.is_file():
-            return place.resolve()
+    """The page that a reference means: in the file's directory or the nearest one above, or the only one whose path ends so."""
+    for directory in path.resolve().parents:
+        if (directory / name).is_file():
+            return directory / name
+        if directory == root.resolve():
+            break
     ending = [p for p in pages if p.as_posix().endswith("/" + name)]
     return ending[0] if len(ending) == 1 else None
 

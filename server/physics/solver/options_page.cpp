@@ -45,7 +45,8 @@ std::string table_of_laws() {
 
 // An option as a scene writes it, or the property of a law.
 std::string name_of(const Part& part) {
-  return part.law_with.empty() ? "`" + setting_of(part, {}) + "`" : "a " + std::string(part.law_with);
+  if (!part.law_with.empty()) return std::string("a ").append(part.law_with);
+  return std::string("`").append(setting_of(part, {})).append("`");
 }
 
 }  // namespace
