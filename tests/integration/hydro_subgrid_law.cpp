@@ -153,7 +153,7 @@ TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
 TEST(SubgridLaw, RefusalOfTheServerNamesTheField) {
   hydro::SceneFile of = scene();
   const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
-  of.soft.material = "unobtainium";
+  of.text.replace(of.text.find("aluminium_dlp"), std::string_view("aluminium_dlp").size(), "unobtainium");
   try {
     embedded(of, problem);
     FAIL() << "the server took an unknown material";
