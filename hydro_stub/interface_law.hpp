@@ -1,4 +1,4 @@
-// What a hydrocode has to know of an interface law: one call a step for all interface nodes (here: columns).
+// The abstract interface law of a hydrocode: one call per step for all interface nodes (in one dimension: columns).
 //
 // Signs: [V] = V_soft - V_hard; the shear stress s = sigma_xz is positive where it pulls the soft body back. SI units.
 #pragma once
@@ -58,16 +58,16 @@ struct InterfaceAnswer {
   std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
   wire::EnergyTotals energy;                  // of the layers in the step; empty: of laws without layers
-  std::uint64_t flagged = 0;  // nodes whose answer came with a remark (substepped, several roots, failed)
+  std::uint64_t flagged = 0;                  // nodes whose answer has a flag (substepped, several roots, failed)
 };
 
-// Where the time of a law went; a law that computes in place spends it all in the solver.
+// Run time of a law by cause. A law that computes in place spends all of it in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  std::chrono::nanoseconds service{0};  // in the server: the solver, and what it takes to read, check and answer
+  std::chrono::nanoseconds service{0};  // in the server: the solver, and reading, checking and answering requests
   std::chrono::nanoseconds bus{0};      // round trips less the solver's share
-  std::chrono::nanoseconds waited{0};   // in which the host could do nothing else
-  std::chrono::nanoseconds cpu{0};      // of the host's own thread, spent on asking
+  std::chrono::nanoseconds waited{0};   // time in which the host was blocked
+  std::chrono::nanoseconds cpu{0};      // CPU time of the host's thread spent on requests
 };
 
 // Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
@@ -87,22 +87,22 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
-  // The same in two halves, for a host that has other work meanwhile: the answer is there after finish(), and until
-  // then inputs and answer stay where they are.
+  // advance() in two halves, for a host that has other work meanwhile. The answer is complete after finish(); until
+  // then `inputs` and `answer` must not move.
   virtual void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) { advance(inputs, answer); }
   virtual void finish() {}
-  // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
+  // Undoes the last advance, because the host rejects its step and will repeat a shorter one. At most once per advance.
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
 
-  // Keeps what the law remembers of the steps so far under `name`, until two later ones are kept, and says what another
-  // process needs to come back to it (make_law). Of a law that remembers nothing: an empty text.
+  // Saves the state of the law under `name` until two later states are saved, and returns the text with which another
+  // process restores it (make_law). Empty for a law without a state.
   virtual std::string keep(const std::string& /*name*/) { return {}; }
-  // Empty where keep() can be called, or why not and what to do about it.
+  // Empty if keep() can be called; otherwise the reason and a remedy.
   virtual std::string cannot_keep() const { return {}; }
-  // The run is over: what was kept may go.
+  // Ends the run: saved states may be deleted.
   virtual void close() {}
-  // After close().
+  // Must be called after close().
   virtual OmittedCost omitted_cost() const { return {}; }
 };
 

@@ -20,14 +20,14 @@ double seconds(std::chrono::nanoseconds time) {
   return std::chrono::duration<double>(time).count();
 }
 
-// A residual against the magnitudes that were added up to it; 0 where nothing moved at all.
+// Returns a residual relative to the sum of the magnitudes in its balance; 0 if the balance has no terms.
 double relative(double residual, double magnitude) {
   return magnitude > 0.0 ? std::abs(residual) / magnitude : std::abs(residual);
 }
 
 }  // namespace
 
-Summary::Summary(const Problem& problem, std::string interface_law)
+Summary::Summary(const ColumnProblem& problem, std::string interface_law)
     : name_(problem.name),
       interface_law_(std::move(interface_law)),
       columns_(problem.columns),

@@ -19,8 +19,8 @@ struct Residuals {
   double energy, momentum;
 };
 
-// What is missing of energy and momentum, relative to what there was in play. About an axis only the axial component of
-// momentum is a sum of vectors.
+// Residuals of the balances of energy and momentum, relative to the energies and momenta in them. In axisymmetry only
+// the axial component of momentum is conserved as a sum.
 Residuals residuals(const lagrange::Cycle& cycle, const Ledger& start) {
   const Ledger end = cycle.ledger();
   const lagrange::State& state = cycle.state();

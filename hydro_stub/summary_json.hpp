@@ -1,4 +1,4 @@
-// What the summaries of one and two dimensions write alike, as JSON.
+// JSON objects that the summaries of one and of two dimensions share.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -1,5 +1,5 @@
-// The cost of a scene: the parts it switches on and those it leaves out, each with its memory, from the layout of the model, and
-// its time, measured on this machine.
+// The cost of a scene: the parts it switches on and those it leaves out, each with its memory, from the layout of the
+// model, and its time, measured on this machine.
 #pragma once
 
 #include <cstddef>

@@ -25,7 +25,7 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// The upper bound of the bucket that holds the quantile.
+// Returns the upper bound of the bucket that contains the quantile.
 std::string quantile(const wire::Histogram& histogram, double share) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : histogram.counts) all += count;

@@ -21,7 +21,7 @@ double seconds(std::uint64_t ns) {
   return static_cast<double>(ns) / 1e9;
 }
 
-// Families in the order of the text.
+// Collects metric families in the order of the text.
 class Metrics {
  public:
   MetricFamily& add(const std::string& name, MetricType type, const char* help) {

@@ -10,12 +10,12 @@
 namespace shearbus::lagrange {
 namespace {
 
-// A node that the hard surface covers less than this does not rub: stresses over so small an area mean nothing.
+// Smallest covered share of a node's area for which the law is asked: a stress over a smaller area is not meaningful.
 constexpr double kLeastCovered = 0.05;
-// Pressures below this come from rounding and the foot of a smeared shock: the law is told that the node is open.
+// Smaller pressures come from rounding and from the foot of a smeared shock; such a node counts as open.
 constexpr double kLeastPressure = 1e4;  // [Pa]
 
-// Of a zone's plastic strain rate the share that shears along a surface with tangent t: the flow rule's,
+// Returns the share of a zone's plastic strain rate that shears along a surface with tangent t, by the flow rule
 // sqrt(3) |s_tn| / sigma_eq.
 double shear_share(const State& state, int zone, Vec2 t) {
   const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
@@ -75,8 +75,8 @@ void Contact::give(int node, Vec2 impulse, const Guides& guides, const State& st
   velocity[node] += (1.0 / state.node_mass[node]) * guides.free_part(node, impulse);
 }
 
-// Projected Gauss-Seidel, forward and back. The matrix is that of one-dimensional mass matrices, so each sweep takes
-// off a fixed share of the error.
+// Projected Gauss-Seidel, forward and backward. The matrix resembles a one-dimensional mass matrix, so each sweep
+// reduces the error by a constant factor.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   constexpr int kMostSweeps = 400;
   constexpr double kTolerance = 1e-13;
@@ -109,8 +109,8 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
   }
 }
 
-// 1/m of the hard side sums what all interface nodes together would move it, as if their stresses were equal: the true
-// coupling of neighbours is never stronger, so sticking converges without ringing.
+// 1/m of the hard side is the sum of the compliances of all interface nodes, as if their stresses were equal. The true
+// coupling of neighbours is never stronger, so sticking converges without oscillation.
 void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                       const std::vector<Vec2>& velocity) {
   const int size = weights_.rubbing();
@@ -141,7 +141,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // The mean over the node's area, which evens out what unlike meshes make of the p_i.
+    // The mean over the node's area smooths the scatter of the p_i between meshes of different zone widths.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
     inputs_.mass_soft[i] = state.node_mass[node] / area;
@@ -158,7 +158,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   }
 }
 
-// Plastic strain of the zones at each node and its rate over the last step that stood.
+// Sets the plastic strain of the zones at each node and its rate over the last accepted step.
 void Contact::find_plastic_rates(const State& state) {
   const double dt = state.time - plastic_time_;
   plastic_time_ = state.time;

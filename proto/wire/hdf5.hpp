@@ -1,5 +1,5 @@
-// HDF5 handles that close themselves, and HDF5's own errors. The only wrapper of the library's ids: for the recordings, and for the
-// checkpoints of server/store.
+// HDF5 handles that close themselves, and HDF5's own errors. The only wrapper of the library's ids: for the recordings,
+// and for the checkpoints of server/store.
 #pragma once
 
 #include <hdf5.h>

@@ -1,5 +1,5 @@
-// HDF5 errors as wire::Error, and files that appear under their name only once they are complete. Private to the sources of this
-// room that write and read HDF5.
+// HDF5 errors as wire::Error, and files that appear under their name only once they are complete. Private to the
+// sources of this room that write and read HDF5.
 #pragma once
 
 #include <fcntl.h>

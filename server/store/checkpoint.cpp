@@ -57,7 +57,7 @@ std::vector<std::string> words_of(const std::string& text) {
 void put_states(hid_t parent, const std::string& name, const shard::States& states) {
   const hdf5::Group group = make_group(parent, name);
   put_numbers(group, "slot", states.rows, states.rows.size());
-  // A list of the columns: a group alone would give them back in the order of their names.
+  // The attribute keeps the order of the columns: HDF5 lists the members of a group by name.
   std::string names;
   for (const shard::StateColumn& column : states.columns) {
     names += (names.empty() ? "" : " ") + column.name;
@@ -107,7 +107,7 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
   put_number(group, "state_version", session.state_version);
-  put_text_dataset(group, "scene_toml", session.scene);  // an attribute could hold 64 kB only
+  put_text_dataset(group, "scene_toml", session.scene);  // an attribute holds at most 64 kB
   put_ids(group, session.node_ids);
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);

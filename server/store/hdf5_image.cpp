@@ -3,9 +3,9 @@
 namespace shearbus::store {
 namespace {
 
-constexpr std::size_t kGrowBy = std::size_t{1} << 20;  // of an image being built
+constexpr std::size_t kGrowBy = std::size_t{1} << 20;  // growth of an image under construction  [bytes]
 
-// HDF5 prints its error stack by default; our errors say what failed.
+// Switches off HDF5's printing of its error stack: Hdf5Error names the operation that failed.
 void be_quiet() {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
@@ -28,12 +28,12 @@ hdf5::Type text_type(std::size_t size) {
   return type;
 }
 
-// What is read is one value: HDF5 writes as many as there are.
+// Requires a space of one value: HDF5 reads as many values as the file declares into the buffer of one.
 void check_single(hid_t space, const std::string& name) {
   if (H5Sget_simple_extent_npoints(space) != 1) throw Hdf5Error("read one value from " + name);
 }
 
-// Memory is taken only for what has its room in the file, whatever extent and type claim.
+// Requires that the file stores as many bytes as extent and type claim, so that a damaged extent cannot exhaust memory.
 void check_room(hid_t dataset, hid_t space, const std::string& name) {
   const hdf5::Type type(checked(H5Dget_type(dataset), "type dataset ", name));
   const hssize_t count = H5Sget_simple_extent_npoints(space);
@@ -62,7 +62,7 @@ hdf5::File new_image() {
 hdf5::File open_image(std::span<const std::byte> image) {
   be_quiet();
   const hdf5::Properties access = in_memory();
-  // The call copies the bytes; its parameter is not const for the sake of other uses.
+  // H5Pset_file_image copies the bytes; its parameter is not const because of other uses.
   check(H5Pset_file_image(access, const_cast<std::byte*>(image.data()), image.size()), "take a file image");
   return hdf5::File(checked(H5Fopen(kImageName, H5F_ACC_RDONLY, access), "open a file image"));
 }
@@ -189,7 +189,7 @@ Extent extent_of(hid_t dataset, const std::string& name) {
   check_room(dataset, space, name);
   hsize_t extent[2] = {0, 0};
   H5Sget_simple_extent_dims(space, extent, nullptr);
-  if (rank == 2 && extent[1] == 0) throw Hdf5Error("find columns in table " + name);  // it would pass for a list
+  if (rank == 2 && extent[1] == 0) throw Hdf5Error("find columns in table " + name);  // width 0 stands for a list
   return {extent[0], extent[1]};
 }
 

@@ -1,5 +1,5 @@
-// The part of HDF5 that checkpoints need: files in memory, groups, and attributes and datasets of numbers and text. Every
-// failed call throws an Hdf5Error that names the operation.
+// The part of HDF5 that checkpoints need: files in memory, groups, and attributes and datasets of numbers and text.
+// Every failed call throws an Hdf5Error that names the operation.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,8 @@ class Hdf5Error : public std::runtime_error {
   explicit Hdf5Error(const std::string& doing) : std::runtime_error("HDF5 could not " + doing) {}
 };
 
-// The id, or an Hdf5Error. The words are joined only for an error: with a good id nothing may fail before a handle owns it.
+// The id, or an Hdf5Error. The words are joined only for an error: with a good id nothing may fail before a handle owns
+// it.
 hid_t checked(hid_t id, std::string_view doing, std::string_view what = {});
 
 template <typename Number>
@@ -37,27 +38,28 @@ hid_t hdf5_type() {
   }
 }
 
-// The name of a file in memory. HDF5 looks for the name on disk and refuses an image where a file has it, so the name is one that
-// no disk can hold.
+// The name of a file in memory. HDF5 looks for the name on disk and refuses an image where a file has it, so the name
+// is one that no disk can hold.
 inline constexpr const char* kImageName = "/dev/null/checkpoint";
 
-hdf5::File new_image();                                   // an empty file that lives in memory only
-hdf5::File open_image(std::span<const std::byte> image);  // to read
+hdf5::File new_image();                                   // creates an empty file in memory
+hdf5::File open_image(std::span<const std::byte> image);  // opens it for reading
 std::vector<std::byte> bytes_of_image(hid_t file);
 
 hdf5::Group make_group(hid_t parent, const std::string& name);
 hdf5::Group open_group(hid_t parent, const std::string& name);
 bool has_child(hid_t parent, const std::string& name);
-std::vector<std::string> children_of(hid_t group);  // ascending
+std::vector<std::string> children_of(hid_t group);  // names in ascending order
 
 void put_text(hid_t object, const std::string& name, const std::string& text);
-void put_text_dataset(hid_t group, const std::string& name, const std::string& text);  // of any length
+// A dataset holds more than the 64 kB of an attribute.
+void put_text_dataset(hid_t group, const std::string& name, const std::string& text);
 std::string text_in_dataset(hid_t group, const std::string& name);
 void put_number(hid_t object, const std::string& name, std::uint64_t value);
 std::string text_of(hid_t object, const std::string& name);
 std::uint64_t number_of(hid_t object, const std::string& name);
 
-// [rows] where width is 0, else [rows][width].
+// Writes a dataset of shape [rows] if width is 0, else [rows][width].
 hdf5::Dataset put_raw(hid_t group, const std::string& name, hid_t type, const void* data, std::size_t rows,
                       std::size_t width);
 struct Extent {

@@ -1,4 +1,4 @@
-// Running a row on a physics, and what is held against it.
+// Runs a row on a physics and checks every step.
 #include "tests/campaign/campaign.hpp"
 
 #include <fmt/format.h>
@@ -13,12 +13,12 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-// From so many steps on one lane is looked at in each, in turn: the invariants cost more than the step.
+// Longer runs check one lane per step, in rotation; checking all lanes would cost more than stepping.
 constexpr int kManySteps = 2000;
 
-// What a first step that melts takes in, to what one step of MoltenLayer does: exactly 2/sqrt(pi) of backward Euler's,
-// which substeps may come near; of second order 8.23 % more than exactly. One step of modes, whose response is exact,
-// takes in sqrt(pi)/2 of backward Euler's.
+// Bounds of the heat of a first step that melts, relative to one step of MoltenLayer. The exact heat is 2/sqrt(pi)
+// times that of backward Euler, which substeps may approach; a second-order step takes 8.23 % more than the exact heat.
+// One step of modes, whose response is exact, takes sqrt(pi)/2 of the heat of backward Euler.
 double share_of_first_step(const ModelOptions& options, bool divided) {
   constexpr double kExact = 1.12838, kSecondOrder = 1.0823;
   const double of_one_step = options.modes ? kExact : 1.0;
@@ -26,20 +26,20 @@ double share_of_first_step(const ModelOptions& options, bool divided) {
   return divided || options.tolerance ? kExact * of_one_step : 1.0;
 }
 
-// All that is held against one scene of a row.
+// The checks of one scene of a row.
 class Judge {
  public:
   Judge(const Row& row, Rig& rig, Outcome& outcome) : row_(row), rig_(rig), outcome_(outcome), molten_(rig) {
     rig.inputs.effort = &effort_;
   }
 
-  // After a step: `lane_` is told where it broke.
+  // Checks a step; `lane_` is the lane of a failure.
   void step(const Course& course) {
     const ModelOptions& options = rig_.model.options();
     take_most(outcome_.most, effort_);
     require_effort(effort_, rig_);
     effort_ = {};
-    // Where the layer itself is heated its interface may be cold, and the bound says nothing.
+    // With Taylor-Quinney heat the interface may be cold, and the bound does not apply.
     const bool bounded = !options.taylor_quinney_factor;
     if (bounded) molten_.step(rig_);
     for (int l = 0; l < kLanes; ++l) {
@@ -66,9 +66,9 @@ class Judge {
 
   void require_no_ringing(int l) {
     const Answered a = answered(rig_, l, rig_.operators->dt());
-    // A layer with inertia may swing; its waves are held by their own laws.
+    // A layer with inertia may oscillate; property tests check its waves.
     if (rig_.model.options().inertia) return;
-    // Steps cut by a tolerance know a jump to that part of some m/s.
+    // Under a tolerance a jump is accurate to that share of some m/s.
     const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // [m/s]
     stress_[l].see(a.stress, std::abs(a.stress) + 1e6);
     jump_[l].see(a.jump_new, std::abs(a.jump_old) + least_jump);
@@ -97,11 +97,13 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 }
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
-  // A divided step takes up to 2 + 4 + ... + 64 substeps; one whose error is controlled makes some 1,024 attempts of
-  // three pieces, of which the first may be divided; a second-order one two stages and perhaps the first order's.
+  // A divided step takes up to 2 + 4 + ... + 64 substeps. A step under a tolerance makes about 1,024 attempts of three
+  // pieces, of which the first may be divided. A second-order step has two stages and perhaps a first-order step in
+  // addition.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
-  // Beside a flowing layer two searches, to stick and to slip, of at most 300 values each: seldom more than 100 in all.
+  // Next to a flowing layer there are two searches, for stick and for slip, of at most 300 values each, seldom 100 in
+  // total.
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
           .limit_values = 60 * kLanes * solves,
           .newton_steps = 20000,
@@ -193,7 +195,7 @@ void MoltenLayer::step_with(const Operator& heat, const Rig& rig) {
   add_flux(heat, n, flux, rows_.data());
 }
 
-// ---- A scene under way ----
+// ---- Course ----
 
 Course::Course(Rig& on, const Host& of, int scene_number)
     : rig(on), host(of), draw(7001 + static_cast<std::uint64_t>(scene_number)), scene(scene_number), dt(of.dt) {
@@ -229,12 +231,12 @@ void Course::impose_all(const std::array<double, kLanes>& jumps) {
   for (int l = 0; l < kLanes; ++l) impose(l, jumps[static_cast<std::size_t>(l)]);
 }
 
-void Course::push(int lane, double minus, double plus) {
+void Course::push(int lane, double soft, double hard) {
   const auto [x, y] = direction_of(*this, lane);
-  rig.inputs.stress_soft[lane] = x * minus;
-  rig.inputs.second_stress_soft[lane] = y * minus;
-  rig.inputs.stress_hard[lane] = x * plus;
-  rig.inputs.second_stress_hard[lane] = y * plus;
+  rig.inputs.stress_soft[lane] = x * soft;
+  rig.inputs.second_stress_soft[lane] = y * soft;
+  rig.inputs.stress_hard[lane] = x * hard;
+  rig.inputs.second_stress_hard[lane] = y * hard;
 }
 
 void Course::go_on(int lane) {

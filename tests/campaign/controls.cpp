@@ -17,35 +17,35 @@ namespace {
 
 constexpr double kPressure = 11.2e9;  // [Pa]
 
-// A solver of lane 0 that steps the rig in the model's place.
+// A solver of lane 0 that replaces the model's step of the rig.
 using Solver = std::function<void(Rig&, double dt)>;
 
-struct Problem {
+struct ControlCase {
   std::string name, what;
   ModelOptions options;
   double dt = 1e-9;  // [s]
   int steps = 0;
   double jump = 0.0;         // [m/s]
-  bool pulse = false;        // and rest from the second step on
+  bool pulse = false;        // the jump is 0 from the second step on
   bool closed_loop = false;  // force-driven: the next jump is the last answer
-  double stress_soft = 0.0;  // [Pa], growing by this share in each step
+  double stress_soft = 0.0;  // far stress and its relative growth per step  [Pa]
   double stress_growth = 0.0;
-  double mass = 1.0;     // of either side  [kg/m2]
+  double mass = 1.0;     // of each side  [kg/m2]
   double start = 300.0;  // [K]
   bool must_ring = false;
-  std::function<double(const Answered&)> ringing_of;  // and what it is measured by, 1e-3 of which is felt
+  std::function<double(const Answered&)> ringing_of;  // and its scale; changes above 1e-3 of it count
   double size = 1.0;
   Solver solver;
 };
 
-// ---- What a wrong solver puts into the rig ----
+// ---- Writing the answer of a wrong solver into the rig ----
 
 struct WrongAnswer {
   double stress = 0.0, slip = 0.0, jump_new = 0.0, flux = 0.0;
   Regime regime = Regime::kTresca;
 };
 
-// From the state before, in `trial`, with temperatures that have been conducted already.
+// Answers from the state before, in `trial`, with temperatures after conduction.
 void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   const TileLayout& layout = rig.model.layout();
   rig.committed[layout.shear_stress] = answer.stress;
@@ -59,7 +59,7 @@ void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   rig.outputs.outcome[0] = 0;
 }
 
-// The state before goes to `trial`, the layer conducts for dt.
+// Copies the state before to `trial` and conducts heat for dt.
 const HeatOperator& begin(Rig& rig, double dt) {
   if (!rig.operators || rig.operators->dt() != dt) rig.operators = rig.model.operators(dt);
   rig.trial = rig.committed;
@@ -98,7 +98,7 @@ void midpoint_stick(Rig& rig, double dt) {
   finish(rig, dt, {(2.0 * jump + body.driven) / body.per_stress, 0.0, -jump, 0.0, Regime::kStick});
 }
 
-// DLP (56) by the secant method as it stands: no bracket, no guard, the last iterate is the answer.
+// DLP (56) by the plain secant method: no bracket, no safeguard, the last iterate is the answer.
 void plain_secant(Rig& rig, double dt) {
   const HeatOperator& heat = begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -153,7 +153,7 @@ void explicit_flux(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// The layer's flow of the last step in (64), the strain of this one afterwards.
+// (64) with the layer's flow of the last step; the strain of this step follows afterwards.
 Solver lagged_strain() {
   return [flow = 0.0](Rig& rig, double dt) mutable {
     const HeatOperator& heat = begin(rig, dt);
@@ -182,7 +182,7 @@ Solver lagged_strain() {
   };
 }
 
-// An elastic step at T_ad is tried first, and heats nothing; the model's step where something yields.
+// Tries an elastic step at T_ad without heat first, and takes the model's step if anything yields.
 void elastic_first(Rig& rig, double dt) {
   begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -197,8 +197,8 @@ void elastic_first(Rig& rig, double dt) {
   rig.step(dt);
 }
 
-// Heat by Crank and Nicolson: backward Euler over half a step from what forward Euler makes of the first half, which is
-// the last half of the step before once more, but for the change of the flux.
+// Crank-Nicolson conduction: half a step of forward Euler, which repeats the second half of the step before with the
+// new flux, then half a step of backward Euler.
 Solver crank_nicolson() {
   return [midway = std::vector<double>(), last_flux = 0.0](Rig& rig, double dt) mutable {
     const HeatGrid& grid = rig.heat_grid();
@@ -216,7 +216,7 @@ Solver crank_nicolson() {
     if (!rig.operators) rig.operators = rig.model.operators(dt);
     rig.trial = rig.committed;
     const std::size_t rows = static_cast<std::size_t>(grid.num_vertices()) * kLanes;
-    midway.resize(rows, 300.0);  // a uniform layer at first
+    midway.resize(rows, 300.0);  // uniform initial temperature
     for (std::size_t i = 0; i < rows; ++i) midway[i] = 2.0 * rig.committed[i] - midway[i];
     midway[0] += 0.5 * dt * (answer.flux - last_flux) / grid.capacity(0, o.soft, o.hard);
     last_flux = answer.flux;
@@ -226,41 +226,41 @@ Solver crank_nicolson() {
   };
 }
 
-// ---- Judging ----
+// ---- Checks ----
 
-ControlOutcome judge(const Problem& problem, bool model) {
+ControlOutcome outcome_of(const ControlCase& control, bool model) {
   ControlOutcome outcome;
-  outcome.name = problem.name;
-  outcome.what = problem.what;
-  Rig rig(problem.options, 1);
+  outcome.name = control.name;
+  outcome.what = control.what;
+  Rig rig(control.options, 1);
   double T[kLanes];
-  std::fill_n(T, kLanes, problem.start);
+  std::fill_n(T, kLanes, control.start);
   rig.start(T);
-  rig.set_all(problem.jump, kPressure);
+  rig.set_all(control.jump, kPressure);
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = problem.mass;
+    rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = control.mass;
   }
   Ringing ringing;
   Figures figures;
   double last[3] = {};
-  for (; outcome.steps < problem.steps; ++outcome.steps) {
-    if (problem.closed_loop && outcome.steps > 0) rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
-    if (problem.pulse && outcome.steps > 0) rig.inputs.velocity_jump[0] = 0.0;
-    rig.inputs.stress_soft[0] = problem.stress_soft * (1.0 + problem.stress_growth * outcome.steps);
+  for (; outcome.steps < control.steps; ++outcome.steps) {
+    if (control.closed_loop && outcome.steps > 0) rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
+    if (control.pulse && outcome.steps > 0) rig.inputs.velocity_jump[0] = 0.0;
+    rig.inputs.stress_soft[0] = control.stress_soft * (1.0 + control.stress_growth * outcome.steps);
     if (model) {
-      rig.step(problem.dt);
+      rig.step(control.dt);
     } else {
-      problem.solver(rig, problem.dt);
+      control.solver(rig, control.dt);
     }
     try {
-      require_invariants(rig, 0, problem.dt, figures);
+      require_invariants(rig, 0, control.dt, figures);
     } catch (const Broken& broken) {
       if (outcome.broken++ == 0) outcome.first = fmt::format("step {}: {}", outcome.steps, broken.what());
     }
-    const Answered a = answered(rig, 0, problem.dt);
+    const Answered a = answered(rig, 0, control.dt);
     outcome.hottest = std::max(outcome.hottest, a.T0);
-    const double value = problem.ringing_of(a);
-    ringing.see(value, problem.size);
+    const double value = control.ringing_of(a);
+    ringing.see(value, control.size);
     last[0] = last[1];
     last[1] = last[2];
     last[2] = value;
@@ -272,7 +272,7 @@ ControlOutcome judge(const Problem& problem, bool model) {
   return outcome;
 }
 
-std::vector<Problem> problems() {
+std::vector<ControlCase> control_cases() {
   const ModelOptions velocity = graded(paper_options(Strategy::kVelocityDriven));
   const ModelOptions force = graded(paper_options(Strategy::kForceDriven));
   ModelOptions coulomb = force;
@@ -352,8 +352,8 @@ std::vector<Problem> problems() {
 
 std::vector<Control> run_controls() {
   std::vector<Control> controls;
-  for (const Problem& problem : problems()) {
-    controls.push_back({judge(problem, false), judge(problem, true), problem.must_ring});
+  for (const ControlCase& control : control_cases()) {
+    controls.push_back({outcome_of(control, false), outcome_of(control, true), control.must_ring});
   }
   return controls;
 }

@@ -12,21 +12,17 @@ namespace {
 
 constexpr int kSteps = 25;
 
-struct Kind {
-  const char* name;
-  ModelOptions (*options)(Draw& draw, bool extreme);
-};
 constexpr std::array kKinds = {
-    Kind{"velocity-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kVelocityDriven, e); }},
-    Kind{"force-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kForceDriven, e); }},
-    Kind{"inertia", random_inertia_options},
-    Kind{"velocity-driven, two components",
-         [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kVelocityDriven, e); }},
-    Kind{"force-driven, two components",
-         [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kForceDriven, e); }},
+    RandomKind{"velocity-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kVelocityDriven, e); }},
+    RandomKind{"force-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kForceDriven, e); }},
+    RandomKind{"inertia", random_inertia_options},
+    RandomKind{"velocity-driven, two components",
+               [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kVelocityDriven, e); }},
+    RandomKind{"force-driven, two components",
+               [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kForceDriven, e); }},
 };
 
-// A history of the scene of `options`, from its start or from any state.
+// Runs a history of the scene of `options`, from its initial state or from a drawn state.
 void run_history(Draw& draw, const ModelOptions& options, bool extreme, std::uint64_t seed, RandomOutcome& outcome) {
   Rig rig(options);
   SearchEffort effort;
@@ -55,7 +51,20 @@ void run_seeds(long node_steps, std::uint64_t seed, const RunSeed& run_seed) {
 
 }  // namespace
 
-// A seed stands for usual and extreme scenes of every kind in turn.
+std::span<const RandomKind> random_kinds() {
+  return kKinds;
+}
+
+RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, std::uint64_t first_seed) {
+  RandomOutcome outcome{.name = kind.name};
+  run_seeds(node_steps, first_seed, [&](std::uint64_t seed) {
+    Draw draw(seed);
+    run_history(draw, kind.options(draw, extreme), extreme, seed, outcome);
+  });
+  return outcome;
+}
+
+// Consecutive seeds draw usual scenes of all kinds, then extreme scenes of all kinds.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed) {
   std::vector<RandomOutcome> outcomes(kKinds.size());
   for (std::size_t i = 0; i < kKinds.size(); ++i) outcomes[i].name = kKinds[i].name;

@@ -1,5 +1,5 @@
-// Inputs that make no sense, asked of a service as a host would: each must be refused with a reason that names what is
-// wrong, and change nothing.
+// Invalid requests to a service: each must be refused with a reason that names the field at fault, and must change
+// nothing.
 #pragma once
 
 #include <string>
@@ -8,9 +8,9 @@
 namespace shearbus::study::stability {
 
 struct Refusal {
-  std::string name;   // what was sent
-  std::string field;  // what has to be named
-  std::string named;  // what was named; empty: it was not refused
+  std::string name;   // the invalid request
+  std::string field;  // field that the refusal must name
+  std::string named;  // field that it names; empty: not refused
   std::string text;   // the reason given
   bool seen() const { return named == field && !text.empty(); }
 };

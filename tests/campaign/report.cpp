@@ -25,8 +25,8 @@ using namespace stability;  // NOLINT(google-build-using-namespace): what is rep
 namespace {
 
 struct Campaign {
-  std::optional<UserScene> scene;  // in place of the list of physics
-  bool cut_short = false;          // rows of fewer steps
+  std::optional<UserScene> scene;  // replaces the list of physics
+  bool cut_short = false;          // rows with fewer steps
   std::vector<Physics> physics;
   std::vector<Row> rows;
   std::vector<std::vector<Outcome>> outcomes;  // [row][physics]
@@ -49,7 +49,7 @@ const char* name_of(Verdict verdict) {
   return "not asked";
 }
 
-// Of several outcomes the worst of everything.
+// Combines outcomes: the largest value of every figure.
 Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
   Outcome worst;
   for (const Outcome* one : outcomes) {

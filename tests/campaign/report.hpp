@@ -1,4 +1,4 @@
-// The stability campaign as a user runs it: tables, JSON, picture.
+// The stability campaign as a command: tables, JSON, picture.
 #pragma once
 
 #include <cstdint>
@@ -10,21 +10,22 @@
 
 namespace shearbus::study {
 
-// With a scene its physics alone, and neither refusals nor controls, which do not depend on it.
+// A scene replaces the list of physics; refusals and controls do not depend on it and are not run again.
 struct StabilityOptions : CommandOptions {
-  std::string row;           // only this one; empty: all, and refusals and controls
-  std::optional<int> steps;  // of each row at most
+  std::string row;           // run this row only; empty: all rows, refusals and controls
+  std::optional<int> steps;  // upper bound of the steps of a row
   long random_steps = 200000;
   std::uint64_t seed = 1;
-  bool only_random = false;  // no rows, refusals and controls
-  HostGiven host;            // of the scene
+  bool only_random = false;  // random histories only
+  HostGiven host;            // host of the scene
 };
 
 // Adds the subcommand "stability" to the program.
 CLI::App* add_stability(CLI::App& program, StabilityOptions& options);
 
-// 0 where everything held, was refused or was seen to fail as it must; 1 otherwise. A row that does not come to what it
-// is for is a fault of the campaign, but not of a scene or of a run cut short.
+// Returns 0 if all invariants held, all invalid requests were refused and all wrong solvers failed, otherwise 1. A row
+// that does not reach its regime counts as a fault of the campaign, but not for a scene of the user or with fewer
+// steps.
 int run_stability(const StabilityOptions& options);
 
 }  // namespace shearbus::study

@@ -24,7 +24,7 @@ bool forced(const ModelOptions& o) {
   return o.strategy == Strategy::kForceDriven;
 }
 
-// ---- What a row does to a physics ----
+// ---- Scenes of the rows ----
 
 Scenes as_it_is(const Physics& p) {
   return {p.options};
@@ -33,7 +33,7 @@ Scenes force_driven_only(const Physics& p) {
   return forced(p.options) ? Scenes{p.options} : Scenes{};
 }
 
-// With the grid and the methods that a tolerance asks for where thickness or materials have changed.
+// Chooses grid and methods again for a tolerance after thickness or materials have changed.
 ModelOptions remade(const ModelOptions& o) {
   return o.tolerance ? discretised(o, *o.tolerance) : o;
 }
@@ -51,11 +51,11 @@ Scenes thicknesses(const Physics& p) {
   return scenes;
 }
 
-// Cells of which heat crosses 1e4 in a step; 0.25 nm of aluminium.
+// Heat crosses 1e4 cells of 0.25 nm of aluminium in this step.
 constexpr double kFourierStep = 1.3e-7;  // [s]
 Scenes fine_grid(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (o.modes || o.tolerance) return {};  // cells are none of theirs
+  if (o.modes || o.tolerance) return {};  // the server chooses cells
   const int cells = o.inertia ? 100 : 400;
   ModelOptions scene = with_thickness(o, cells * 1e-4 * std::sqrt(o.soft.diffusivity * kFourierStep));
   scene.grid.cells = cells;
@@ -63,7 +63,7 @@ Scenes fine_grid(const Physics& p) {
   return {scene};
 }
 
-// Under a tolerance cells are what it makes of them.
+// A tolerance chooses the cells.
 Scenes grids(const Physics& p) {
   const ModelOptions& o = p.options;
   Scenes scenes;
@@ -72,7 +72,7 @@ Scenes grids(const Physics& p) {
     return scenes;
   }
   if (o.modes) return {};
-  const int most = o.sleep ? 400 : 1000;  // that sleep go through all modes of their grid
+  const int most = o.sleep ? 400 : 1000;  // a sleeping node expands into all modes of its grid
   for (const auto& [cells, grading] : {std::pair{1, 1.0}, {2, 1.0}, {40, 1.3}, {60, 1.5}, {most, 1.0}}) {
     ModelOptions& scene = scenes.emplace_back(o);
     scene.grid.cells = cells;
@@ -87,7 +87,7 @@ bool layer_flows(const ModelOptions& o) {
 
 Scenes hardenings(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (!(layer_flows(o) || o.junctions)) return {};  // nothing hardens
+  if (!(layer_flows(o) || o.junctions)) return {};  // the options have no hardening
   Scenes scenes;
   for (const double n : {0.01, 0.05, 0.2, 0.5, 1.0}) {
     for (const double beta : {0.0, 1.0, 125.0, 1e4, 1e6}) {
@@ -106,7 +106,7 @@ Scenes hardenings(const Physics& p) {
 
 Scenes saturations(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (is_johnson_cook(o.soft) || !(layer_flows(o) || o.junctions)) return {};  // nothing saturates
+  if (is_johnson_cook(o.soft) || !(layer_flows(o) || o.junctions)) return {};  // the options have no saturation
   Scenes scenes;
   for (const double share : {0.5, 1.0, 1.0001, 1.5, 3.0}) {
     ModelOptions& scene = scenes.emplace_back(o);
@@ -118,7 +118,7 @@ Scenes saturations(const Physics& p) {
 
 Scenes swapped(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (is_johnson_cook(o.hard) && !is_johnson_cook(o.soft)) return {};  // another law is another physics
+  if (is_johnson_cook(o.hard) && !is_johnson_cook(o.soft)) return {};  // another flow law is another physics
   ModelOptions scene = o;
   std::swap(scene.soft, scene.hard);
   scene.soft.melting_curve = o.soft.melting_curve;
@@ -129,7 +129,7 @@ Scenes swapped(const Physics& p) {
     follow_johnson_cook(scene.soft, o.soft.hardening_modulus, o.soft.rate_coefficient, o.soft.reference_strain_rate,
                         o.soft.thermal_exponent, o.soft.reference_temperature);
   }
-  if (scene.junctions) {  // of the soft metal, with a hardening of their own
+  if (scene.junctions) {  // junctions of the soft metal with their own hardening
     const Material& old = o.junctions->metal;
     Material& metal = scene.junctions->metal;
     metal = scene.soft;
@@ -175,7 +175,7 @@ void start_cold(Course& c) {
   start_at(c, {1e-300, 1e-6, 1e-3, 0.1, 1.0, 4.2, 20.0, 77.0});
 }
 
-// ---- What happens before a step ----
+// ---- Inputs before a step ----
 
 void slide(Course& c) {
   c.impose_all(kSlips);
@@ -245,7 +245,7 @@ void hover(Course& c) {
   }
 }
 
-// From rest under far stresses, or sliding on.
+// Starts from rest under far stresses, or continues to slide.
 void meet_several_answers(Course& c) {
   c.dt = c.several->dt;
   for (int l = 0; l < kLanes; ++l) {
@@ -303,7 +303,7 @@ Scenes dragged(const Physics& p) {
   return takes ? Scenes{o} : Scenes{};
 }
 
-// ---- What a row must have met, or why it has not ----
+// ---- Checks that a row has reached its regime ----
 
 std::string melts(const Figures& f) {
   if (f.regime(Regime::kMelting) > 0 || f.nearest_melting < 25.0) return {};

@@ -1,4 +1,4 @@
-// Where a physics has steps with several answers, for the row that asks for them.
+// Finds steps with several solutions of a physics.
 #include <algorithm>
 #include <cmath>
 
@@ -11,11 +11,11 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-constexpr double kLongestStep = 1e-5;  // of the campaign  [s]
-constexpr double kStickShare = 0.9;    // of what it could carry, the stress under which the interface sticks
-constexpr double kClearly = 0.8;       // of the stress of most heating, what is left of the limit there
+constexpr double kLongestStep = 1e-5;  // longest step of the campaign  [s]
+constexpr double kStickShare = 0.9;    // stress of the sticking solution relative to the limit
+constexpr double kClearly = 0.8;       // limit at the stress of largest heating, relative to that stress
 
-// What the interface carries at rest.
+// Returns the stress limit of the interface at rest  [Pa].
 double limit_at(const ModelOptions& o, double pressure, const Material& soft, double T) {
   return std::min(o.interface.friction_coefficient * pressure,
                   o.interface.yield_strength * softening(soft, pressure, T).g / kSqrt3);
@@ -23,13 +23,14 @@ double limit_at(const ModelOptions& o, double pressure, const Material& soft, do
 
 }  // namespace
 
-// With [v] = c - b s an interface can stick under s = c/b, and half of that stress heats most: by heating * b s^2/4.
-// Where the limit there has fallen below c/2b it slips as well, with more than that slip or with less.
+// With [v] = c - b s an interface can stick at s = c/b, and half of that stress gives the largest heat, heating * b
+// s^2/4. If the limit at that heat is below c/2b, two slipping solutions exist in addition, one with more and one with
+// less slip.
 std::optional<SeveralAnswers> several_answers(const Physics& physics) {
   const ModelOptions& o = physics.options;
   const Host& host = physics.host;
-  // Junctions harden, friction that weakens and layers that flow have answers of other kinds; a step whose error is
-  // controlled is taken in parts so short that each has one.
+  // Junctions, velocity weakening and flowing layers have other kinds of multiple solutions. Under a tolerance the
+  // substeps are so short that each has one solution.
   if (o.strategy != Strategy::kForceDriven || o.junctions || o.plastic_layer || o.tolerance ||
       o.interface.friction_law != FrictionLaw{}) {
     return std::nullopt;

@@ -1,4 +1,4 @@
-// A scene of the user's own, as the studies take it: what a server would make of it, and the host its problem says.
+// A scene of the user for the studies: the model that a server would make of it, and the host of its problem.
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,11 @@
 
 namespace shearbus::study {
 
-// Reads a scene that a server opens and that has a shear layer to study. Throws with expected, found and remedy, and
-// the place in the file.
+// Reads a scene with a shear layer that a server would open. Throws with expected and found value, remedy and place in
+// the file.
 hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
-// What the command line says of the host in the scene's place; absent: as the scene's problem, or else as in the paper.
+// Properties of the host from the command line; absent ones come from the scene's problem, or else from the paper.
 struct HostGiven {
   std::optional<double> pressure;    // [Pa]
   std::optional<double> zone_width;  // of either body  [m]
@@ -22,9 +22,9 @@ struct HostGiven {
 };
 
 struct UserScene {
-  stability::Physics physics;  // named as the scene is
-  std::string text;            // what its physics is, for people
-  std::string host;            // likewise its host, and who said so
+  stability::Physics physics;  // has the name of the scene
+  std::string text;            // description of the physics
+  std::string host;            // description of the host and the origin of its values
 };
 UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given);
 

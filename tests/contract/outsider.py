@@ -43,7 +43,7 @@ def xxh3(data):
     return library.XXH3_64bits(bytes(data), len(data))
 
 
-# WIRE.md 3: field number -> (element, struct code)
+# WIRE.md, "The payload": field number -> (element, struct code)
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, INITIAL_TEMPERATURE, JUMP, PRESSURE = 1, 2, 10, 11
@@ -88,7 +88,7 @@ class Reply:
 
 
 def key_in(file):
-    """WIRE.md 1: 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
+    """WIRE.md, "Transport and frames": 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
     lines = [line for line in pathlib.Path(file).read_text().splitlines() if line and not line.startswith("# ")]
     return lines[0].split()[0].encode()
 

@@ -176,7 +176,8 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
 
 // A body of constant slip V whose friction softens in proportion to the rise of T0 (m = 1, T_ref the start): the heat
 // q0 (1 - rise / R) that enters is that of a convective surface of temperature R and coefficient q0 / R, of which
-// Carslaw and Jaeger have the temperature, rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R).
+// Carslaw and Jaeger have the temperature, rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux
+// starts as q0 (1 - c sqrt(t)), which no uniform step resolves: SDIRK2 has the order 3/2 there.
 TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.soft.temperature_coefficient = 0.0;
@@ -191,7 +192,7 @@ TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   const double q0 = heat_partition(options.soft, options.hard) * 0.05 * P * V;
   const double x = q0 * std::sqrt(m.diffusivity * t) / (m.conductivity * R);
   const double exact = R * (1.0 - std::exp(x * x) * std::erfc(x));
-  ASSERT_GT(exact, 0.4 * R);
+  ASSERT_GT(exact, 0.3 * R);
   ASSERT_LT(exact, 0.9 * R);
   for (const TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
     const bool second = integrator == TimeIntegrator::kSdirk2;
@@ -212,7 +213,7 @@ TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
       const double order = before != 0.0 ? std::log2(std::abs(before / error)) : NAN;
       std::printf("  %4d  %10.3e K  %6.3f\n", steps, error, order);
       if (before != 0.0) {
-        EXPECT_NEAR(order, second ? 2.0 : 1.0, second ? 0.35 : 0.15) << steps;
+        EXPECT_NEAR(order, second ? 1.5 : 1.0, 0.1) << steps;
       }
       before = error;
     }

@@ -1,4 +1,4 @@
-// The whole layer against the values of server/physics/MODEL.md, "Exact solutions".
+// The whole layer against the values of server/physics/MEASURED.md, "Exact solutions".
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -17,8 +17,8 @@ namespace {
 using lagrange::Cycle;
 using lagrange::Ledger;
 
-// The two half-spaces of server/physics/MODEL.md, section 10, at the middle of two plates, before a wave comes from an
-// end.
+// The two half-spaces of server/physics/MEASURED.md, "Exact solutions", at the middle of two plates, before a wave
+// comes from an end.
 TEST(Hydro2dSubgrid, TwoHalfSpacesSlideAsTheVolterraEquationSays) {
   const hydro::SceneText scene{R"(
 name = "two_half_spaces_2d"

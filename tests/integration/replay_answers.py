@@ -1,4 +1,4 @@
-"""The numbers a replay gives: the paper's velocity-driven case (server/physics/MODEL.md, exact solutions), loops, restarts."""
+"""The numbers a replay gives: the paper's velocity-driven case (server/physics/MEASURED.md, "Exact solutions"), loops, restarts."""
 import re
 import subprocess
 import unittest

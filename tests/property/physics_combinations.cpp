@@ -6,103 +6,24 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/parts.hpp"
+#include "tests/support/combinations.hpp"
 #include "tests/support/random_history.hpp"
 #include "tests/support/twin.hpp"
 
 namespace shearbus::testing {
 namespace {
 
-// ---- What is combined ----
-
-struct Item {
-  std::string name;
-  std::function<void(ModelOptions&)> apply;
-  bool is_law = false;
-};
-
-void follow_flow_law(Material& soft, FlowLaw law) {
-  for (const CatalogEntry& entry : catalog()) {
-    if (entry.material.flow_law != law) continue;
-    const Material aluminium = soft;
-    soft = entry.material;
-    // The compression at a pressure, which not every metal of the catalog has.
-    if (!std::isfinite(soft.sound_speed)) soft.sound_speed = aluminium.sound_speed;
-    if (!std::isfinite(soft.hugoniot_slope)) soft.hugoniot_slope = aluminium.hugoniot_slope;
-    if (!std::isfinite(soft.grueneisen)) soft.grueneisen = aluminium.grueneisen;
-    if (!std::isfinite(soft.volume_correction)) soft.volume_correction = aluminium.volume_correction;
-    return;
-  }
-  ADD_FAILURE() << "no material of the catalog follows " << FlowLaws::name_of(law);
-}
-
-// Laws first: the typical values of an option may be those of the material.
-std::vector<Item> items() {
-  std::vector<Item> all;
-  for (int n = 2; const auto law = FlowLaws::numbered(n); ++n)
-    all.push_back(
-        {std::string(FlowLaws::name_of(*law)), [law = *law](ModelOptions& o) { follow_flow_law(o.soft, law); }, true});
-  for (int n = 2; const auto law = FrictionLaws::numbered(n); ++n)
-    all.push_back({std::string(FrictionLaws::name_of(*law)),
-                   [law = *law](ModelOptions& o) {
-                     o.interface = FrictionLaws::with(
-                         law, [&](auto own) { return decltype(own)::type::typical(o.interface, o.soft); });
-                     o.interface.friction_law = law;
-                   },
-                   true});
-  for (const Part& part : parts()) {
-    if (part.set == nullptr) continue;
-    all.push_back({std::string(part.key), [&part](ModelOptions& o) { part.set(o, true); }});
-  }
-  return all;
-}
-
-// The options of a strategy with some items. With more than a half both the friction and the yield limit are reached:
-// `rubs` chooses which of them comes first.
-ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen, bool rubs) {
-  ModelOptions options = graded(paper_options(strategy), 6, 1.4);
-  options.grid.far_boundary = rubs ? FarBoundary::kHalfSpace : FarBoundary::kInsulated;
-  options.interface.friction_coefficient = rubs ? 0.02 : 2.0;
-  options.initial_temperature = 600.0;
-  std::sort(chosen.begin(), chosen.end());  // as in the list: laws first
-  for (const Item* item : chosen) item->apply(options);
-  if (options.friction_coefficient && rubs) options.friction_coefficient = 0.005;
-  if (options.tolerance) options = discretised(options, 1e-2);
-  return options;
-}
-
-// The items, or with one more item where they need it: plastic heating needs the table [hard_layer].
-std::optional<ModelOptions> possible(Strategy strategy, const std::vector<const Item*>& chosen,
-                                     const std::vector<Item>& all, bool rubs) {
-  ModelOptions options = combined(strategy, chosen, rubs);
-  if (refusals(options).empty()) return options;
-  for (const Item& companion : all) {
-    std::vector<const Item*> more = chosen;
-    more.push_back(&companion);
-    options = combined(strategy, more, rubs);
-    // The companion must add to the chosen items, not replace one.
-    Properties wanted = properties_of(combined(strategy, chosen, rubs));
-    const Properties found = properties_of(options);
-    bool kept = true;
-    for (const Part& part : parts())
-      if (part.set != nullptr && wanted.has(part.property)) kept = kept && found.has(part.property);
-    if (kept && refusals(options).empty()) return options;
-  }
-  return {};
-}
-
 void require_refusal(const ModelOptions& options) {
   const std::vector<Refusal> found = refusals(options);
   require(!found.empty(), "nothing is refused");
   for (const Refusal& refusal : found) {
-    require(!refusal.key.empty() && refusal.text.starts_with(refusal.key), "a refusal without its key: {}",
-            refusal.text);
+    require(!refusal.key.empty() && refusal.text.find(refusal.key) != std::string::npos,
+            "a refusal without its key: {}", refusal.text);
     require(refusal.text.find("nothing is known") == std::string::npos, "nobody has decided: {}", refusal.text);
   }
   try {
@@ -229,8 +150,8 @@ struct Case {
 
 std::string name_of(const Case& c) {
   std::string name = c.strategy == Strategy::kVelocityDriven ? "VelocityDriven_" : "ForceDriven_";
-  for (const char letter : items()[c.item].name)
-    name += std::isalnum(static_cast<unsigned char>(letter)) ? letter : '_';
+  const std::vector<Item> all = items();
+  for (const char letter : all[c.item].name) name += std::isalnum(static_cast<unsigned char>(letter)) ? letter : '_';
   return name;
 }
 
@@ -279,12 +200,12 @@ TEST_P(PhysicsCombinations, EachPairIsRefusedWithItsReasonOrHolds) {
 TEST_P(PhysicsCombinations, ALawThatASolverForgetsIsSeen) {
   const auto [strategy, first] = GetParam();
   const std::vector<Item> all = items();
-  if (!all[first].is_law) GTEST_SKIP() << "not a law";
+  if (all[first].kind == Kind::kOption) GTEST_SKIP() << "not a law";
+  // Friction laws show where friction holds the stress, flow laws where the yield limit or the layer does.
+  const bool is_friction = all[first].kind == Kind::kFrictionLaw;
   int made = 0;
   for (const Item& other : all) {
-    // Friction laws show where friction holds the stress, flow laws where the yield limit or the layer does.
-    const bool is_friction = !properties_of(combined(strategy, {&all[first]}, true)).has(Property::kFirstOrderFlow);
-    if (other.is_law && &other != &all[first]) continue;
+    if (other.kind != Kind::kOption && &other != &all[first]) continue;
     const std::optional<ModelOptions> options = possible(strategy, {&all[first], &other}, all, is_friction);
     if (!options) continue;
     ++made;
@@ -292,7 +213,7 @@ TEST_P(PhysicsCombinations, ALawThatASolverForgetsIsSeen) {
     if (is_friction)
       forgetful.interface.friction_law = FrictionLaw{};
     else
-      forgetful.soft = paper_options().soft;
+      forgetful.soft = with_strength_of(forgetful.soft, paper_options().soft);
     Rig rig(*options);
     slide(rig);
     bool seen = false;

@@ -1,4 +1,4 @@
-// Nodes at rest (server/physics/MODEL.md section 3b), over all that can be combined with sleep: whatever a sleeper
+// Nodes at rest (server/physics/METHODS.md, "Sleep"), over all that can be combined with sleep: whatever a sleeper
 // answers is what it would have answered awake, in that very step. Over many steps: tests/unit/physics_sleep.cpp.
 #include <gtest/gtest.h>
 

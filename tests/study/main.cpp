@@ -1,5 +1,5 @@
-// shearbus-study: cost of accuracy, kept tolerances, stability at the extremes and the map of the velocity-driven model, on
-// fixed problems or on a scene of the user.
+// shearbus-study: cost of accuracy, kept tolerances, stability at the extremes and the map of the velocity-driven
+// model, on fixed problems or on a scene of the user.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -29,21 +29,21 @@ struct Options : CommandOptions {
   SweepOptions sweep;
 };
 
-std::vector<Problem> problems_of(const Options& options) {
-  if (options.scene.empty()) return fixed_problems();
-  std::vector<Problem> problems;
-  problems.push_back(problem_of(load_scene_with_layer(options.scene).scene.scene(), options.velocity_jump,
-                                options.pressure, 1.0, options.end));
-  return problems;
+std::vector<StudyCase> cases_of(const Options& options) {
+  if (options.scene.empty()) return fixed_cases();
+  std::vector<StudyCase> cases;
+  cases.push_back(case_of(load_scene_with_layer(options.scene).scene.scene(), options.velocity_jump, options.pressure,
+                          1.0, options.end));
+  return cases;
 }
 
 void precision(const Options& options) {
-  const std::vector<Problem> problems = problems_of(options);
+  const std::vector<StudyCase> cases = cases_of(options);
   std::vector<Result> results;
-  for (const Problem& problem : problems) {
-    Result& result = results.emplace_back(sweep(problem, options.sweep));
+  for (const StudyCase& study_case : cases) {
+    Result& result = results.emplace_back(sweep(study_case, options.sweep));
     for (Outcome& one : result.outcomes)
-      if (one.efficient) one.message_ns = message_ns(problem, one.setting);
+      if (one.efficient) one.message_ns = message_ns(study_case, one.setting);
     fmt::print("{}{}", table(result), recommendation(result));
     static_cast<void>(std::fflush(stdout));
   }
@@ -51,7 +51,7 @@ void precision(const Options& options) {
 }
 
 void tolerance(const Options& options) {
-  const auto tracked = track_tolerances(problems_of(options), options.sweep);
+  const auto tracked = track_tolerances(cases_of(options), options.sweep);
   fmt::print("{}", table(tracked));
   write_study(options, "tolerance", json(tracked, options.sweep.repeats));
 }

@@ -13,7 +13,7 @@ namespace shearbus::study {
 
 std::string table(const Result& result) {
   std::string text = fmt::format("\n{}\n  reference: {} (T0 to {:.1e} of what it has to melting)\n",
-                                 result.problem->title, result.reference.method, result.reference.uncertainty);
+                                 result.study_case->title, result.reference.method, result.reference.uncertainty);
   text +=
       fmt::format("  {:<44} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10} {:>7} {:>6}\n", "efficient settings, cheapest first",
                   "T0 error", "impulse", "work", "ns/step", "+ message", "ns/run", "rows", "bytes");
@@ -63,29 +63,29 @@ std::string recommendation(const Result& result) {
 nlohmann::ordered_json json(const std::vector<Result>& results, int repeats) {
   nlohmann::ordered_json out = {{"repeats", repeats}};
   for (const Result& result : results) {
-    nlohmann::ordered_json& problem = out["problems"].emplace_back();
-    problem = {{"name", result.problem->name},
-               {"title", result.problem->title},
-               {"reference", result.reference.method},
-               {"uncertainty", result.reference.uncertainty}};
+    nlohmann::ordered_json& entry = out["problems"].emplace_back();
+    entry = {{"name", result.study_case->name},
+             {"title", result.study_case->title},
+             {"reference", result.reference.method},
+             {"uncertainty", result.reference.uncertainty}};
     for (const Outcome& one : result.outcomes)
-      problem["runs"].push_back({{"cells", one.setting.cells},
-                                 {"grading", one.setting.grading},
-                                 {"integrator", one.setting.sdirk2 ? "sdirk2" : "backward_euler"},
-                                 {"modes_accuracy", one.setting.accuracy},
-                                 {"steps", one.setting.steps},
-                                 {"temperature_error", one.temperature_error},
-                                 {"impulse_error", one.impulse_error},
-                                 {"work_error", one.work_error},
-                                 {"ns_per_node_step", one.ns_per_node_step},
-                                 {"ns_per_node", one.ns_per_node},
-                                 {"message_ns_per_node_step", one.message_ns},
-                                 {"heat_rows_per_step", one.solves_per_step},
-                                 {"state_bytes", one.state_bytes},
-                                 {"first_order_share", one.first_order_share},
-                                 {"divided_share", one.divided_share},
-                                 {"efficient", one.efficient},
-                                 {"failure", one.failure}});
+      entry["runs"].push_back({{"cells", one.setting.cells},
+                               {"grading", one.setting.grading},
+                               {"integrator", one.setting.sdirk2 ? "sdirk2" : "backward_euler"},
+                               {"modes_accuracy", one.setting.accuracy},
+                               {"steps", one.setting.steps},
+                               {"temperature_error", one.temperature_error},
+                               {"impulse_error", one.impulse_error},
+                               {"work_error", one.work_error},
+                               {"ns_per_node_step", one.ns_per_node_step},
+                               {"ns_per_node", one.ns_per_node},
+                               {"message_ns_per_node_step", one.message_ns},
+                               {"heat_rows_per_step", one.solves_per_step},
+                               {"state_bytes", one.state_bytes},
+                               {"first_order_share", one.first_order_share},
+                               {"divided_share", one.divided_share},
+                               {"efficient", one.efficient},
+                               {"failure", one.failure}});
   }
   return out;
 }

@@ -1,4 +1,4 @@
-// The subgrid model called in place: what the service computes, without service or bus.
+// An interface law that calls the subgrid model directly, without service or bus.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// Random scenes and inputs, extremes included, for property tests. Seeds are fixed: a failure repeats.
+// Random scenes and inputs, with extremes, for property tests and the campaign. A seed repeats its draws.
 #pragma once
 
 #include <cmath>
@@ -26,7 +26,7 @@ class Draw {
   std::mt19937_64 random_;
 };
 
-// The same metal under Johnson and Cook's law; what belongs to another law is not a number, so that using it shows.
+// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that any use of them shows.
 inline void follow_johnson_cook(Material& m, double B, double C, double rate, double exponent, double T_ref) {
   m.flow_law = FlowLaws::place<JohnsonCook>();
   m.hardening_modulus = B;
@@ -42,23 +42,23 @@ inline bool is_johnson_cook(const Material& m) {
   return m.flow_law == FlowLaws::place<JohnsonCook>();
 }
 
-// How strongly strain follows stress: d ln(dep) / d ln(a) is at most the inverse of this.
+// Returns a lower bound of d ln(a) / d ln(dep), the sensitivity of the stress to the strain increment.
 inline double flow_exponent(const Material& m) {
   const bool rated = is_johnson_cook(m) && m.rate_coefficient > 0.0;
   return rated ? std::min(m.hardening_exponent, m.rate_coefficient) : m.hardening_exponent;
 }
 
-// Strain of which the flow formulas take differences beside that of the state.
+// Returns the strain scale of the flow formula, for judging cancellation against the stored strain.
 inline double strain_scale(const Material& m) {
   return is_johnson_cook(m) ? 1.0 : 1.0 / m.hardening_coefficient;
 }
 
-// Relative: what arithmetic leaves of a stress or a temperature.
+// Relative rounding error of a stress or a temperature.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
-// By how much the flow of a layer that has been stepped differs under stresses and temperatures that differ in their
-// last digits, integral(dep) [m]: near melting, and where strain follows a high power of the stress, no answer is told
-// closer. Temperatures are known to `grain` [K] beside that.
+// Returns the change of a layer's flow, integral(dep) [m], between stresses and temperatures that differ in their last
+// digits: near melting, and if strain follows a high power of the stress, no answer is more accurate. Temperatures have
+// an error of `grain` [K] in addition.
 inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
                          double grain = 0.0) {
   if (!hardens(rig.model.options().soft)) return 0.0;
@@ -142,7 +142,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   return options;
 }
 
-// A layer with inertia and what goes with it.
+// Draws options with inertia and the options that it allows.
 inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
   do {
@@ -150,12 +150,13 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   } while (is_johnson_cook(options.soft));
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
+  options.time_integrator = TimeIntegrator::kBackwardEuler;
   options.inertia = true;
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;
 }
 
-// Slip in two directions and what goes with it.
+// Draws options with two tangential components and the options that they allow.
 inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = random_options(draw, strategy, extreme);
   options.drive = Drive::kLayerShear;
@@ -163,7 +164,7 @@ inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, 
   return options;
 }
 
-// The solvers a node can be stepped by.
+// The solvers of a node.
 enum class Solver { kVelocityDriven, kForceDriven, kInertia };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
@@ -176,8 +177,8 @@ inline std::string name_of(Solver solver) {
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 
-// Where the hard body conducts it is colder or hotter than the layer as often as not: then the interface need not be
-// the layer's hottest place.
+// Half of the conducting hard bodies start colder or hotter than the layer, so that the interface need not be the
+// hottest place.
 inline void start_hard_elsewhere(Draw& draw, Rig& rig) {
   if (!rig.model.options().hard_grid || draw.chance(0.5)) return;
   const double layer = rig.model.options().initial_temperature;
@@ -189,7 +190,7 @@ inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
 }
 
-// Inputs of all lanes for one step. Mostly a small change of the last, now and then something else altogether.
+// Draws the inputs of all lanes for one step: mostly a small change of the last step's, sometimes entirely new values.
 inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   for (int l = 0; l < kLanes; ++l) {
     TileInputs& in = rig.inputs;
@@ -216,7 +217,7 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   }
 }
 
-// Inputs of scalar draws, each vector turned by an angle of its own.
+// Draws scalar inputs and turns each vector by its own angle.
 inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
   random_inputs(draw, rig, extreme);
   const auto turn = [&](double& first, double& second) {

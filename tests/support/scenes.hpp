@@ -54,7 +54,7 @@ inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t firs
   return ids;
 }
 
-// What node `id` meets in step `step`: slow and fast slip, stick, reversal, an open interface now and then.
+// Returns the inputs of node `id` in step `step`: slow and fast slip, stick, reversals, sometimes an open interface.
 inline double input_of(wire::Field field, std::uint64_t id, int step) {
   const double a = static_cast<double>(id % 17) / 17.0;
   switch (field) {
@@ -75,7 +75,7 @@ inline double input_of(wire::Field field, std::uint64_t id, int step) {
   }
 }
 
-// The columns of a step; rows follow `ids`. `with_ids` adds the node_id column.
+// Returns the columns of a step, with rows in the order of `ids`. `with_ids` adds the node_id column.
 inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step,
                                 bool with_ids = false) {
   std::vector<wire::Field> fields;

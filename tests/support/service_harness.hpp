@@ -1,4 +1,4 @@
-// A service without a socket: requests and replies pass through the codec as they would on the wire. The clock is a
+// A service without a socket. Requests and replies pass through the codec as on the wire; the clock is a
 // counter.
 #pragma once
 
@@ -79,7 +79,7 @@ struct ServiceHarness {
   }
 
   std::uint64_t clock = 0;
-  bool clock_fails = false;  // the next look at it throws: a fault inside the server, on demand
+  bool clock_fails = false;  // the next reading of the clock throws, which simulates a fault inside the server
   std::vector<std::string> log;
   shard::TaskPool pool;
   service::Service service;

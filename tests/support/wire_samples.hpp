@@ -1,4 +1,4 @@
-// One message of every kind with every field set, and frames as a socket would hand them out.
+// One message of every kind with every field set, and their frames as a socket delivers them.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ inline Bytes to_bytes(std::string_view text) {
   return {bytes.begin(), bytes.end()};
 }
 
-// The frames of one message, owned.
+// Owns the frames of one message.
 struct Frames {
   std::vector<Bytes> frames;
 

@@ -82,8 +82,8 @@ TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
 }
 
-// MODEL.md section 6: half zones of 5 um, dt 1 ns, T_ad 1215 K, [V]mid without friction 33.888 m/s, interface yield
-// 0.68 GPa.
+// MODEL.md, "Force-driven step": half zones of 5 um, dt 1 ns, T_ad 1215 K, [V]mid without friction 33.888 m/s,
+// interface yield 0.68 GPa.
 struct ThreeRoots {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   ThreeRoots() {

@@ -1,4 +1,4 @@
-// Junctions (MODEL.md section 7): DLP (49-54) in their limits, and what they cost those who do not ask.
+// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limits, and what they cost those who do not ask.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The energy ledger (MODEL.md section 7b): what closes to rounding, and bounds of what does not.
+// The energy ledger (MODEL.md, "Energy ledger"): what closes to rounding, and bounds of what does not.
 #include <gtest/gtest.h>
 
 #include <cmath>

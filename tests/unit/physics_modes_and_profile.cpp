@@ -1,5 +1,5 @@
 // Models that keep the heat in modes against models with a temperature profile, under the same inputs
-// (server/physics/MODEL.md section 3).
+// (server/physics/METHODS.md, "Conduction").
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -38,7 +38,7 @@ void fill(TileInputs& in, const TileOutputs& last, int n) {
 class ModesAndProfile : public ::testing::TestWithParam<TimeIntegrator> {};
 
 // Under a constant flux T0 is known. Modes answer it to their accuracy, so the distance of a model with a profile is
-// the profile's own error, as large as MODEL.md section 3 says of its method.
+// the profile's own error, as large as METHODS.md, "Conduction" says of its method.
 TEST_P(ModesAndProfile, UnderConstantFluxTheDistanceIsTheProfilesOwnError) {
   Rig rig(without_profile(GetParam())), profile(with_profile(without_profile(GetParam())));
   const ModelOptions& o = rig.model.options();

@@ -1,4 +1,4 @@
-// Nodes at rest (server/physics/MODEL.md section 3b): asleep or solved, the answers are the same.
+// Nodes at rest (server/physics/METHODS.md, "Sleep"): asleep or solved, the answers are the same.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -32,7 +32,7 @@ TEST(PhysicsThermalSoftening, FallsFromMuAtTheReferenceToNothingAtMelting) {
     for (double T = 310.0; T < 1220.0; T += 37.0) {
       const double h = 1e-3;
       const double slope = (mu(T + h).coefficient - mu(T - h).coefficient) / (2.0 * h);
-      EXPECT_NEAR(mu(T).slope, slope, 1e-6 * std::abs(slope));
+      EXPECT_NEAR(mu(T).slope, slope, 1e-6 * std::abs(slope) + 1e-12);
       EXPECT_LE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, 300.0, T) * (1.0 + 1e-12));
       EXPECT_GE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, T - 1.0, T) * (1.0 - 1e-12));
     }
@@ -56,14 +56,15 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   const Material soft = paper_options().soft;
   int unique = 0, several = 0;
   for (const double exponent : {1.0, 3.0})
-    for (const double rise : {1e-9, 3e-9, 1e-8, 3e-8, 1e-7})
+    for (const double rise : {1e-9, 3e-9, 1e-8, 3e-8, 1e-7, 3e-7})
       for (const double T_ad : {300.0, 800.0, 1200.0})
         for (const double yield : {1e12, 0.4e9}) {
           InterfaceOptions law = softening_friction(0.3, exponent);
           law.yield_strength = yield;
           const StressLimit limit = interface_strength(law, soft, kP, nullptr);
           const FrictionHeating heating{T_ad, rise, 100.0, 2e-7};
-          const double a_max = heating.c / heating.b;
+          // Above this stress the interface carries less at any temperature.
+          const double a_max = std::min(heating.c / heating.b, limit.at(T_ad).stress);
           bool falls = true;
           double before = spare_strength(limit, heating, 0.0);
           for (int i = 1; i <= 20000; ++i) {

@@ -172,7 +172,7 @@ TEST_F(Ownership, AnOfferIsTakenOnceByWhoShowsItsNumber) {
   ASSERT_EQ(open(4, {6}, "run 1", support::velocity_scene(12)).code(), Code::kOk);
   ASSERT_EQ(open(5, {7}, "").code(), Code::kOk);
   v1::Scene renamed = support::velocity_scene();
-  renamed.name = "the same layers";
+  renamed.set_name("the same layers");
   ASSERT_EQ(open(6, {8}, "run 1", renamed).code(), Code::kOk);
   ASSERT_EQ(ask(1, wire::OfferNodes{transfer(1)}, {2}).code(), Code::kOk);
   EXPECT_EQ(ask(1, wire::OfferNodes{transfer(1)}, {3}).code(), Code::kInvalidValue) << "the number waits already";

@@ -379,7 +379,7 @@ TEST(Service, SessionAndMemoryLimitsAreHeld) {
   ServiceHarness small(1, {.max_state_bytes = 1 << 20});
   EXPECT_TRUE(small.ask(ServiceHarness::opening(support::velocity_scene(100), nodes, 1)).reply.status.ok());
   auto fine = support::velocity_scene(1000);
-  fine.layer.grading = 1.0;
+  fine.mutable_layer()->set_grading(1.0);
   const Answer refused = small.ask(ServiceHarness::opening(fine, nodes, 2));
   EXPECT_EQ(refused.code(), Code::kLimit);
   EXPECT_NE(refused.reply.status.text.find("64 nodes"), std::string::npos);

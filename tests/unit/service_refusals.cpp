@@ -308,8 +308,10 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
   ServiceHarness harness;
   for (const OpeningCase& c : cases) {
     SCOPED_TRACE(c.name);
-    auto request = ServiceHarness::opening(support::velocity_scene(), kNodes);
-    c.damage(request, std::get<wire::OpenSession>(request.body).scene);
+    v1::Scene scene = support::velocity_scene();
+    auto request = ServiceHarness::opening(scene, kNodes);
+    c.damage(request, scene);
+    std::get<wire::OpenSession>(request.body).scene = support::text_of(scene);
     const Answer answer = harness.ask(request);
     EXPECT_EQ(answer.code(), c.code) << describe(answer.reply.status);
     EXPECT_EQ(answer.reply.status.field, c.field) << describe(answer.reply.status);

@@ -28,7 +28,7 @@ const char* name_of(Element element) {
   return element == Element::kFloat64 ? "float64" : element == Element::kUint64 ? "uint64" : "uint8";
 }
 
-// The table of section 3, line by line: the page is written by hand, and this keeps it true.
+// The table of WIRE.md, "The payload", line by line: the page is written by hand, and this keeps it true.
 TEST(Columns, StandInTheContractAsInTheirRows) {
   const std::string page = text_of("proto/WIRE.md");
   for (const ColumnRow& row : column_rows()) {

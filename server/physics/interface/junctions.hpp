@@ -1,4 +1,4 @@
-// Junctions (MODEL.md section 6c): the bodies touch on a fraction f of the area, through junctions of height d that
+// Junctions (MODEL.md, "Junctions"): the bodies touch on a fraction f of the area, through junctions of height d that
 // harden with the slip, DLP (49-54) corrected:
 //   dep_a/dt = |[v]| / (sqrt(3) d),   Tresca: s <= f Y_a / sqrt(3),   Y_a = min(Y_max_a, Y0_a (1 + beta_a ep_a)^n_a) g
 #pragma once

@@ -1,4 +1,5 @@
-// Heat across the layer (MODEL.md section 3): backward Euler in time, finite volumes around the vertices, DLP (20-35).
+// Heat across the layer (METHODS.md, "Conduction"): backward Euler in time, finite volumes around the vertices, DLP
+// (20-35).
 #pragma once
 
 #include <memory>
@@ -16,8 +17,8 @@ namespace shearbus::physics {
 // thicknesses and is insulated there. Its vertices hold the geometric mean of their two cells: on geometric cells the
 // discrete half-space then responds as the continuous one does (arithmetic means make it (ln grading)^2/16 too stiff at
 // all times), so a few wide cells suffice. A matched grid keeps its own grading in the extension, and its conduction
-// lengths are larger by the factor that compensates the arithmetic means. Where the hard body conducts, its vertices come
-// first, the outermost one leading: one line of cells through z = 0.
+// lengths are larger by the factor that compensates the arithmetic means. Where the hard body conducts, its vertices
+// come first, the outermost one leading: one line of cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
@@ -86,8 +87,8 @@ void conduct(const HeatOperator& heat, int num_vertices, const double* before, d
 // The same for one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
-// T = T_ad + q B, DLP (35), for all lanes or one. Vertices where q B is below half an ulp of the coldest temperature are
-// skipped: their bits would not change.
+// T = T_ad + q B, DLP (35), for all lanes or one. Vertices where q B is below half an ulp of the coldest temperature
+// are skipped: their bits would not change.
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
 

@@ -14,7 +14,7 @@ struct LaneStep {
   double flux;      // q                                  [W/m2]
   Regime regime;
   bool sticks;   // the interface does not slip at the end of the step
-  bool unique;   // the criterion of server/physics/MODEL.md section 6 holds
+  bool unique;   // the criterion of server/physics/MODEL.md, "Force-driven step" holds
   bool several;  // several answers satisfied the step
 };
 

@@ -154,8 +154,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: the step is itself one so often halved, and no substep taken where an answer has a choice becomes shorter
-  // than the shortest of the whole one.
+  // `times`: how often the step is halved already; it leaves fewer halvings, so that the shortest substep of the ladder
+  // does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;

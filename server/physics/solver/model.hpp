@@ -1,4 +1,5 @@
-// The subgrid model of one scene: materials, grid and laws, immutable, shared by all threads. It holds no node's state.
+// The subgrid model of one scene: materials, grid and laws. A model is immutable, holds no state of a node and may be
+// used by several threads at once.
 #pragma once
 
 #include <memory>
@@ -12,8 +13,8 @@
 
 namespace shearbus::physics {
 
-// Everything that depends on the model and dt but on no node: the factorised heat operator and the response B to unit
-// flux (DLP 26-35). Make one per step length and share it.
+// What depends on the model and on dt but not on a node: the factorised heat operator and the response B to unit flux
+// (DLP 26-35). One object per step length, shared by all nodes and threads.
 class StepOperators;
 
 class Model {
@@ -27,24 +28,24 @@ class Model {
   const Grid& grid() const;
   const TileLayout& layout() const;
 
-  // Things a user should know about this combination, one sentence each (hard side weaker than soft, ...).
+  // Warnings about this combination of options, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;
 
-  // T0 of one lane, which a sleeper's state does not show  [K].
+  // T0 of one lane, asleep or awake  [K].
   double interface_temperature(const double* tile, int lane) const;
 
-  // States of a tile before the first step: temperature uniform, one value per lane.
+  // The initial states of a tile: uniform temperature, one value per lane, no stress, no strain.
   void initialise(double* tile, const double (&temperature)[kLanes]) const;
 
   std::shared_ptr<const StepOperators> operators(double dt) const;
 
   // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
-  // active lanes of `outputs`. Never allocates, but once in a thread. Inputs are finite, dt > 0, masses > 0: the
-  // service has checked.
+  // active lanes of `outputs`. Inputs must be finite, dt and masses > 0; the service checks them. Lanes without an answer
+  // keep their state (kFailed). Allocates only in the first steps of a thread; throws nothing else.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
-  // Energy ledger of that step (MODEL.md section 7b): writes the active lanes of `ledger`, changes no state.
+  // Energy ledger of that step (MODEL.md, "Energy ledger"): writes the active lanes of `ledger`, changes no state.
   void record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
                      const double* committed, const double* trial, TileLedger& ledger) const;
 

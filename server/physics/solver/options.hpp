@@ -16,7 +16,7 @@ enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
-inline constexpr double kShortestControlledStep = 1e-12;  // of a host, where there is a tolerance  [s]
+inline constexpr double kShortestControlledStep = 1e-12;  // of a host's step under a tolerance  [s]
 inline constexpr int kMaxInertiaCells = 1000;             // of a layer with inertia: its step works on the stack
 inline constexpr int kMaxSleepCells = 900;                // of both bodies, where nodes sleep
 // A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
@@ -27,35 +27,33 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it takes its share, 1 - beta_T
+  std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it receives the fraction 1 - beta_T
   double initial_temperature = 300.0;    // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // of the heat
-  std::optional<ModesOptions> modes;  // force-driven, one body conducts: no profile, of the grid only its depth
+  std::optional<ModesOptions> modes;  // force-driven, one body conducts: no profile; of the grid only the thickness
   Drive drive = Drive::kLayerShear;   // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
 
-  // Largest error of T0, in parts of what it has to melting at the start. Steps are cut until halving them changes T0
-  // by less; not with inertia or taylor_quinney_factor. discretised() gives the grid and the methods that go with it.
+  // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
+  // smaller. discretised() gives the grid and the methods for a tolerance.
   std::optional<double> tolerance;
 
   int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
 
-  // Velocity-driven with LAYER_SHEAR, without taylor_quinney_factor, at most kMaxInertiaCells: the stress is a field
-  // and the layer's mass is accelerated (DLP 36).
+  // The layer has mass: its stress is a field (DLP 36). Velocity-driven with LAYER_SHEAR, at most kMaxInertiaCells.
   bool inertia = false;
 
-  // Nodes at rest are not solved (MODEL.md section 3b). Without inertia, modes and SDIRK2, at most kMaxBasisVertices
-  // that conduct.
+  // Nodes at rest are not solved (METHODS.md). At most kMaxSleepCells.
   bool sleep = false;
-  // Velocity-driven with LAYER_SHEAR and a conducting hard body: the share of the plastic work that becomes heat, where
-  // the layer flows. Absent: all work heats z = 0.
+  // Fraction of the plastic work that becomes heat, where the layer flows. Velocity-driven with LAYER_SHEAR and a
+  // conducting hard body. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
 };
 
-// The options with a tolerance, and with the grid, heat and time integrator that it asks for (MODEL.md section 3c).
+// The options with the tolerance and with the grid, heat method and time integrator chosen for it (METHODS.md).
 ModelOptions discretised(ModelOptions options, double tolerance);
 
 }  // namespace shearbus::physics

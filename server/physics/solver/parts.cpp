@@ -136,19 +136,23 @@ constexpr std::array kParts = {
     Part{.property = kSlipDependentFriction,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven}},
+         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).first_order_in_time; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia}},
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia},
+         .law_with = "flow law whose stress follows the mean rate of a step"},
     Part{.property = kFlowWithoutWaveReturn,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_wave_return; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kFirstOrderFlow}},
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kFirstOrderFlow},
+         .law_with = "flow law without a return of waves"},
     Part{.property = kFlowWithoutPressureTerm,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_pressure_term; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn}},
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn},
+         .law_with = "flow law without a pressure term"},
     Part{.property = kMeltingCurve,
          .key = "soft.melting_curve",
          .value = "\"lindemann\"",
@@ -188,7 +192,7 @@ constexpr std::array kParts = {
          .set = [](ModelOptions& o, bool on) { o.modes = on ? std::optional(ModesOptions{}) : std::nullopt; },
          .goes_with = kFlow | kUnderPressure |
                       Properties{kForceDriven, kFixedHeatShare, kJunctions, kSlipDependentFriction, kSecondOrder},
-         .equation = "MODEL.md, modes of the heat",
+         .equation = "METHODS.md",
          .adds = "no temperature profile: a short sum of exponentials gives the interface temperature",
          .when = "a layer that does not flow: no cells, less state"},
     Part{.property = kSleep,
@@ -197,7 +201,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.sleep; },
          .set = [](ModelOptions& o, bool on) { o.sleep = on; },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating},
-         .equation = "MODEL.md, nodes at rest",
+         .equation = "METHODS.md",
          .adds = "nodes at rest, open or stuck, are not solved; the answers differ by rounding only",
          .when = "contacts that stick for long, velocity-driven or with a plastic layer"},
     Part{.property = kTolerance,
@@ -212,7 +216,7 @@ constexpr std::array kParts = {
                o.modes.reset();
              },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kSecondOrder, kModes},
-         .equation = "MODEL.md, a tolerance",
+         .equation = "METHODS.md",
          .adds = "the model chooses cells, grading and methods, cuts each node's step until its error is below the "
                  "tolerance, and reports the estimate",
          .when = "accuracy asked for, not guessed"},
@@ -224,7 +228,7 @@ constexpr std::array kParts = {
          .goes_with = kEitherStrategy | kEitherHardBody | kFlow | kUnderPressure |
                       Properties{kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions, kSlipDependentFriction,
                                  kSecondOrder, kModes, kSleep, kTolerance},
-         .equation = "MODEL.md, two components",
+         .equation = "MODEL.md, Two components",
          .adds = "slip and stress are vectors in the interface",
          .when = "hosts in three dimensions"},
     Part{.property = kTemperatureDependentFriction,
@@ -232,7 +236,12 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
          .goes_with = kEitherHardBody | kFlow | kUnderPressure |
                       Properties{kForceDriven, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep, kTolerance,
-                                 kTwoComponents}},
+                                 kTwoComponents},
+         .law_with = "friction law that depends on temperature"},
+    Part{.property = kFrictionWithState,
+         .key = "interface.friction_law",
+         .is_on = [](const ModelOptions& o) { return !states_of(o.interface.friction_law).empty(); },
+         .law_with = "friction law with a state of its own"},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -306,6 +315,9 @@ constexpr std::array kExclusions = {
               "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
     Exclusion{kTemperatureDependentFriction, kSlipDependentFriction,
               "friction that depends on slip is solved for before the temperature is known"},
+    Exclusion{kFrictionWithState, kVelocityDriven,
+              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
+    Exclusion{kFrictionWithState, kForceDriven, "no solver advances the state of a friction law yet"},
     Exclusion{kTwoComponents, kInterfaceSlip, "the shear rate that drives the layer with that drive has no direction"},
     Exclusion{kTwoComponents, kInertia,
               "the stress of a step has one direction, and that of waves turns across the layer"},
@@ -383,18 +395,6 @@ constexpr std::array<Limit, 9> kLimits = {
     },
 };
 
-// `layer.inertia = true`, `soft.flow_law = "johnson_cook"`, `[junctions]`
-std::string setting_of(const Part& part, const ModelOptions& options) {
-  const std::string key(part.key);
-  if (part.property == kFixedHeatShare) return "no [" + key + "]";
-  if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance) return key;
-  if (!part.value.empty()) return key + " = " + std::string(part.value);
-  if (key == "interface.friction_law")
-    return key + " = \"" + std::string(FrictionLaws::name_of(options.interface.friction_law)) + "\"";
-  if (key == "soft.flow_law") return key + " = \"" + std::string(FlowLaws::name_of(options.soft.flow_law)) + "\"";
-  return "[" + key + "]";
-}
-
 constexpr const Exclusion* exclusion_of(Property a, Property b, std::span<const Exclusion> exclusions) {
   for (const Exclusion& e : exclusions)
     if ((e.first == a && e.second == b) || (e.first == b && e.second == a)) return &e;
@@ -438,6 +438,17 @@ std::span<const Part> parts() {
 const Part& part_of(Property property) {
   return kParts[static_cast<std::size_t>(property)];
 }
+std::string setting_of(const Part& part, const ModelOptions& options) {
+  const std::string key(part.key);
+  if (part.property == kFixedHeatShare) return "no table [" + key + "]";
+  if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance) return key;
+  if (!part.value.empty()) return key + " = " + std::string(part.value);
+  if (key == "interface.friction_law")
+    return key + " = \"" + std::string(FrictionLaws::name_of(options.interface.friction_law)) + "\"";
+  if (key == "soft.flow_law") return key + " = \"" + std::string(FlowLaws::name_of(options.soft.flow_law)) + "\"";
+  return "[" + key + "]";
+}
+
 std::span<const Exclusion> exclusions() {
   return kExclusions;
 }

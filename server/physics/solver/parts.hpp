@@ -39,8 +39,9 @@ enum class Property : std::uint8_t {
   kTolerance,
   kTwoComponents,
   kTemperatureDependentFriction,
+  kFrictionWithState,
 };
-inline constexpr int kProperties = 22;
+inline constexpr int kProperties = 23;
 
 // A set of properties.
 class Properties {
@@ -69,7 +70,8 @@ struct Part {
   bool (*is_on)(const ModelOptions&) = nullptr;
   // Switches the part on, with typical values where it needs some, or off. Null: a choice with no off position.
   void (*set)(ModelOptions&, bool on) = nullptr;
-  Properties goes_with{};  // of the rows before this one
+  Properties goes_with{};       // of the rows before this one
+  std::string_view law_with{};  // of a law's property: what such a law is called, "friction law that depends on slip"
   // Of the options page; empty where the page has no row.
   std::string_view equation{};
   std::string_view adds{};
@@ -77,6 +79,8 @@ struct Part {
 };
 std::span<const Part> parts();
 const Part& part_of(Property property);
+// As a scene writes it: `layer.inertia = true`, `[junctions]`, `soft.flow_law = "johnson_cook"`.
+std::string setting_of(const Part& part, const ModelOptions& options);
 
 // Two properties that exclude each other. A refusal names the key of `first`.
 struct Exclusion {

@@ -1,4 +1,4 @@
-// What a model knows before the first step: shared by both strategies, constant afterwards.
+// The constant part of a model, shared by all solvers: options, grids, state layout.
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@ namespace shearbus::physics {
 struct Problem {
   explicit Problem(const ModelOptions& model_options);
 
-  // Of the heat that the vertex at z = 0 holds.
+  // Fraction of the heat capacity of the vertex at z = 0 that belongs to the soft body.
   double soft_share_at_interface() const {
     const double own = options.soft.conductivity / options.soft.diffusivity *
                        heat_grid.weight[static_cast<std::size_t>(heat_grid.interface)];
@@ -33,24 +33,24 @@ struct Problem {
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // in place of a profile
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // where nodes at rest sleep
+  std::optional<HeatBasis> basis;  // with sleep
   int steps_before_sleep = 0;
-  int heat_rows;          // of the heat's state in a tile, from layout.first_temperature() on
-  double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
+  int heat_rows;          // rows of temperature or modes in a tile, from layout.first_temperature() on
+  double heat_partition;  // fraction of the friction power that enters the conducting bodies: beta_T, or 1 if both do
 };
 
-inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an imposed jump by this much of it
+inline constexpr double kOutsideDomainShare = 0.1;  // largest difference of slip and imposed jump, relative to the jump
 
 inline std::uint8_t outside_domain(double slip, double jump) {
   return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
 }
 
-// The stress a lane's step starts from.
+// The stress from which the step of a lane starts  [Pa].
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
   return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
 }
 
-// The soft body as it is at each lane's pressure; itself where pressure does not change it.
+// The soft material at each lane's pressure; the same object for all lanes if the material does not depend on pressure.
 class LaneMaterials {
  public:
   LaneMaterials(const Material& soft, const TileInputs& inputs) : soft_(soft) {

@@ -6,7 +6,7 @@
 namespace shearbus::physics {
 
 // Users that may be active at the same time have scratch of their own.
-enum class Scratch { kStages, kWoken, kAccepted, kFirstHalf, kSecondHalf };
+enum class Scratch { kStages, kWaking, kAccepted, kFirstHalf, kSecondHalf };
 
 double* scratch_tile(Scratch use, std::size_t doubles);
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/interface/junctions.hpp"
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/lanes.hpp"
 #include "server/physics/layer/modes.hpp"
@@ -67,7 +67,6 @@ class TileLayout : public StateList {
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
-  std::size_t friction_states = add(states_of(options_->interface.friction_law));
   std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; asleep: living modes, else 0
   // While asleep, where the layer can flow: temperature of the hottest vertex, strength of the least hardened one.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);

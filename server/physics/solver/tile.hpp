@@ -19,11 +19,11 @@ inline constexpr std::uint8_t kAsleep = 32;      // at rest: not solved
 inline constexpr std::uint8_t kFirstOrder = 64;  // a second-order step left its domain: backward Euler in its place
 inline constexpr std::uint8_t kFailed = 128;
 
-// What the host sends for one step of one tile. Lanes that are not active may hold any finite number; they are not read.
-// Members `second_` are second tangential components: read only where a model has two.
+// What the host sends for one step of one tile. Lanes that are not active may hold any finite number; they are not
+// read. Members `second_` are second tangential components: read only where a model has two.
 struct TileInputs {
   const double* stress_before = nullptr;                     // [kLanes], in place of the committed shear stress  [Pa]
-  SearchEffort* effort = nullptr;                            // added to where it is given
+  SearchEffort* effort = nullptr;                            // counters to add to; null: none
   std::uint32_t active = 0;                                  // bit i: lane i takes the step
   alignas(64) double velocity_jump[kLanes] = {};             // [V], of n-1/2 when force-driven  [m/s]
   alignas(64) double pressure[kLanes] = {};                  // P, compression positive          [Pa]
@@ -45,7 +45,7 @@ struct TileOutputs {
   alignas(64) double interface_temperature[kLanes];     // T0                               [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];             // entered the conducting bodies in this step   [J/m2]
-  alignas(64) double error_estimate[kLanes];            // of models with a tolerance only: see there   [1]
+  alignas(64) double error_estimate[kLanes];            // of models with a tolerance only               [1]
   alignas(64) double second_shear_stress[kLanes];       // [Pa]
   alignas(64) double second_sliding_velocity[kLanes];   // [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // [m/s]
@@ -53,7 +53,7 @@ struct TileOutputs {
   std::uint8_t outcome[kLanes];
 };
 
-// Where the energy of a step went, per area of interface  [J/m2]. MODEL.md section 7b says what each is.
+// Terms of the energy ledger of a step, per area of interface  [J/m2] (MODEL.md, "Energy ledger").
 enum class LedgerTerm : std::uint8_t {
   kWork,
   kHeatToSoft,

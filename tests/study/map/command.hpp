@@ -25,8 +25,8 @@ struct CommandOptions {
 // Adds the subcommand to the program. Parsing throws CLI::ValidationError where ranges or times do not fit together.
 CLI::App* add_command(CLI::App& program, CommandOptions& options);
 
-// Runs the sweep, writes nodes.csv and map.json to `options.out` and prints a summary. Throws wire::Error for a scene that is
-// not velocity-driven with drive = "layer_shear", or that a server refuses.
+// Runs the sweep, writes nodes.csv and map.json to `options.out` and prints a summary. Throws wire::Error for a scene
+// that is not velocity-driven with drive = "layer_shear", or that a server refuses.
 void run(const CommandOptions& options);
 
 }  // namespace shearbus::map

@@ -12,21 +12,21 @@
 namespace shearbus::physics {
 namespace {
 
-// The grid. Its error is what the quasi-steady part of a layer with an insulated face makes of it, or with none what
-// the flow does that gathers at the interface: measured, of second order in the growth of the cells.
-constexpr double kGrowthInsulated = 7.0;  // of neighbouring cells, over sqrt(tolerance)
+// Cell growth, over sqrt(tolerance). With an insulated face the quasi-steady profile limits the accuracy; without one,
+// the flow localised at the interface does. Both errors are second order in (growth - 1), measured.
+constexpr double kGrowthInsulated = 7.0;
 constexpr double kGrowthHalfSpace = 20.0;
 constexpr double kMostGrowth = 1.0;
-// The first cells resolve how far heat goes in this time, and the skin in which the flow gathers near melting  [s]
-constexpr double kShortTime = 1e-11;  // down to kShortTimeTolerance, then as its cube
+// The first cells resolve the diffusion length of this time, and so the skin in which the flow localises near melting
+constexpr double kShortTime = 1e-11;  // down to kShortTimeTolerance, below it with the cube of the tolerance  [s]
 constexpr double kShortestTime = 1e-14;
 constexpr double kShortTimeTolerance = 1e-3;
 
-constexpr double kKernelShare = 0.1;   // of the tolerance: the error of the modes' kernel
-constexpr double kLongestTime = 1e-3;  // heat older than this is forgotten by a half-space without profile  [s]
+constexpr double kKernelShare = 0.1;   // error of the modes' kernel, of the tolerance
+constexpr double kLongestTime = 1e-3;  // of the modes: a half-space forgets older heat  [s]
 
-// Cells grow by a ratio g outward, from (g - 1) delta, where delta is how far heat goes in the short time: then every
-// cell is (g - 1) times as wide as its distance from there.
+// Cells grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length of the short
+// time: every cell is then (g - 1) times as wide as its distance from z = -delta.
 GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
   const double growth =
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);

@@ -1,4 +1,4 @@
-// What a tolerance is made of in place of cells and methods (MODEL.md section 3c).
+// What a tolerance is made of in place of cells and methods (METHODS.md, "Tolerance").
 #pragma once
 
 #include <cstddef>

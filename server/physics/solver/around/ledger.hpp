@@ -1,5 +1,5 @@
-// The energy ledger of a step (MODEL.md section 7b), computed from the states before and after the step and only on
-// request.
+// The energy ledger of a step (MODEL.md, "Energy ledger"), computed from the states before and after the step and only
+// on request.
 #pragma once
 
 #include <array>

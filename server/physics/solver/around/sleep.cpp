@@ -13,19 +13,19 @@ namespace shearbus::physics {
 namespace {
 
 constexpr int kLeastStepsBeforeSleep = 16;
-constexpr double kRoundingOfT = 1e-6;   // far above what a temperature in modes is off  [K]
-constexpr double kSurely = 1.0 - 1e-9;  // likewise a flow stress
+constexpr double kTemperatureMargin = 1e-6;     // far above the rounding error of temperatures in modes  [K]
+constexpr double kStrengthMargin = 1.0 - 1e-9;  // likewise of a flow stress
 
 int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
 }
 
-// The layer of a lane that is no weaker anywhere: as hot as its hottest vertex, as little strained as its least
-// strained. Without source heat only evens out, and who does not flow does not harden, so that while it sleeps it stays
-// that.
+// A lower bound of the layer's strength: the strength of its least hardened vertex at the temperature of its hottest.
+// The bound holds as long as the lane sleeps: without source diffusion only levels the temperature, and without flow the
+// strain is constant.
 struct WeakestVertex {
   double temperature;  // [K]
-  double strength;     // before softening, at rest: a rate only adds  [Pa]
+  double strength;     // before softening, at rest (a rate only adds strength)  [Pa]
 };
 
 WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
@@ -38,10 +38,10 @@ WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lan
   return {hottest, hardened_strength(problem.options.soft, least)};
 }
 
-// Whether no vertex can flow under a stress magnitude, rounding included. `soft`: at the pressure.
+// Whether certainly no vertex flows under a stress magnitude, with margins far above rounding. `soft`: at the pressure.
 bool surely_rigid(const Material& soft, double pressure, double stress, const WeakestVertex& weakest) {
-  const double g = softening(soft, pressure, weakest.temperature + kRoundingOfT).g;
-  return kSqrt3 * stress <= kSurely * (weakest.strength * g);
+  const double g = softening(soft, pressure, weakest.temperature + kTemperatureMargin).g;
+  return kSqrt3 * stress <= kStrengthMargin * (weakest.strength * g);
 }
 
 // The step of a sleeping lane; nothing where heat or flow wakes the lane.
@@ -68,16 +68,16 @@ bool rested(const Problem& problem, const RestRules& rest, const TileInputs& inp
 }
 
 // A copy of the committed tile in which the waking lanes have their temperatures back.
-const double* woken_tile(const Problem& problem, std::uint32_t waking, const double* committed) {
+const double* waking_tile(const Problem& problem, std::uint32_t waking, const double* committed) {
   const TileLayout& layout = problem.layout;
-  double* states = scratch_tile(Scratch::kWoken, layout.doubles);
+  double* states = scratch_tile(Scratch::kWaking, layout.doubles);
   std::copy_n(committed, layout.doubles, states);
   for (const int l : lanes_of(waking)) profile_of(problem, committed, l, states + layout.first_temperature());
   return states;
 }
 
-void write_sleeper(const Problem& problem, const double* committed, const RestingStep& resting, double T0, int num_live,
-                   int lane, double* trial, TileOutputs& outputs) {
+void write_sleeping_lane(const Problem& problem, const double* committed, const RestingStep& resting, double T0,
+                         int num_live, int lane, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const LaneStep& step = resting.step;
   trial[layout.shear_stress + lane] = step.stress;
@@ -94,8 +94,8 @@ void write_sleeper(const Problem& problem, const double* committed, const Restin
   outputs.outcome[lane] = kAsleep | resting.outcome;
 }
 
-// Counts the steps at rest of a lane that was solved, and puts it to sleep after enough of them. One of which it is not
-// certain that it would not flow is looked at again after as many.
+// Counts the steps at rest of a lane that was solved and puts the lane to sleep after enough of them. A lane that might
+// flow stays awake, and its count starts again.
 void count_rest(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const double* committed,
                 const Material& soft, int lane, double* trial, const TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
@@ -125,7 +125,7 @@ Held held_heat(const Problem& problem, const double* tile, int lane, double refe
   const double* rows = tile + problem.layout.first_temperature() + lane;
   Held held{};
   if (asleep(problem.layout, tile, lane)) {
-    const HeatBasis& basis = *problem.basis;  // all but the first mode only share heat out
+    const HeatBasis& basis = *problem.basis;  // modes after the first have no net heat
     if (!problem.options.hard_grid) return {basis.heat * (rows[0] - reference), 0.0};
     held.soft = basis.soft_heat[0] * (rows[0] - reference);
     for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
@@ -185,8 +185,8 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
   for (int l = 0; l < kLanes; ++l) {
     if (!slept[l] && !sleeps[l]) continue;
     stored.soft[l] = stored.hard[l] = 0.0;
-    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // no heat comes or goes
-    // Against the cold end of the profile, or the mean: small differences of small numbers.
+    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // no heat enters or leaves
+    // Relative to the cold end of the profile or to the mean temperature, so that the difference cancels little.
     const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
     const Held before = held_heat(problem, committed, l, reference);
     const Held after = held_heat(problem, trial, l, reference);
@@ -204,7 +204,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   const double* rows = committed + layout.first_temperature();
   double* rows_new = trial + layout.first_temperature();
 
-  // 1. Who sleeps, and what the interface temperatures of the sleepers will be.
+  // 1. The sleeping lanes, and their interface temperatures at the end of the step.
   std::uint32_t sleeping = 0;
   int num_live = 0;
   for (const int l : lanes_of(inputs.active)) {
@@ -215,7 +215,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   double T0[kLanes];
   if (sleeping != 0) interface_later(basis, decay, num_live, rows, T0);
 
-  // 2. Who goes on sleeping.
+  // 2. The lanes that stay asleep.
   RestingStep at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
@@ -226,20 +226,20 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     resting |= 1u << l;
   }
 
-  // 3. The others are solved.
+  // 3. Solve the others.
   const std::uint32_t solved = inputs.active & ~resting;
   if (solved != 0) {
     TileInputs others = inputs;
     others.active = solved;
     const std::uint32_t waking = sleeping & solved;
-    const double* from = waking != 0 ? woken_tile(problem, waking, committed) : committed;
+    const double* from = waking != 0 ? waking_tile(problem, waking, committed) : committed;
     solver.solve(problem, operators, others, from, trial, outputs);
     for (const int l : lanes_of(solved))
       count_rest(problem, solver.rest, inputs, committed, soft_at(l), l, trial, outputs);
   }
   if (resting == 0) return;
 
-  // 4. The sleepers' heat, and the rest of their states, which stays as it is.
+  // 4. Decay the modes of the sleeping lanes; their other states stay.
   if (solved == 0) {
     const auto behind = static_cast<std::ptrdiff_t>(layout.temperature + layout.num_vertices * kLanes);
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);
@@ -251,7 +251,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
-    write_sleeper(problem, committed, at_rest[l], T0[l], lives, l, trial, outputs);
+    write_sleeping_lane(problem, committed, at_rest[l], T0[l], lives, l, trial, outputs);
   }
 }
 

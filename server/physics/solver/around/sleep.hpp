@@ -1,8 +1,8 @@
-// Nodes at rest (server/physics/MODEL.md section 3b): an open contact, or one that sticks without friction heat and
-// whose layer certainly does not flow, is not solved. After some steps at rest its temperatures are turned into
-// amplitudes of the heat's modes, in place; from then on a step is a product per living mode, and gives T0. The first
-// step that would bring heat, or might bring flow, turns them back and solves as ever. What a lane does here depends on
-// its own state and inputs alone.
+// Sleep of nodes at rest (server/physics/METHODS.md). A node rests while its contact is open, or sticks without friction
+// heat and its layer certainly does not flow. After some steps at rest the temperatures of the node are replaced by
+// amplitudes of the heat's eigenmodes, in place, and a step is one product per live mode. The first step that would bring
+// heat or might bring flow restores the temperatures and is solved. Sleep and waking of a lane depend on its own state
+// and inputs alone.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace shearbus::physics {
 
-// Turning there and back costs about as much as so many ordinary steps save: a lane that may be about to move waits.
+// Steps at rest before a node sleeps: about as many as the two transformations cost.
 int steps_before_sleep(int num_heat_vertices);
 
 // Whether the rows of this lane's temperatures hold amplitudes.

@@ -11,19 +11,21 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kStepShare = 0.25;  // of the tolerance: what a step may change when its substeps are halved
-// Of what is left of that a substep may take what it is of the rest of the step, and at least
-constexpr double kEarlyShare = 0.05;    // of it in as much time as has passed, for steps that start suddenly
-constexpr double kRefinedShare = 0.25;  // of it where it had to be refined, for what is sudden later
-constexpr double kLittle = 1.0 / 6.0;   // of its share: after such a change the next may be twice as long
+// Error budget of a step, as a fraction of the tolerance.
+constexpr double kStepShare = 0.25;
+// A substep may use the fraction of the remaining budget that it is of the remaining time, and at least
+constexpr double kEarlyShare = 0.05;  // this fraction if it is as long as the time before it: steps may start suddenly
+constexpr double kRefinedShare = 0.25;  // this fraction if it was shortened: a later change may be sudden too
+// The next substep may be twice as long where the error was below this fraction of the budget of the substep.
+constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // a jump that is off stays so: it heats for so long  [s]
-constexpr double kLeastRange = 0.01;  // of T_melt: what a tolerance is a part of where a layer starts near melting
+constexpr double kJumpTime = 1e-6;    // how long an error of the jump goes on heating  [s]
+constexpr double kLeastRange = 0.01;  // of T_melt: smallest range of temperature that a tolerance is relative to
 constexpr int kMostHalvings = 22;
-constexpr int kMostAttempts = 1024;  // of one step of a lane: then it takes the rest as it comes,
-constexpr int kHurriedPieces = 64;   // in about so many
+constexpr int kMostAttempts = 1024;  // substeps tried in one step of a lane; then the rest is accepted unchecked
+constexpr int kHurriedPieces = 64;   // in about this number of substeps
 
-// What a lane's substep answered: a part of TileOutputs.
+// The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
   double stress = 0.0, slip = 0.0, T0 = 0.0, jump_new = 0.0, heat = 0.0;
   Regime regime = Regime::kOpen;
@@ -39,8 +41,8 @@ Answer answer_of(const TileOutputs& out, int l) {
           out.outcome[l]};
 }
 
-// `share` of the step after what `sum` holds. The host of a force-driven step exchanges momentum with the mean stress;
-// velocity-driven it is told that at the end.
+// Adds a substep, `share` of the step, to the answer of the substeps before it. The force-driven answer is the mean
+// stress, with which the host exchanges momentum; the velocity-driven answer is the stress at the end.
 void add(const Answer& next, double share, bool forced, Answer& sum) {
   sum.stress = forced ? sum.stress + share * next.stress : next.stress;
   sum.slip += share * next.slip;
@@ -51,24 +53,24 @@ void add(const Answer& next, double share, bool forced, Answer& sum) {
   sum.outcome |= next.outcome;
 }
 
-// A step of one lane on its way.
+// Progress of one lane through its step.
 struct Progress {
-  int level = 0;        // tried next: dt / 2^level, against two halves of it
-  std::int64_t at = 0;  // where that begins, in units of the shortest substep
-  Answer sum;           // so far
-  Answer coarse;        // of the next in one piece, where that is known
+  int level = 0;        // of the next substep: dt / 2^level, compared with two halves of it
+  std::int64_t at = 0;  // begin of the next substep, in units of the shortest substep
+  Answer sum;           // of the accepted substeps
+  Answer coarse;        // of the next substep in one piece, if coarse_known
   bool coarse_known = true;
-  bool refined = false;  // it is shorter than the one before it because of that one's change
+  bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
-  double left = 0.0;      // of what the step may change
-  double estimate = 0.0;  // what it has changed
+  double left = 0.0;      // remaining error budget, relative as the tolerance
+  double estimate = 0.0;  // error so far
 };
 
-// By how much a jump is off after a substep from `before` to `after` in which it turns or stops: as one stress acts in
-// it from the start on, all pieces it is halved into may be off alike, so that no halving tells. Until it turns the
-// jump falls by A + 2 b s per substep, from then on it rises by A; taken to change by A throughout, it ends so much too
-// far. Where it seems to stop and the far stresses are more than slip has carried, it may be anywhere below what it
-// was.
+// Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress acts over
+// the whole substep, so all halves of the substep can have the same error and comparing them does not show it. Up to
+// the reversal the jump falls by A + 2 b s per substep, afterwards it rises by A; a substep that changes by A throughout
+// ends too far by the value returned. If the jump stops while the far stresses exceed what slip has carried, its error
+// is bounded only by its old value.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -81,10 +83,10 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
   return std::abs(before) / (1.0 + rise / turned);
 }
 
-// Each lane goes through its step in substeps of its own: one is accepted if two halves of it answer the same but for
-// its share of the tolerance, else its first half is tried; where they differ by little the next is twice as long.
-// Lanes whose next substeps are as long are solved together, those of the shortest first, so that they meet again. What
-// a lane does depends on its own step alone.
+// Each lane has substeps of its own. A substep is accepted if its two halves give the same answer up to its error
+// budget; otherwise its first half is tried next. Where the error is small the next substep is twice as long. Lanes with
+// equally long next substeps are solved together, the shortest substeps first. The substeps of a lane depend on its own
+// state and inputs alone.
 class ControlledStep {
  public:
   ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
@@ -116,16 +118,16 @@ class ControlledStep {
         if (lanes_[l].level == level) together |= 1u << l;
       }
       solve(level, together);
-      for (const int l : lanes_of(together)) judge(l);
+      for (const int l : lanes_of(together)) accept_or_refine(l);
     }
   }
 
  private:
-  // The whole step in one piece.
+  // Solves the whole step in one piece, all lanes.
   void begin() {
     const std::size_t stress = problem_.layout.shear_stress;
     advance_(problem_, operators_, inputs_, committed_, trial_, outputs_);
-    now_.stress_before = nullptr;  // from here on the state's own
+    now_.stress_before = nullptr;  // substeps start from the stress of their state
     std::copy_n(committed_, problem_.layout.doubles, accepted_);
     for (const int l : lanes_of(open_)) {
       lanes_[l].coarse = answer_of(outputs_, l);
@@ -134,7 +136,7 @@ class ControlledStep {
     }
   }
 
-  // The next substep of some lanes in one piece, where that is not known yet, and in two.
+  // Solves the next substep of some lanes in one piece, unless that answer is known, and in two halves.
   void solve(int level, std::uint32_t together) {
     now_.active = 0;
     for (const int l : lanes_of(together)) {
@@ -153,7 +155,7 @@ class ControlledStep {
     advance_(problem_, halves, then, half_, fine_, second_);
   }
 
-  void judge(int l) {
+  void accept_or_refine(int l) {
     Progress& lane = lanes_[l];
     const Answer one = answer_of(first_, l), two = answer_of(second_, l);
     if (((one.outcome | two.outcome) & kFailed) != 0) {
@@ -165,11 +167,11 @@ class ControlledStep {
     const std::int64_t length = end_ >> lane.level;
     const double of_rest = static_cast<double>(length) / static_cast<double>(end_ - lane.at);
     const double of_past = static_cast<double>(length) / static_cast<double>(lane.at + length);
-    const double change = change_of(l, one, two, of_rest);
+    const double error = error_of(l, one, two, of_rest);
     const double share = lane.left * std::max(of_rest, kEarlyShare * of_past);
     const double allowed = lane.refined ? std::max(share, kRefinedShare * lane.left) : share;
     const bool hurries = ++lane.attempts > kMostAttempts;
-    if (change > allowed && lane.level + 1 < deepest_ && !hurries) {
+    if (error > allowed && lane.level + 1 < deepest_ && !hurries) {
       ++lane.level;
       lane.coarse = one;
       lane.coarse_known = true;
@@ -181,21 +183,21 @@ class ControlledStep {
     const double half = std::ldexp(0.5, -lane.level);
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
-    lane.estimate += change;
-    // What could not be kept sets the measure for the rest.
-    lane.left = change > allowed ? std::max(lane.left, change) : lane.left - change;
+    lane.estimate += error;
+    // An error above the budget raises the budget of the rest to itself.
+    lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
     lane.refined = false;
     const bool fits = lane.level > 0 && lane.at % (2 * length) == 0;
-    if (fits && (hurries ? end_ - lane.at > kHurriedPieces * length : change <= kLittle * share)) --lane.level;
-    if (lane.at == end_) take(l);
+    if (fits && (hurries ? end_ - lane.at > kHurriedPieces * length : error <= kSmallError * share)) --lane.level;
+    if (lane.at == end_) finish(l);
   }
 
-  // How far one piece is from two, as what it makes T0 off at the end of the step, in parts of what it has to melting:
-  // T0 itself, of whose error diffusion leaves ever less; the heat released, which shows in T0 when it has left
-  // melting; and the host's new jump, which goes on heating. `of_rest`: the piece of what the step has left.
-  double change_of(int l, const Answer& one, const Answer& two, double of_rest) const {
+  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step relative
+  // to T_melt - T_ref. The largest of three: T0 (diffusion damps its error), the heat released, and the host's new jump,
+  // which goes on heating. `of_rest`: length of the substep relative to the rest of the step.
+  double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();
     const double T0 = std::abs(two.T0 - coarse.T0) * (of_rest * std::sqrt(of_rest));
@@ -216,15 +218,15 @@ class ControlledStep {
     return std::max({T0, heat, jump}) / range;
   }
 
-  // What the substeps add up to, as the answer of the one step that the host asked for.
-  void take(int l) {
+  // The sum of the substeps becomes the answer of the host's step.
+  void finish(int l) {
     const Answer& sum = lanes_[l].sum;
     open_ &= ~(1u << l);
     copy_lane(accepted_, trial_, problem_.layout.doubles, l);
     trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
     outputs_.error_estimate[l] = lanes_[l].estimate;
     outputs_.shear_stress[l] = sum.stress;
-    // Where the slip reverses its mean could oppose the stress; friction does no negative work.
+    // The mean slip could oppose the stress where the slip reverses; friction does no negative work.
     outputs_.sliding_velocity[l] = sum.stress * sum.slip < 0.0 ? 0.0 : sum.slip;
     outputs_.interface_temperature[l] = sum.T0;
     outputs_.velocity_jump_new[l] = sum.jump_new;
@@ -236,8 +238,8 @@ class ControlledStep {
     outputs_.outcome[l] |= outside_domain(sum.slip, inputs_.velocity_jump[l]);
   }
 
-  TileInputs now_;                  // of what comes next
-  TileOutputs first_{}, second_{};  // of the halves solved last
+  TileInputs now_;                  // of the next substep
+  TileOutputs first_{}, second_{};  // of the two halves
   const Problem& problem_;
   const StepOperators& operators_;
   const AdvanceTile advance_;  // one substep
@@ -252,7 +254,7 @@ class ControlledStep {
   double* const fine_;      // state after both halves
   Progress lanes_[kLanes];
   const int deepest_;
-  std::uint32_t open_;  // lanes on their way
+  std::uint32_t open_;  // lanes that have not reached the end
   const bool forced_;
 };
 

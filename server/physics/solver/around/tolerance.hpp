@@ -1,4 +1,4 @@
-// Models that are told a tolerance: a step is cut until its error is below it (MODEL.md section 3c).
+// Step control: substeps until the estimated error is below the tolerance (METHODS.md).
 #pragma once
 
 #include "server/physics/solver/pipeline.hpp"

@@ -28,7 +28,7 @@ double length(const Vector& a) {
   return largest * std::sqrt(x * x + y * y);
 }
 
-// What the host says of one lane.
+// Inputs of one lane, and its old stress.
 struct LaneVectors {
   Vector jump, stress_soft, stress_hard, stress_old;
 };
@@ -40,7 +40,8 @@ LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const
           {committed[layout.shear_stress + l], committed[layout.second_stress + l]}};
 }
 
-// The stress an elastic layer would have, DLP (37), or the jump a free interface would, (61), which decides the stress.
+// The trial vector, which gives the direction: velocity-driven the stress of an elastic layer, DLP (37); force-driven the
+// jump of a free interface, (61).
 Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
   if (options.strategy == Strategy::kForceDriven) {
     return lane.jump +

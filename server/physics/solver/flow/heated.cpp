@@ -2,8 +2,8 @@
 
 namespace shearbus::physics {
 
-// At the ceiling of the vertex hottest so far another may be hotter: its ceiling is lower, and so on down to one that
-// is the hottest under its own.
+// At the ceiling of one vertex another may be hotter; its ceiling is lower. The iteration descends to the vertex that is
+// the hottest under its own ceiling.
 double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
                       double guess, int& hottest) {
   double a = a_max;

@@ -1,4 +1,4 @@
-// The temperatures of one lane's layer as its heating makes them, and the strength of its weakest vertex.
+// Temperatures of one lane's layer as functions of the heat flux, and the largest stress that the layer carries.
 #pragma once
 
 #include <cstddef>
@@ -8,8 +8,7 @@
 
 namespace shearbus::physics {
 
-// T = T_ad + q B over the vertices that may be the layer's hottest: z = 0 alone where that is where all heat has ever
-// entered and none ever leaves.
+// T = T_ad + q B at the vertices that can be the hottest: z = 0 alone if all heat enters there and none leaves there.
 struct Heated {
   const double* T_ad = nullptr;  // [vertex][lane], at the lane
   const double* B = nullptr;     // [vertex], or [vertex][lane] at the lane
@@ -26,8 +25,8 @@ struct Heated {
 };
 
 // The stress at which the first vertex reaches its ceiling, limit.tresca g(T), where a stress a heats by the flux
-// q = rise a max(0, c - b a), which must rise with a; `a_max` where none does. `hottest`: the vertex
-// that is hottest without that heat; then the one that holds the stress.
+// q = rise a max(0, c - b a), which must increase with a; `a_max` if no vertex does. `hottest`: in, the vertex that is
+// hottest without that heat; out, the vertex that limits the stress.
 double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
                       double guess, int& hottest);
 

@@ -1,4 +1,4 @@
-// Plastic flow of the layers of a tile under given stresses (MODEL.md section 4): DLP (42-48).
+// Plastic flow of the layers of a tile under given stresses (MODEL.md, "Plastic strain"): DLP (42-48).
 #pragma once
 
 #include "server/physics/layer/grid.hpp"

@@ -1,6 +1,6 @@
-// The zero of a function known by its values only, inside a bracket that never opens: Chandrupatla's search (inverse
-// quadratic interpolation where it can be trusted, bisection where it cannot). It asks for one value at a time, so that
-// the lanes of a tile search together.
+// The zero of a function inside a bracket, without derivatives: Chandrupatla's search (1997), inverse quadratic
+// interpolation where it is reliable, else bisection. The caller supplies one value at a time, so the lanes of a tile
+// search together.
 #pragma once
 
 #include <algorithm>
@@ -23,9 +23,10 @@ class RootSearch {
     at_ = guess > lo && guess < hi ? guess : 0.5 * (lo + hi);
   }
 
-  double at() const { return at_; }  // where the next value is wanted; the zero once take() has said so
+  double at() const { return at_; }  // argument of the next value; the zero after update() has returned true
 
-  bool take(double value) {
+  // Takes f(at()). True: the search has ended.
+  bool update(double value) {
     const Point now{at_, squeezed(value)};
     if (now.f == 0.0) return true;
     if ((now.f < 0.0) == (one_.f < 0.0)) {
@@ -37,7 +38,7 @@ class RootSearch {
     one_ = now;
     const double width = std::abs(two_.x - one_.x);
     const Point& nearest = std::abs(one_.f) < std::abs(two_.f) ? one_ : two_;
-    const double least = 2.0 * std::numeric_limits<double>::epsilon() * std::abs(nearest.x);  // one step that counts
+    const double least = 2.0 * std::numeric_limits<double>::epsilon() * std::abs(nearest.x);  // smallest useful step
     if (width <= 2.0 * least || ++values_ == kMostValues) {
       at_ = nearest.x;
       return true;
@@ -45,7 +46,7 @@ class RootSearch {
     double share = 0.5;
     const double xi = (one_.x - two_.x) / (three_.x - two_.x);
     const double phi = (one_.f - two_.f) / (three_.f - two_.f);
-    // Now and then a plain bisection: flat tails of f end too.
+    // Regular bisections end the search on flat tails of f.
     if (values_ % kBisectEvery != 0 && phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi) {
       share = one_.f / (two_.f - one_.f) * (three_.f / (two_.f - three_.f)) +
               (three_.x - one_.x) / (two_.x - one_.x) * (one_.f / (three_.f - one_.f)) * (two_.f / (three_.f - two_.f));

@@ -10,12 +10,12 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kAtCeiling = 1e-11;  // relative: a stress this little above the ceiling is at it
-constexpr int kMostUlps = 1 << 26;    // what the searches leave open
-constexpr double kBeyond = 1e-10;     // relative: put on a bound that is no answer
+constexpr double kAtCeiling = 1e-11;  // relative: a stress above the ceiling by less is at the ceiling
+constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search
+constexpr double kBeyond = 1e-10;     // relative: margin of a bound that is no answer
 
-// Where the slip of light bodies under large forces is coarse (a difference of numbers 1e16 times larger), an ulp of
-// the stress may melt the layer: the answer is on the cold side.
+// The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
+// stress may melt the layer. The answer is then reduced until the layer stays below melting.
 double not_molten(const FrictionHeating& heating, const Heated& layer, double T_melt, double a) {
   if (layer.T(layer.hottest(0.0), 0.0) >= T_melt) return a;
   const auto hottest = [&](double stress) {
@@ -40,8 +40,8 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
-  // 1. The answer of a layer that does not flow is an answer if the layer does not flow under it. A stuck interface
-  //    comes loose only when it cannot stick, and a flowing layer helps it stick.
+  // 1. The answer for a rigid layer is an answer if the layer does not flow under it. A stuck interface begins to slip
+  //    only when it cannot stick with the layer flowing.
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
   if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface sticks to nothing
@@ -61,7 +61,7 @@ void FlowingSlip::ask_rigid(Phase phase) {
   ask(phase, std::abs(rigid_.stress), rigid_.flux);
 }
 
-// What the layer carries at most: the ceiling of its weakest vertex.
+// The largest stress that the layer carries: the ceiling of its hottest vertex.
 double FlowingSlip::layer_at(double q) const {
   const double T = start_.layer.T(start_.layer.hottest(q), q);
   const double g = softening(*start_.limit.soft, start_.limit.pressure, T).g;
@@ -85,7 +85,7 @@ double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) c
   }
 }
 
-void FlowingSlip::take(double slip) {
+void FlowingSlip::update(double slip) {
   switch (phase_) {
     case Phase::kDone:
       return;
@@ -93,7 +93,7 @@ void FlowingSlip::take(double slip) {
       if (rigid_holds(slip)) {
         kind_ = Kind::kRigid;
         phase_ = Phase::kDone;
-      } else if (stick_tried_) {
+      } else if (stick_was_searched_) {
         begin_slip();
       } else {
         begin_stick();
@@ -114,7 +114,7 @@ void FlowingSlip::take(double slip) {
       break;
     }
     case Phase::kStick:
-      if (search_.take(stick_balance(slip))) return end_stick(search_.at());
+      if (search_.update(stick_balance(slip))) return end_stick(search_.at());
       break;
     case Phase::kSlipLow:
       low_value_ = slip_balance(slip);
@@ -130,8 +130,8 @@ void FlowingSlip::take(double slip) {
       return ask_slip(Phase::kSlip, search_.at());
     }
     case Phase::kSlip: {
-      if (!search_.take(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
-      // Where it is the layer that holds the stress the interface does not slip: the answer has less slip.
+      if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
+      // Where the layer limits the stress the interface does not slip: the answer has less slip.
       const double q = search_.at();
       if (layer_holds(q)) {
         high_ = q;
@@ -145,11 +145,11 @@ void FlowingSlip::take(double slip) {
   ask(Phase::kStick, a, start_.heat_partition * (a * stopping_.slip(a)));
 }
 
-// 2. Stick: the end-of-step slip falls strictly with the stress, as both the flow and its heating rise with it. Its
-//    zero lies below what sticks a rigid layer, what the layer carries at most, and where the first vertex alone would
-//    take more than there is.
+// 2. Stick: the slip at the end of the step falls strictly with the stress, since flow and heating rise with it. The
+//    root lies below three bounds: the sticking stress of a rigid layer, the largest stress that the layer carries, and
+//    the stress under which the first vertex alone would flow by more than all the slip.
 void FlowingSlip::begin_stick() {
-  stick_tried_ = true;
+  stick_was_searched_ = true;
   const Material& soft = *start_.limit.soft;
   const double most_ad = layer_at(0.0);
   double high = trial_.stress_stick;
@@ -200,10 +200,9 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip, with the heat flux as the unknown: it sets T0, T0 the stress, both the flow of the layer. What the slip
-// beside
-//    that flow heats is less than the flux at the rigid answer's flux, where the flow takes slip away, and more than
-//    the flux where the limit is the stress that would stick.
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat of
+//    the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where the
+//    limit equals the sticking stress.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;
@@ -220,8 +219,8 @@ void FlowingSlip::begin_slip() {
   ask_slip(Phase::kSlipLow, low_);
 }
 
-// The interface slips up to the flux at which the layer carries no more than it does: there the layer takes all that is
-// left. At `high_`, where this is asked, it carries less.
+// The interface slips up to the flux at which the layer carries no more than the interface; from there on the layer
+// flows by the rest. Called where the layer carries less at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
   high_is_ceiling_ = true;
@@ -231,18 +230,18 @@ void FlowingSlip::ask_slip(Phase phase, double q) {
   ask(phase, std::min(interface_at(q), layer_at(q)), q);
 }
 
-double FlowingSlip::slip_beside_flow(double a, double slip) const {
+double FlowingSlip::interface_slip(double a, double slip) const {
   return std::max(0.0, slipping_.c - slipping_.b * a - kSqrt3 * slip / start_.dt);
 }
 
 double FlowingSlip::slip_balance(double slip) const {
-  return q_ - start_.heat_partition * (a_ * slip_beside_flow(a_, slip));
+  return q_ - start_.heat_partition * (a_ * interface_slip(a_, slip));
 }
 
 void FlowingSlip::end_slip(double q) {
   kind_ = Kind::kSlip;
   ask_slip(Phase::kDone, q);
-  // Where the last digit of T0 is all that is left to melting: the cold side, on which there is a stress to slip under.
+  // T0 may be within its last digit of melting: choose the colder side, where the stress is not 0.
   const double T_ad = T0(0.0);
   const double hot = T0(q);
   for (int ulps = 1; a_ <= 0.0 && q_ > 0.0 && ulps < kMostUlps; ulps *= 2) {
@@ -262,8 +261,8 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
     return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
   }
-  // The slip is what made the heat; where the layer is at its ceiling it takes what is left of (64).
-  const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : slip_beside_flow(a_, slip);
+  // The slip follows from its heat; a layer at its ceiling flows by the rest of (64).
+  const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
   const Regime regime = slip_regime(start_.limit, T0(q_), v);

@@ -1,6 +1,6 @@
-// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and
-// the interface law for s, [v], T0 and ep together. It asks for the flow of the layer under one stress and heat flux at
-// a time, so that the lanes of a tile, whose layers are summed together, search together.
+// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61), (64) and
+// the interface law for s, [v], T0 and ep together. The search is a state machine: stress() and flux() are the next load
+// of the layer, update() receives the flow under it. The lanes of a tile, whose flow is summed together, search together.
 #pragma once
 
 #include "server/physics/solver/flow/heated.hpp"
@@ -9,10 +9,10 @@
 
 namespace shearbus::physics {
 
-// What a lane of a closed contact starts the step from.
+// A lane with a closed contact at the start of a step.
 struct FlowingStart {
   StressLimit limit;      // of the interface
-  double ceiling;         // of the layer at g = 1: hardening ends there; infinity: nowhere          [Pa]
+  double ceiling;         // of the layer at g = 1, where hardening ends; infinity: none             [Pa]
   bool hardens;           // without hardening the layer flows at the ceiling only
   double first_weight;    // length of z the first vertex stands for                                 [m]
   double first_strain;    // its plastic strain
@@ -29,14 +29,14 @@ class FlowingSlip {
   explicit FlowingSlip(const FlowingStart& start);
 
   bool done() const { return phase_ == Phase::kDone; }
-  // What the layer is to be loaded with: magnitude and heat flux. Once done, those of the answer.
+  // Load of the layer to evaluate next, stress magnitude and heat flux; once done, of the answer.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void take(double slip);  // integral(dep) under them   [m]
+  void update(double slip);  // integral(dep) under them   [m]
 
   struct Answer {
     LaneStep step;
-    double surplus;  // of integral(dep), beyond the formula (48): it goes to the hottest vertex   [m]
+    double surplus;  // part of integral(dep) beyond (48), which flows at the hottest vertex   [m]
     int hottest;
   };
   Answer answer(double slip) const;  // `slip` under the answer's load
@@ -62,7 +62,7 @@ class FlowingSlip {
   void bound_slip_by_layer();
   double stick_balance(double slip) const { return a_ + compliance_ * slip - trial_.stress_stick; }
   double slip_balance(double slip) const;
-  double slip_beside_flow(double a, double slip) const;
+  double interface_slip(double a, double slip) const;
 
   FlowingStart start_{};
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
@@ -79,7 +79,7 @@ class FlowingSlip {
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
   bool high_is_ceiling_ = false;  // of the search at hand
   bool at_ceiling_ = false;       // of the answer
-  bool stick_tried_ = false;
+  bool stick_was_searched_ = false;
   bool several_ = false;
 };
 

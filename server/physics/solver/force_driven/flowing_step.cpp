@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 namespace {
 
-// One lane's host inputs and laws, for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+// Inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
 FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                       const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
   FlowingStart start{};
@@ -35,7 +35,7 @@ void add_surplus(const Problem& problem, const FlowingSlip::Answer& answer, int 
       answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
 }
 
-// One substep of one lane, in place: temperature after conduction, strain of the last substep.
+// One substep of one lane after conduction; `strain` is updated in place.
 LaneStep substep(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                  const HeatOperator& heat, const LaneStep& before, const double* T, double* strain) {
   if (inputs.pressure[lane] <= 0.0) {
@@ -51,7 +51,7 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
     return flow_of_lane(flow, load, lane, strain_new);
   };
   FlowingSlip step(start);
-  while (!step.done()) step.take(slip_under(step, nullptr));
+  while (!step.done()) step.update(slip_under(step, nullptr));
   const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
   add_surplus(problem, answer, lane, strain);
   return answer.step;
@@ -103,7 +103,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done()) continue;
-      lanes[l].take(sum.slip[l]);
+      lanes[l].update(sum.slip[l]);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
     }
   }

@@ -1,4 +1,4 @@
-// The force-driven step with plastic strain (server/physics/MODEL.md section 6b): DLP (48), (61), (64) and the
+// The force-driven step with plastic strain (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61), (64) and the
 // interface law together.
 #pragma once
 

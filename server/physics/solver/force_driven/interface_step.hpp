@@ -1,5 +1,5 @@
-// What the interface of one lane does in a step or substep of a force-driven model whose layer does not flow, its heat
-// apart (server/physics/MODEL.md section 6): DLP (61), (65), and the junctions (section 6c).
+// Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
+// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The heat is the caller's.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace shearbus::physics {
 
-// With the host's plastic shear beside a layer that may flow, DLP (64).
+// Includes the host's plastic shear where the layer may flow, DLP (64).
 inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
   Forcing forcing = forcing_of(inputs, lane);
   if (problem.options.plastic_layer)
@@ -40,7 +40,7 @@ class InterfaceStep {
         false};
   }
 
-  // A step of dt from `last`; B0 is the response of T0 to the flux, T_ad what T0 is without.
+  // A step of dt from `last`. B0: response of T0 to the flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
     if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
     strength_.junctions =

@@ -11,7 +11,7 @@ namespace shearbus::physics {
 
 TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
     : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
-  // A jump that would be 0 has no direction; what is left, the host's plastic shear, has that of the stress or none.
+  // A free jump of 0 has no direction: the host's plastic shear then acts along the old stress, or not at all.
   const double leads = jump_free != 0.0 ? jump_free : stress_before;
   direction = leads < 0.0 ? -1.0 : 1.0;
   drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
@@ -36,13 +36,13 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   // sticking interface.
   const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
 
-  // 1. Stick: no slip at the end of the step (never [V]mid = 0, which rings), if the interface carries that stress.
+  // 1. Stick: no slip at the end of the step, if the interface carries that stress. ([V]mid = 0 would oscillate.)
   const double a_stick = trial.stress_stick;
   const bool can_stick =
       spare_strength(by_slip ? strength.with_friction(by_slip->holding) : strength, heating, a_stick) >= 0.0;
 
-  // 2. Slip: the stress equals the limit at the temperature it makes. Where several answers are possible the node goes
-  //    on as before: a sticking one sticks, a slipping one takes the answer with the most slip.
+  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes on
+  //    as before: a sticking node sticks, a slipping node has the answer with the most slip.
   const StressLimit limit = by_slip ? strength.with_friction(by_slip->sliding) : strength;
   const StressLimit yield = strength.with_friction(std::numeric_limits<double>::infinity());
   const bool friction_returns =

@@ -1,4 +1,5 @@
-// The force-driven step of one lane whose layer does not flow (server/physics/MODEL.md section 6): DLP (61), (65).
+// The force-driven step of one lane whose layer does not flow (server/physics/MODEL.md, "Force-driven step"): DLP (61),
+// (65).
 #pragma once
 
 #include "server/physics/interface/stress_limit.hpp"
@@ -7,7 +8,7 @@
 
 namespace shearbus::physics {
 
-// What the host says of one lane, per unit of time.
+// Forces of the host on one lane.
 struct Forcing {
   double acceleration;         // s_soft/m_soft + s_hard/m_hard, of the jump without friction   [m/s2]
   double mobility;             // 1/m_soft + 1/m_hard                                            [m2/kg]
@@ -19,18 +20,18 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
           1.0 / inputs.mass_soft[lane] + 1.0 / inputs.mass_hard[lane]};
 }
 
-// The jump without friction and what a stress takes from it, DLP (61): magnitudes along the trial direction.
+// The jump without friction and its reduction by a stress, DLP (61). Magnitudes along the trial direction.
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
 
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }  // signed
 
   double jump_free;     // signed                                                     [m/s]
-  double per_stress;    // of the jump                                                [m/(s Pa)]
+  double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
   double direction;     // +1 or -1
   double jump_old;      // along the direction                                        [m/s]
   double drive;         // plastic_drive, along the direction                         [m/s]
-  double stress_stick;  // at which slip ends with the step                           [Pa]
+  double stress_stick;  // stress at which slip ends with the step                    [Pa]
 
   // While it slips: [v] = [V]mid + drive = c - b a.
   FrictionHeating slipping(double T_ad, double rise) const {
@@ -44,7 +45,7 @@ Regime slip_regime(const StressLimit& limit, double T0, double slip);
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
                     double guess, bool stuck);
 
-// The step of an open one: the bodies pass freely.
+// The step of an open contact: no stress.
 LaneStep open_step(const Forcing& forcing, double dt, double jump_old);
 
 }  // namespace shearbus::physics

@@ -20,7 +20,7 @@ using sdirk2::lanes_out_of_range;
 
 constexpr double kMet = 1e-9;  // relative: how far a stress may be from its limit
 
-// Whether flux leaves every vertex of a lane below melting: an extrapolated profile may be hottest inside.
+// Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
 bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
   for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
     if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
@@ -35,7 +35,7 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
-  double direction;  // of the jump, or of what sets it off
+  double direction;  // of the jump, or the acceleration
   double jump_old;   // along the direction  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // of the first stage  [Pa]
@@ -47,8 +47,8 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
-// First stage: stress and flux at gamma dt, the slip being that at its end. False where the jump turns or stops within
-// the step or the stress has a choice: a kink, which is backward Euler's.
+// First stage: stress and flux at gamma dt, with the slip at the end of the stage. False where the jump reverses or stops
+// within the step or the answer is not unique: such steps are left to backward Euler.
 bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
                  double guess, double& flux) {
   flux = 0.0;
@@ -68,9 +68,9 @@ bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad
   return true;
 }
 
-// Second stage, for the mean stress a of the step, of which the first stage's has the share 1 - gamma:
+// Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
 //   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat is the work taken out of the bodies, as in a backward Euler step.
+// so that the heat is the work solved out of the bodies, as in a backward Euler step.
 bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
                   double& flux) {
   flux = 0.0;
@@ -105,15 +105,15 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
-  std::uint32_t taken = inputs.active;
-  const auto drop = [&](int lane) { taken &= ~(1u << lane); };
+  std::uint32_t solved = inputs.active;
+  const auto drop = [&](int lane) { solved &= ~(1u << lane); };
 
   // 1. First stage: conduction, then stress and flux lane by lane.
   StagedLane lanes[kLanes];
   Material soft[kLanes];
   double early_flux[kLanes] = {};
   conduct(first, n, T_old, T);
-  for (const int l : lanes_of(taken)) {
+  for (const int l : lanes_of(solved)) {
     soft[l] = at_pressure(problem.options.soft, inputs.pressure[l]);
     const double jump = inputs.velocity_jump[l];
     StagedLane& lane = lanes[l];
@@ -131,9 +131,9 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
 
   // 2. Second stage.
   begin_second_stage(second, n, T_old, early_flux, T);
-  taken &= ~lanes_out_of_range(problem, inputs, T_old, T);
+  solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
   double flux[kLanes] = {};
-  for (const int l : lanes_of(taken)) {
+  for (const int l : lanes_of(solved)) {
     const bool found =
         second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
     if (!found || !stays_solid(second, n, l, flux[l], soft[l].melting_temperature, T)) {
@@ -144,21 +144,21 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
 
   add_flux(second, n, flux, T);
 
-  // 3. Lanes it is not for: backward Euler.
-  if (const std::uint32_t fallen_back = inputs.active & ~taken; fallen_back != 0) {
+  // 3. Backward Euler for the other lanes.
+  if (const std::uint32_t fallen_back = inputs.active & ~solved; fallen_back != 0) {
     TileInputs theirs = inputs;
     theirs.active = fallen_back;
     double* fallback = scratch_tile(Scratch::kStages, layout.doubles);
     advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
     for (const int l : lanes_of(fallen_back)) {
       copy_lane(fallback, trial, layout.doubles, l);
-      // A node that stops or rests has no slip to be accurate about.
+      // A node that stops or rests has no slip whose order matters.
       if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }
   }
 
   // 4. Answers.
-  for (const int l : lanes_of(taken)) {
+  for (const int l : lanes_of(solved)) {
     const StagedLane& lane = lanes[l];
     const bool open = inputs.pressure[l] <= 0.0;
     outputs.shear_stress[l] = lane.direction * lane.stress;

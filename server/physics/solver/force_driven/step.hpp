@@ -1,5 +1,5 @@
-// The force-driven step, simplified (server/physics/MODEL.md section 6): DLP (61), (65). The host sends far-field
-// stresses, the interface law finds the slip. No plastic strain at either scale but that of junctions (section 7).
+// The force-driven step, simplified (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65). The host sends far-field
+// stresses, the interface law finds the slip. The only plastic strain is that of junctions (MODEL.md, "Junctions").
 #pragma once
 
 #include <optional>

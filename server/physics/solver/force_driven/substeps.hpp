@@ -1,5 +1,5 @@
-// The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several answers
-// (MODEL.md section 6). Both force-driven solvers use this ladder; a solver gives its own substep.
+// The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers use this ladder; a solver gives its own substep.
 #pragma once
 
 #include <cmath>
@@ -41,8 +41,8 @@ struct LaneStart {
   double* T;            // after conduction over the whole step; after substeps: the new temperatures
 };
 
-// Equal substeps from the old temperatures. `substep(from)` gives the LaneStep after conduction, from the last one. Stops
-// with false at the first substep without a unique answer, unless `accept`.
+// Equal substeps from the old temperatures. `substep(from)` gives the LaneStep after conduction, from the last one.
+// Stops with false at the first substep without a unique answer, unless `accept`.
 template <class Heat, class Substep>
 bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& start, LaneResult& result,
                   const Substep& substep) {

@@ -9,8 +9,8 @@
 
 namespace shearbus::physics {
 
-// The elastic trial, which is the answer of section 5 where nothing yields under it; nothing where the lane heats, is at
-// its Coulomb limit or starts from the yield stress.
+// The elastic trial, which is the answer of the velocity-driven step where nothing yields under it; nothing where the
+// lane heats, is at its Coulomb limit or starts from the yield stress.
 std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                         const TileInputs& inputs, const double* committed,
                                                         const Material& soft, double T0, int lane);

@@ -17,13 +17,13 @@ namespace {
 
 constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
 constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
-constexpr double kBalanced = 1e-8;       // of what the flow must take: what an answer may leave open
-constexpr double kFarAbove = 100.0;      // flow against the trial stress: Newton changes its function here
-constexpr double kLeastGuess = 1e-12;    // of the upper end: a start below it says nothing
-constexpr int kNewtonIterations = 16;    // far more than it takes; from then on every second step bisects
+constexpr double kBalanced = 1e-8;       // largest residual of an answer, relative to the flow
+constexpr double kFarAbove = 100.0;      // flow over the trial stress from which Newton works on logarithms
+constexpr double kLeastGuess = 1e-12;    // of the upper end: a smaller starting stress is no useful guess
+constexpr int kNewtonIterations = 16;    // more than usual; from then on every second step bisects
 constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 
-// What holds the stress where the balance alone would let it be larger.
+// What limits the stress where the balance alone would allow more.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 
 // The balance of one lane in magnitudes along the trial direction:
@@ -34,13 +34,13 @@ struct Lane {
   double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
   double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
   double a = 0.0;                 // iterate, then answer                                       [Pa]
-  Bound bound = Bound::kElastic;  // what `hi` is until F(hi) > 0 has been seen
+  Bound bound = Bound::kElastic;  // meaning of `hi` until F(hi) > 0 has been found
   int hottest = 0;                // vertex that reaches Y_max first
-  bool loaded = false;            // there is something to solve
+  bool loaded = false;            // the trial stress is not 0
   bool hi_seen = false;
   bool done = false;
-  bool closely = false;   // the balance itself must close, whatever Newton's step promises
-  bool at_bound = false;  // the answer is `hi`, held by `bound`
+  bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
+  bool at_bound = false;       // the answer is `hi`, held by `bound`
 };
 
 // The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
@@ -135,22 +135,21 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     }
   }
   if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
-    // Started from just below its bound: whether that is the answer, and what slips beyond it, it must say itself.
+    // The bracket closed at a bound that has not been evaluated: the bound itself comes next.
     const bool unseen_bound = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
     if (unseen_bound) lane.a = lane.hi;
     lane.done = !unseen_bound;
     return;
   }
-  // 2. Newton: on F itself, nearly straight over the strain of one step. Where the flow is beyond all the step could
-  // ask for
-  //    it is a high power of the stress: there on its logarithm, down to what could be asked for.
+  // 2. Newton on F, which is nearly linear over the strain of one step. Where the flow exceeds by far what the step can
+  //    contain it is a high power of the stress: there Newton works on its logarithm.
   double next = -1.0;
   if (flow > 0.0 && lane.a > 0.0) {
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
-    // Very near melting a short step may still be a long way in the flow.
-    const double open = lane.closely ? kBalanced * left : kFlowConverged * lane.a_trial;
+    // Very near melting a small step in stress may be a large one in the flow.
+    const double open = lane.check_balance ? kBalanced * left : kFlowConverged * lane.a_trial;
     if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
@@ -167,8 +166,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   }
 }
 
-// The roots of all lanes together. `sum` and the new strain, which holds the yield thresholds until then, are those
-// under the answers.
+// Finds the roots of all lanes together. Ends with `sum` and the new strain under the answers; strain_new holds the yield
+// thresholds until then.
 void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
                 Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
   flow_thresholds(flow, load, strain_new);
@@ -187,15 +186,15 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // What does not yield under more than every lane's answer does not yield: leave it out from here on.
+    // Vertices that do not yield under more stress than every lane's answer are left out from here on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
 }
 
-// Newton's last step is not looked behind. Where a vertex begins to flow within it, little though that is of the
-// stress, it may be most of the flow: such lanes go on. Whether there are any.
-bool reopen(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
+// Newton's last step is accepted without an evaluation. If a vertex begins to flow within that step the flow may be far
+// off, however small the step: such lanes continue. Returns whether there are any.
+bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
   bool any = false;
   for (int l = 0; l < kLanes; ++l) {
     Lane& lane = lanes[l];
@@ -204,21 +203,21 @@ bool reopen(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
     const double left = lane.a_trial - lane.a;
     if (std::abs(flow - left) <= kBalanced * std::max(flow, left)) continue;
     lane.done = false;
-    lane.closely = true;
+    lane.check_balance = true;
     any = true;
   }
   return any;
 }
 
-// Share of the work that becomes heat in a step shaped so.
+// Fraction of the work that becomes heat: the sum of the shape.
 double heated_share(const Grid& grid, const double* shape) {
   double sum = 0.0;
   for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
   return sum;
 }
 
-// Where the work of the next step becomes heat: where this one's slip was. Of the layer's flow the Taylor-Quinney share
-// does, of the interface's slip all. One lane; a step without slip leaves the shape as it was.
+// Heat shape for the next step: the distribution of this step's slip. The Taylor-Quinney fraction of the work of the
+// layer's flow becomes heat, and all work of the interface's slip. One lane; a step without slip keeps the shape.
 void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
                   double* shape) {
   const Grid& grid = problem.grid;
@@ -275,21 +274,21 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
-  bool loaded = false;  // any lane: else there is no flow to look for
+  bool loaded = false;  // any lane; else nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
-  // An extrapolated profile may bulge.
-  const bool bulges = problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
-  const int candidates = bulges ? grid.num_vertices() : 1;
+  // With a conducting hard body or an extrapolated profile the hottest vertex may lie inside the layer.
+  const bool hottest_inside =
+      problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
+  const int candidates = hottest_inside ? grid.num_vertices() : 1;
 
   // 1. Conduction without friction: DLP (28-35).
   double* T_all = trial + layout.first_temperature();
   if (stage.early_flux == nullptr)
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
-  // 2. Where the step's work becomes heat: at z = 0, or where the layer flowed last (never how much: that is solved
-  // for).
+  // 2. Distribution of the step's heat: at z = 0, or as the layer flowed in the last step. Its amount is solved for.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
@@ -326,7 +325,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens && loaded) {
     find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
-    if (reopen(compliance, sum, lanes)) find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
+    if (resume_unbalanced(compliance, sum, lanes))
+      find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
@@ -339,8 +339,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
   }
 
-  // 6. Slip that neither elasticity nor the flow takes: past the ceiling it goes to the hottest vertex; past mu P it
-  //    is slip of the interface.
+  // 6. Slip in excess of elastic shear and flow: at the ceiling the hottest vertex flows by it; at mu P it is slip of
+  //    the interface.
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];
@@ -359,7 +359,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
-    // Where no root was found there is no number, and so no answer.
+    // Without a root the stress is NaN and the lane fails.
     const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
     const double s = lane.loaded ? lane.direction * found : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}

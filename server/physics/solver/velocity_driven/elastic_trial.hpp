@@ -1,5 +1,5 @@
-// The stress of a velocity-driven layer that only shears elastically (server/physics/MODEL.md section 5): DLP (37),
-// (56). Where it is at rest, and where nothing yields under it, it is the answer.
+// The stress of a velocity-driven layer that only shears elastically (server/physics/MODEL.md, "Velocity-driven step"):
+// DLP (37), (56). Where it is at rest, and where nothing yields under it, it is the answer.
 #pragma once
 
 #include <algorithm>

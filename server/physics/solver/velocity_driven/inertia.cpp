@@ -21,7 +21,7 @@ void scatter(const double* values, int count, double* rows) {
   for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
 }
 
-// An open contact: the layer moves with the soft body, unstressed. So it meets the hard body when it closes.
+// An open contact: the layer moves with the soft body without stress, until the contact closes.
 void open_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l,
                TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;

@@ -1,4 +1,4 @@
-// The velocity-driven step of layers with inertia (MODEL.md section 5b): DLP (36), solved with the rest. The host
+// The velocity-driven step of layers with inertia (MODEL.md, "Layer inertia"): DLP (36), solved with the rest. The host
 // imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic flow find the stress.
 #pragma once
 

@@ -17,21 +17,20 @@ constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;        // relative: the next Newton step is below rounding
 constexpr double kLocallyConverged = 1e-9;  // the same of a return to the yield stress
-constexpr double kNothing = 1e-14;          // a velocity below all that has an effect, in any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;           // of the melting temperature: a rise that no strength feels
-constexpr double kOvershoot = 0.5;          // of the slope along a step: what may be left behind its end
-constexpr double kUndershoot = 0.5;         // of that slope: what may be left before the end of a shortened step
-constexpr double kLeastDescent = 0.25;      // of that slope: twice what the energy loses at least
-constexpr int kLocalSteps = 60;             // of a return: seldom more than three
+constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
+constexpr double kUnfelt = 1e-14;           // of T_melt: a temperature rise without effect on the strength
+constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
+constexpr double kUndershoot = 0.5;         // largest slope before the minimum of a shortened step, likewise
+constexpr double kLeastDescent = 0.25;      // twice the least decrease of the energy, of the initial slope
+constexpr int kLocalSteps = 60;             // of a return; three are usual
 constexpr int kLocalNewtonSteps = 12;       // from then on every second step bisects
-constexpr int kBisections = 200;            // of a number between two others, to rounding
+constexpr int kBisections = 200;            // of an interval, to rounding
 constexpr int kGuardedSteps = 400;          // Newton steps with line search at one flux
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
-// Under the trial stress t = s_old + G0 dt dv/dz a vertex keeps s = R(t): t itself below the yield stress, above it
-//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) at most ceiling g,   x = beta dep / (1 + beta
-//   ep).
+// A vertex with the trial stress t = s_old + G0 dt dv/dz has the stress s = R(t): t below the yield stress, above it
+//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
 // R is odd and its slope lies in [0, 1].
 
 struct ReturnLaw {
@@ -42,7 +41,7 @@ struct ReturnLaw {
   double T_melt;    // [K]
 };
 
-// A value per vertex of what the returns need and give.
+// Inputs and results of the returns, one value per vertex.
 struct ReturnRows {
   alignas(64) Row t;           // trial stress                                    [Pa]
   alignas(64) Row T;           // [K]
@@ -89,7 +88,7 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
       }
       continue;
     }
-    // The balance rises with x, bent downwards: Newton's steps from below stay below.
+    // The balance is concave and increasing in x: Newton's steps from below stay below the root.
     alignas(64) double x[kPacket], excess[kPacket], hardened[kPacket], still[kPacket];
     for (int l = 0; l < kPacket; ++l) {
       const double above = std::abs(t[l]) - yield[l];
@@ -172,7 +171,7 @@ class Waves {
     return fields_.stress[c + 1] - fields_.stress[c] - inertia(c) * (fields_.velocity[c] - velocity_old_[c]);
   }
 
-  // Of the trial stress at z = 0; of none yet, that of the jump, which will make one.
+  // Sign of the trial stress at z = 0, or of the jump while that stress is 0.
   double direction_at_interface() const { return std::copysign(1.0, rows_.t[0] != 0.0 ? rows_.t[0] : step_.jump); }
 
   void set_trial_stress() {
@@ -184,7 +183,7 @@ class Waves {
     }
   }
 
-  // Stresses and slopes at the iterate, T = T_ad + q B with a q that is given.
+  // Stresses and slopes at the iterate, T = T_ad + q B with a given q.
   void evaluate_at(double flux) {
     --evaluations_left_;
     answer_.flux = flux;
@@ -197,7 +196,7 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // The same with the q given, or with that of the stress at z = 0.
+  // The same with a given q, or with the q that the stress at z = 0 makes.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
@@ -217,8 +216,8 @@ class Waves {
     bool held;      // by mu P
   };
 
-  // The return at z = 0 together with the heat it makes: a = R(|t|; T_ad + B q, q = per_stress a). What a vertex
-  // carries falls with its own heating, so there is one root, below melting whatever the trial stress.
+  // The return at z = 0 with its own heating: a = R(|t|; T_ad + B q, q = per_stress a). The strength of a vertex falls
+  // with its own heating, so there is one root, and it lies below melting for any trial stress.
   InterfaceReturn return_at_interface(double per_stress) {
     const double t = std::abs(rows_.t[0]);
     const double rise = per_stress * step_.response[0];
@@ -270,16 +269,16 @@ class Waves {
     return held_or(a, slope);
   }
 
-  // Newton's step on the balance of momentum, residual = 0. Rows are eliminated from the far end without a difference,
-  // so without cancellation, each as
+  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end forms no difference, so
+  // nothing cancels. Row c becomes
   //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
-  // the last term what the heat of the interface's stress does to the others' yield stress.
+  // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {
     ++answer_.iterations;
     double stiffness = 0.0;  // ds/d(dv) of the vertex behind cell c
     double excess = 0.0;     // pivot without the vertex before
-    double heat = 0.0;       // coupling of all behind
-    double pushed = 0.0;     // residual of all behind
+    double heat = 0.0;       // coupling of the rows behind
+    double pushed = 0.0;     // residual of the rows behind
     const double heat_gain = flux_slope_ * gain(0);
     for (int i = num_cells_; i >= 0; --i) {
       const double k = rows_.slope[i] * gain(i);
@@ -316,7 +315,8 @@ class Waves {
     return largest;
   }
 
-  // Against the velocities there are, and those that would make the stresses there are: by a wave, or in one step.
+  // Whether the step is small relative to the velocities, and to the velocities that make stresses as large as the
+  // present ones, by a wave or in one step.
   bool small_step() const {
     const Material& soft = *step_.soft;
     double v = std::abs(step_.jump);
@@ -330,7 +330,7 @@ class Waves {
     return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
   }
 
-  // The slope of the energy below along the direction, after a part of the step.
+  // Slope of the energy (see search()) along the direction, after a part of the step.
   double slope_after(double part, std::optional<double> flux) {
     for (int c = 0; c < num_cells_; ++c) fields_.velocity[c] = start_[c] + part * direction_[c];
     evaluate(flux);
@@ -339,8 +339,8 @@ class Waves {
     return slope;
   }
 
-  // Newton's method with a line search; whether it arrived. The slope of the energy rises along a direction: bisection
-  // finds where it is small. `surely`: each step lowers the energy, which two slopes then have to show.
+  // Newton's method with a line search; returns whether it converged. The slope of the energy increases along a
+  // direction, so bisection finds where it is small. `surely`: two slopes have to prove that each step lowers the energy.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
@@ -352,7 +352,7 @@ class Waves {
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
       double slope = slope_after(1.0, flux);
       if (last) return true;
-      // Where stresses heat, the balance has no energy: then a direction need not be one of descent.
+      // With heating by the stress the balance has no energy, and a direction need not be one of descent.
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;
@@ -372,10 +372,9 @@ class Waves {
   }
 
   // The search that cannot fail. At a given q the step minimises the convex energy
-  //   E(v) = sum rho width/2 (v - v_old)^2 + sum over vertices of the integral of R over the trial stress (times
-  //   const.)
-  // whose gradient is -dt residual: descend() lowers it from anywhere.
-  // Between no heat and melting q - share max(s[0] [V], 0) changes sign.
+  //   E(v) = sum rho width/2 (v - v_old)^2 + const. sum over vertices of the integral of R over the trial stress,
+  // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
+  // function q - share max(s[0] [V], 0) changes sign.
   void search() {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;
@@ -391,16 +390,16 @@ class Waves {
       descend(flux, kGuardedSteps, true);
       (made() > flux ? lo : hi) = flux;
     }
-    evaluate({});  // q and the stress at z = 0 agree to the last digit, however steep the one is in the other
+    evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
   }
 
-  // Plastic strain and slip of the interface from what the stresses leave of the trial stresses.
+  // Plastic strain and interface slip from the difference between trial stress and stress.
   void finish() {
     for (int i = 0; i <= num_cells_; ++i) {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
     }
     if (!held_) return;
-    // At z = 0 the vertex flows as far as mu P makes it, DLP (48); the rest is slip.
+    // Under mu P the vertex at z = 0 flows by DLP (48); the rest of the shear is interface slip.
     const double g = softening(*step_.soft, step_.pressure, rows_.T[0]).g;
     const double left = std::abs(rows_.t[0]) - step_.coulomb;
     double flow = 0.0;

@@ -1,4 +1,4 @@
-// Shear waves in the layer of one node (MODEL.md section 5b): DLP (36-37) with inertia, (42-48) at every vertex.
+// Shear waves in the layer of one node (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
 #pragma once
 
 #include "server/physics/layer/grid.hpp"
@@ -29,7 +29,7 @@ struct WaveStep {
 
 // One node's fields, a value per vertex or cell.
 struct WaveFields {
-  static constexpr int kPacket = 8;  // vertices taken together; rows are whole packets
+  static constexpr int kPacket = 8;  // vertices per SIMD packet; rows are whole packets
   using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
   alignas(64) Row T_ad;           // temperature after the step without friction  [K]
   alignas(64) Row strain;         // ep, old
@@ -41,13 +41,13 @@ struct WaveFields {
 struct WaveAnswer {
   double flux = 0.0;            // q                                      [W/m2]
   double interface_slip = 0.0;  // v[-1], signed                          [m/s]
-  int iterations = 0;           // Newton steps taken
-  bool guarded = false;         // plain Newton did not arrive: bisection in q, line search in v
-  bool found = true;            // or given up: the fields mean nothing
+  int iterations = 0;           // Newton steps
+  bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
+  bool found = true;            // false: stopped early, the fields mean nothing
 };
 
-// Newton on all fields at once; where it has not arrived after `newton_steps`, the search that cannot fail, but may
-// take for ever: it is given up after `evaluations` of the fields' balance.
+// Newton on all fields at once. If Newton has not converged after `newton_steps`, a guarded search follows, which cannot
+// fail but may be long: it stops after `evaluations` of the balance, and `found` is false.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,

@@ -1,4 +1,4 @@
-// The fixed problems of the study: what the host does, and what the answer is.
+// The fixed problems of the studies: a scene, the inputs of a host and a reference solution.
 #pragma once
 
 #include <functional>
@@ -11,7 +11,7 @@
 
 namespace shearbus::study {
 
-// T0 at some times, and what the host was given over the whole run.
+// Results of a run: T0 at some times, and sums over all steps.
 struct Answer {
   std::vector<double> time;         // [s]
   std::vector<double> temperature;  // [K]
@@ -19,7 +19,7 @@ struct Answer {
   double work = 0.0;                // friction work  [J/m2]
 };
 
-// What the host sends in a step that starts at `time`, from what it was answered, for every lane of a tile the same.
+// A host that drives a layer: the same inputs for every lane of a tile, computed from the answers so far.
 class Host {
  public:
   virtual ~Host() = default;
@@ -35,13 +35,13 @@ struct Reference {
   std::string method;
 };
 
-struct Problem {
+struct StudyCase {
   std::string name;
   std::string title;
   v1::Scene scene;  // the layer's grid and methods are what is swept
   double end;       // [s]
-  std::unique_ptr<Host> (*host)(const Problem&, double dt);
-  Reference (*reference)(const Problem&);
+  std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
+  Reference (*reference)(const StudyCase&);
   double velocity_jump = 100.0;  // [m/s]
   double pressure = 11.2e9;      // [Pa]
   double mass = 1.0;             // of each side  [kg/m2]
@@ -50,7 +50,7 @@ struct Problem {
 
 inline constexpr int kSamples = 10;  // of T0 in a run: every tenth of it
 
-std::vector<Problem> fixed_problems();
-Problem problem_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end);
+std::vector<StudyCase> fixed_cases();
+StudyCase case_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end);
 
 }  // namespace shearbus::study
