@@ -54,7 +54,7 @@ TEST(Histogram, EveryDurationFallsIntoTheBucketOfItsPowerOfTwo) {
     service::Histogram histogram;
     EXPECT_TRUE(histogram.empty());
     histogram.add(ns);
-    const wire::Histogram told = histogram.told("x");
+    const wire::Histogram told = histogram.on_wire("x");
     ASSERT_EQ(told.counts.size(), service::Histogram::kBuckets);
     EXPECT_EQ(told.counts[bucket], 1u) << ns;
     EXPECT_EQ(told.sum_ns, ns);
