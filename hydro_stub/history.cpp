@@ -43,7 +43,7 @@ std::vector<std::uint64_t> node_ids(std::size_t columns) {
   return ids;
 }
 
-History::History(const std::filesystem::path& file, const Problem& problem, const ShearColumn& column,
+History::History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
                  const std::string& scene, const std::string& law)
     : writer_(
           file, node_ids(problem.columns), rows(),

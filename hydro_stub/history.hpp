@@ -14,7 +14,7 @@ namespace shearbus::hydro {
 class History {
  public:
   // `scene` is the effective scene as TOML, `law` the name of the interface law.
-  History(const std::filesystem::path& file, const Problem& problem, const ShearColumn& column,
+  History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
           const std::string& scene, const std::string& law);
 
   void record(const ShearColumn& column);

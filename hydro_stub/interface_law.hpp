@@ -58,7 +58,7 @@ struct InterfaceAnswer {
   std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
   wire::EnergyTotals energy;                  // of the layers in the step; empty: of laws without layers
-  std::uint64_t flagged = 0;  // nodes whose answer came with a remark (substepped, several roots, failed)
+  std::uint64_t flagged = 0;                  // nodes whose answer has a flag (substepped, several roots, failed)
 };
 
 // Run time of a law by cause. A law that computes in place spends all of it in the solver.

@@ -1,4 +1,4 @@
-// shearbus-hydro: scene -> problem and interface law -> run -> results.
+// shearbus-hydro: makes problem and interface law of a scene, runs it and writes the results.
 #include <fmt/format.h>
 
 #include <cctype>
@@ -72,7 +72,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   server.address.endpoint = run.server;
   if (!options.check) {
     if (from == nullptr) make_room_for_dumps(run.out);
-    // A server in this process outlives it by its journal, beside the dumps.
+    // A server in this process keeps its journal next to the dumps, so that its sessions outlive the process.
     const bool subgrid = scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID;
     if (subgrid && run.server.empty() && (from != nullptr || run.dumps.wanted()))
       server.state_dir = server_directory(run.out);
@@ -98,7 +98,7 @@ void carry_out(const Options& options, SceneFile& file) {
                        .text = "runs of shear_column write no restart dumps, problems in two dimensions do",
                        .remedy = "leave out --dump-every and --dump-interval",
                        .field = "hydro.shear_column"});
-  const Problem problem = make_problem(scene);
+  const ColumnProblem problem = make_problem(scene);
   if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =
       make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,

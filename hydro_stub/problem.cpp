@@ -72,7 +72,7 @@ BodyMesh mesh_of(const physics::Material& material, std::size_t columns, guest::
 }
 
 // The hard body's zones take the soft zones' wave transit time, as many as fit best into the same length.
-void mesh_bodies(const guest::ShearColumn& column, Problem& problem) {
+void mesh_bodies(const guest::ShearColumn& column, ColumnProblem& problem) {
   problem.soft.zones = column.zones();
   problem.soft.zone_width = column.length_m() / column.zones();
   problem.hard.zone_width = problem.soft.transit_time() * problem.hard.wave_speed();
@@ -80,7 +80,7 @@ void mesh_bodies(const guest::ShearColumn& column, Problem& problem) {
   problem.hard.zones = std::max<std::size_t>(2, static_cast<std::size_t>(fit));
 }
 
-void choose_steps(const guest::Hydro& hydro, Problem& problem) {
+void choose_steps(const guest::Hydro& hydro, ColumnProblem& problem) {
   const double transit = problem.soft.transit_time();
   const double limit = hydro.cfl() * transit;
   problem.dt = hydro.has_dt_s() ? hydro.dt_s() : limit;
@@ -108,13 +108,13 @@ void choose_steps(const guest::Hydro& hydro, Problem& problem) {
 
 }  // namespace
 
-Problem make_problem(const guest::HydroScene& scene) {
+ColumnProblem make_problem(const guest::HydroScene& scene) {
   if (!scene.has_hydro()) refuse("hydro", "the scene has no [hydro] table", "add [hydro] and [hydro.shear_column]");
   if (!scene.hydro().has_shear_column())
     refuse("hydro.shear_column", "[hydro] names no problem", "add [hydro.shear_column]");
   const guest::ShearColumn& column = scene.hydro().shear_column();
 
-  Problem problem;
+  ColumnProblem problem;
   problem.name = scene.scene().name();
   Columns columns = columns_of(column, scene.scene().layer().initial_temperature_k());
   problem.columns = columns.count;

@@ -28,7 +28,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 // The scene as it was run: constants and step filled in.
-guest::HydroScene effective_scene(guest::HydroScene scene, const Problem& problem) {
+guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& problem) {
   scene::set_numbers(physics::constants_of(problem.soft_material), *scene.mutable_scene()->mutable_soft());
   scene::set_numbers(physics::constants_of(problem.hard_material), *scene.mutable_scene()->mutable_hard());
   scene.mutable_hydro()->set_dt_s(problem.dt);
@@ -79,8 +79,8 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
   return law;
 }
 
-void run(const guest::HydroScene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
-         bool progress) {
+void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
+         const std::filesystem::path& out, bool progress) {
   std::filesystem::create_directories(out);
   const std::string law_name = name(scene.hydro().interface_law());
   ShearColumn column(problem);

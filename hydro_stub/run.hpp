@@ -22,8 +22,8 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
 
 // Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
 // std::exception; then no file has the name of a complete result.
-void run(const guest::HydroScene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
-         bool progress);
+void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
+         const std::filesystem::path& out, bool progress);
 
 // Draw the results in `out` with plot_histories.py or plot_cone.py. Throw std::runtime_error if that fails.
 void plot(const std::filesystem::path& out);

@@ -8,7 +8,7 @@
 
 namespace shearbus::hydro {
 
-ShearColumn::ShearColumn(const Problem& problem)
+ShearColumn::ShearColumn(const ColumnProblem& problem)
     : dt_(problem.dt),
       pressure_(problem.pressure),
       soft_(problem.soft, problem.initial_jump),

@@ -12,7 +12,7 @@ namespace shearbus::hydro {
 
 class ShearColumn {
  public:
-  explicit ShearColumn(const Problem& problem);
+  explicit ShearColumn(const ColumnProblem& problem);
 
   // Advances all columns by one step. inputs() and answer() stay valid until the next step.
   void advance(InterfaceLaw& law);

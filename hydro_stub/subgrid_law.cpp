@@ -36,7 +36,7 @@ std::optional<server::Embedded> embed(const SubgridServer& server) {
   return std::optional<server::Embedded>(std::in_place, options);
 }
 
-// Books what a stretch of the host's thread takes.
+// Adds its lifetime on the host's thread to the law's run time.
 class Stopwatch {
  public:
   explicit Stopwatch(LawTime& time) : time_(time) {}
@@ -58,7 +58,7 @@ class Stopwatch {
   std::chrono::nanoseconds cpu_ = thread_cpu();
 };
 
-// What was kept, as a line of text: MARK SESSION TOKEN, the ids in hexadecimal.
+// The saved state as a line of text: MARK SESSION TOKEN, with ids in hexadecimal.
 template <std::size_t kSize>
 std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
   return fmt::format("{:02x}", fmt::join(bytes, ""));
@@ -95,8 +95,7 @@ void copy(std::span<const double> from, std::span<double> to) {
 
 }  // namespace
 
-// Members are made top-down and end bottom-up: the session says goodbye before its client goes, the client before its
-// server.
+// The order of the members matters: the session is destroyed before its client, the client before its server.
 struct SubgridLaw::Impl {
   Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
       : embedded(embed(where)),
@@ -119,16 +118,16 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_soft_plastic_strain_rate;  // of hosts that compute it
-  Batch request;                        // filled anew each step
+  bool wants_soft_plastic_strain_rate;  // until the request has that column
+  Batch request;                        // columns of a step
   std::string server;
   bool outlives_process;
   LawTime time;
-  const InterfaceInputs* asked = nullptr;  // of the step under way
+  const InterfaceInputs* asked = nullptr;  // inputs of the present step
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
-  wire::SessionClosed totals;  // once it is closed
+  wire::SessionClosed totals;  // set by close()
 };
 
 std::string explain(const SceneText& scene, std::size_t nodes) {
@@ -141,7 +140,7 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
         return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
-// The mark is set anew: of those the server keeps it is now the newest, so that the next one cannot push it out.
+// Marks the restored state again, so that it is the newest mark and the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });

@@ -27,7 +27,7 @@ double relative(double residual, double magnitude) {
 
 }  // namespace
 
-Summary::Summary(const Problem& problem, std::string interface_law)
+Summary::Summary(const ColumnProblem& problem, std::string interface_law)
     : name_(problem.name),
       interface_law_(std::move(interface_law)),
       columns_(problem.columns),

@@ -24,7 +24,7 @@ struct RunTime {
 
 class Summary {
  public:
-  Summary(const Problem& problem, std::string interface_law);
+  Summary(const ColumnProblem& problem, std::string interface_law);
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);

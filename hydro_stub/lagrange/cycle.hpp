@@ -111,7 +111,7 @@ class Cycle {
   Contact contact_;
   hydro::InterfaceLaw* law_;
   TimeStep step_;
-  TimeStep unshortened_;  // the same before the end time cut it: what the next may grow from
+  TimeStep unshortened_;  // the last step before the end time shortened it, from which the next may grow
   std::uint64_t steps_ = 0;
   std::uint64_t rejected_ = 0;
   Vec2 impulse_given_;

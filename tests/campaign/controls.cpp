@@ -20,7 +20,7 @@ constexpr double kPressure = 11.2e9;  // [Pa]
 // A solver of lane 0 that replaces the model's step of the rig.
 using Solver = std::function<void(Rig&, double dt)>;
 
-struct Problem {
+struct ControlCase {
   std::string name, what;
   ModelOptions options;
   double dt = 1e-9;  // [s]
@@ -228,39 +228,39 @@ Solver crank_nicolson() {
 
 // ---- Checks ----
 
-ControlOutcome judge(const Problem& problem, bool model) {
+ControlOutcome outcome_of(const ControlCase& control, bool model) {
   ControlOutcome outcome;
-  outcome.name = problem.name;
-  outcome.what = problem.what;
-  Rig rig(problem.options, 1);
+  outcome.name = control.name;
+  outcome.what = control.what;
+  Rig rig(control.options, 1);
   double T[kLanes];
-  std::fill_n(T, kLanes, problem.start);
+  std::fill_n(T, kLanes, control.start);
   rig.start(T);
-  rig.set_all(problem.jump, kPressure);
+  rig.set_all(control.jump, kPressure);
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = problem.mass;
+    rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = control.mass;
   }
   Ringing ringing;
   Figures figures;
   double last[3] = {};
-  for (; outcome.steps < problem.steps; ++outcome.steps) {
-    if (problem.closed_loop && outcome.steps > 0) rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
-    if (problem.pulse && outcome.steps > 0) rig.inputs.velocity_jump[0] = 0.0;
-    rig.inputs.stress_soft[0] = problem.stress_soft * (1.0 + problem.stress_growth * outcome.steps);
+  for (; outcome.steps < control.steps; ++outcome.steps) {
+    if (control.closed_loop && outcome.steps > 0) rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
+    if (control.pulse && outcome.steps > 0) rig.inputs.velocity_jump[0] = 0.0;
+    rig.inputs.stress_soft[0] = control.stress_soft * (1.0 + control.stress_growth * outcome.steps);
     if (model) {
-      rig.step(problem.dt);
+      rig.step(control.dt);
     } else {
-      problem.solver(rig, problem.dt);
+      control.solver(rig, control.dt);
     }
     try {
-      require_invariants(rig, 0, problem.dt, figures);
+      require_invariants(rig, 0, control.dt, figures);
     } catch (const Broken& broken) {
       if (outcome.broken++ == 0) outcome.first = fmt::format("step {}: {}", outcome.steps, broken.what());
     }
-    const Answered a = answered(rig, 0, problem.dt);
+    const Answered a = answered(rig, 0, control.dt);
     outcome.hottest = std::max(outcome.hottest, a.T0);
-    const double value = problem.ringing_of(a);
-    ringing.see(value, problem.size);
+    const double value = control.ringing_of(a);
+    ringing.see(value, control.size);
     last[0] = last[1];
     last[1] = last[2];
     last[2] = value;
@@ -272,7 +272,7 @@ ControlOutcome judge(const Problem& problem, bool model) {
   return outcome;
 }
 
-std::vector<Problem> problems() {
+std::vector<ControlCase> control_cases() {
   const ModelOptions velocity = graded(paper_options(Strategy::kVelocityDriven));
   const ModelOptions force = graded(paper_options(Strategy::kForceDriven));
   ModelOptions coulomb = force;
@@ -352,8 +352,8 @@ std::vector<Problem> problems() {
 
 std::vector<Control> run_controls() {
   std::vector<Control> controls;
-  for (const Problem& problem : problems()) {
-    controls.push_back({judge(problem, false), judge(problem, true), problem.must_ring});
+  for (const ControlCase& control : control_cases()) {
+    controls.push_back({outcome_of(control, false), outcome_of(control, true), control.must_ring});
   }
   return controls;
 }

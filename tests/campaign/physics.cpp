@@ -1,9 +1,53 @@
-// The physics that the campaign runs on.
+// The physics that the campaign runs on: chosen combinations, and every row of the table of parts and every law that
+// they leave out.
+#include <algorithm>
+#include <functional>
+#include <string>
+
 #include "tests/campaign/campaign.hpp"
+#include "tests/support/combinations.hpp"
 
 namespace shearbus::study::stability {
 
 using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs
+
+namespace {
+
+// Adds every option of the table and every law that no physics of a strategy has yet, alone or with what it needs.
+void add_missing(const std::function<ModelOptions(Strategy)>& base, std::vector<Physics>& all) {
+  const std::vector<Item> list = items();
+  for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven})
+    for (const Item& item : list) {
+      ModelOptions alone = base(strategy);
+      item.apply(alone);
+      const auto has = [&](const Physics& physics) {
+        const ModelOptions& o = physics.options;
+        if (o.strategy != strategy) return false;
+        if (item.kind == Kind::kFlowLaw) return o.soft.flow_law == alone.soft.flow_law;
+        if (item.kind == Kind::kFrictionLaw) return o.interface.friction_law == alone.interface.friction_law;
+        for (const Part& part : parts())
+          if (part.key == item.name && part.set != nullptr) return part.is_on(o);
+        return false;
+      };
+      if (std::any_of(all.begin(), all.end(), has)) continue;
+      for (std::size_t companion = 0; companion <= list.size(); ++companion) {
+        ModelOptions options = base(strategy);
+        if (item.kind == Kind::kFrictionLaw) options.interface.friction_coefficient = 0.02;
+        item.apply(options);
+        std::string name = (strategy == Strategy::kForceDriven ? "force, " : "velocity, ") + item.name;
+        if (companion > 0) {
+          list[companion - 1].apply(options);
+          name += " with " + list[companion - 1].name;
+        }
+        if (options.tolerance) options = discretised(options, 1e-2);
+        if (!refusals(options).empty() || !has({name, options})) continue;
+        all.push_back({name, options});
+        break;
+      }
+    }
+}
+
+}  // namespace
 
 std::vector<Physics> all_physics() {
   const auto base = [](Strategy strategy) {
@@ -66,39 +110,41 @@ std::vector<Physics> all_physics() {
     return o;
   };
 
-  return {{"layer shear", velocity},
-          {"interface slip", interface_slip},
-          {"Coulomb limit", friction},
-          {"two-sided", two_sided(velocity)},
-          {"plastic heating", plastic_heating},
-          {"inertia", inertia},
-          {"inertia, Coulomb, T_melt(P)", waves_and_friction},
-          {"T_melt(P), compressed", under_pressure(velocity)},
-          {"Johnson-Cook", johnson_cook(velocity)},
-          {"two components", in_two_directions(velocity)},
-          {"second order", second_order(velocity)},
-          {"tolerance", to_a_tolerance(velocity)},
-          {"Johnson-Cook, tolerance", to_a_tolerance(johnson_cook(velocity))},
-          {"sleep", sleeping(velocity)},
-          {"force-driven", force},
-          {"force, insulated", insulated},
-          {"force, plastic layer", plastic_layer},
-          {"force, junctions", junctions},
-          {"force, weakening", weakening},
-          {"force, two-sided", two_sided(force)},
-          {"force, T_melt(P), plastic layer", under_pressure(plastic_layer)},
-          {"force, Johnson-Cook", johnson_cook(force)},
-          {"force, Johnson-Cook, plastic layer", johnson_cook(plastic_layer)},
-          {"force, second order", second_order(force)},
-          {"force, modes", modes},
-          {"force, modes of a slab, 2nd order", second_order(slab_modes)},
-          {"force, two components", in_two_directions(force)},
-          {"force, tolerance", to_a_tolerance(force)},
-          {"force, two-sided, tolerance", to_a_tolerance(two_sided(force))},
-          {"force, sleep", sleeping(force)},
-          {"force, two-sided, sleep", sleeping(two_sided(force))},
-          {"force, plastic layer, sleep", sleeping(plastic_layer)},
-          {"force, all of it", in_two_directions(two_sided(under_pressure(plastic_layer)))}};
+  std::vector<Physics> all = {{"layer shear", velocity},
+                              {"interface slip", interface_slip},
+                              {"Coulomb limit", friction},
+                              {"two-sided", two_sided(velocity)},
+                              {"plastic heating", plastic_heating},
+                              {"inertia", inertia},
+                              {"inertia, Coulomb, T_melt(P)", waves_and_friction},
+                              {"T_melt(P), compressed", under_pressure(velocity)},
+                              {"Johnson-Cook", johnson_cook(velocity)},
+                              {"two components", in_two_directions(velocity)},
+                              {"second order", second_order(velocity)},
+                              {"tolerance", to_a_tolerance(velocity)},
+                              {"Johnson-Cook, tolerance", to_a_tolerance(johnson_cook(velocity))},
+                              {"sleep", sleeping(velocity)},
+                              {"force-driven", force},
+                              {"force, insulated", insulated},
+                              {"force, plastic layer", plastic_layer},
+                              {"force, junctions", junctions},
+                              {"force, weakening", weakening},
+                              {"force, two-sided", two_sided(force)},
+                              {"force, T_melt(P), plastic layer", under_pressure(plastic_layer)},
+                              {"force, Johnson-Cook", johnson_cook(force)},
+                              {"force, Johnson-Cook, plastic layer", johnson_cook(plastic_layer)},
+                              {"force, second order", second_order(force)},
+                              {"force, modes", modes},
+                              {"force, modes of a slab, 2nd order", second_order(slab_modes)},
+                              {"force, two components", in_two_directions(force)},
+                              {"force, tolerance", to_a_tolerance(force)},
+                              {"force, two-sided, tolerance", to_a_tolerance(two_sided(force))},
+                              {"force, sleep", sleeping(force)},
+                              {"force, two-sided, sleep", sleeping(two_sided(force))},
+                              {"force, plastic layer, sleep", sleeping(plastic_layer)},
+                              {"force, all of it", in_two_directions(two_sided(under_pressure(plastic_layer)))}};
+  add_missing(base, all);
+  return all;
 }
 
 }  // namespace shearbus::study::stability

@@ -80,7 +80,7 @@ Told host_of(const guest::HydroScene& scene) {
     host.dt = courant * width / std::max(speed(soft), speed(hard));
   };
   if (scene.hydro().has_shear_column()) {
-    const hydro::Problem problem = hydro::make_problem(scene);
+    const hydro::ColumnProblem problem = hydro::make_problem(scene);
     host = {.pressure = *std::ranges::max_element(scene.hydro().shear_column().pressure_pa()),
             .half_zone_soft = 0.5 * problem.soft.zone_width,
             .half_zone_hard = 0.5 * problem.hard.zone_width,

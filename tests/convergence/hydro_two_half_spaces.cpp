@@ -49,7 +49,7 @@ std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
   column.set_zones(static_cast<std::uint32_t>(std::lround(shipped_zones / zone_ns)));
   scene.mutable_hydro()->set_cfl(dt_ns / zone_ns);
   scene.mutable_hydro()->set_end_time_s(kEnd);
-  const hydro::Problem problem = hydro::make_problem(scene);
+  const hydro::ColumnProblem problem = hydro::make_problem(scene);
   hydro::SubgridLaw law({scene::to_toml(scene.scene()), "scene"}, hydro::node_ids(problem.columns),
                         problem.initial_temperature);
   hydro::ShearColumn bodies(problem);

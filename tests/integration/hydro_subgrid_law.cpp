@@ -47,13 +47,13 @@ pressure_pa = [11.2e9, 11.2e9, 11.2e9, 11.2e9, 11.2e9, 2e9, 0.3e9, 1e9, 11.2e9, 
                             "coupled.toml");
 }
 
-hydro::SubgridLaw embedded(const hydro::SceneFile& of, const hydro::Problem& problem) {
+hydro::SubgridLaw embedded(const hydro::SceneFile& of, const hydro::ColumnProblem& problem) {
   return {{of.server_text(), of.document.file}, hydro::node_ids(problem.columns), problem.initial_temperature};
 }
 
 TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
   const hydro::SceneFile of = scene();
-  const hydro::Problem problem = hydro::make_problem(of.scene);
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   hydro::SubgridLaw law = embedded(of, problem);
   test::DirectLaw direct(
       {.strategy = physics::Strategy::kForceDriven,
@@ -80,7 +80,7 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
 // The answer's jump is what both sides' own momentum equations leave with the answer's stress, DLP (61).
 TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
   const hydro::SceneFile of = scene();
-  const hydro::Problem problem = hydro::make_problem(of.scene);
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   hydro::SubgridLaw law = embedded(of, problem);
   ShearColumn column(problem);
   std::size_t regimes = 0;
@@ -101,7 +101,7 @@ TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
 TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
   for (const char* end : {"free", "transmitting"}) {
     const hydro::SceneFile of = scene(end);
-    const hydro::Problem problem = hydro::make_problem(of.scene);
+    const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
     hydro::SubgridLaw law = embedded(of, problem);
     ShearColumn column(problem);
     std::vector<double> heat(problem.columns, 0.0);
@@ -131,7 +131,7 @@ TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
 
 TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
   const hydro::SceneFile of = scene();
-  const hydro::Problem problem = hydro::make_problem(of.scene);
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   hydro::SubgridLaw law = embedded(of, problem);
   ShearColumn column(problem);
   std::vector<double> previous = problem.initial_jump;
@@ -152,7 +152,7 @@ TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
 
 TEST(SubgridLaw, RefusalOfTheServerNamesTheField) {
   hydro::SceneFile of = scene();
-  const hydro::Problem problem = hydro::make_problem(of.scene);
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   of.soft.material = "unobtainium";
   try {
     embedded(of, problem);

@@ -17,7 +17,7 @@ struct CommandOptions {
   bool plot = true;
 };
 
-// Adds the subcommand `name` with these options; `scene` says what a scene is taken for.
+// Adds the subcommand `name` with these options; `scene` is the help text of the argument SCENE.
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options);
 

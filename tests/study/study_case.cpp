@@ -28,7 +28,7 @@ void set_all(double (&lanes)[kLanes], double value) {
   std::fill_n(lanes, kLanes, value);
 }
 
-// The jump is imposed: velocity-driven, or by bodies too heavy to feel the friction.
+// An imposed jump: velocity-driven, or with bodies so heavy that friction does not change it.
 class ImposedJump : public Host {
  public:
   explicit ImposedJump(const StudyCase& study_case) : case_(study_case) {}
@@ -52,8 +52,8 @@ test::HalfSpaces volterra_of(const StudyCase& study_case) {
 }
 
 // Two elastic half-spaces in a leapfrog at unit Courant number, where it is exact: half a zone has the mass Z dt/2, and
-// the zones hold what the waves have taken so far, so that [V]mid = V0 - s (1/Z_soft + 1/Z_hard). The first contact has
-// sent its waves out already.
+// the zones hold the stress of the waves emitted so far, so that [V]mid = V0 - s (1/Z_soft + 1/Z_hard). The waves of
+// the first contact have left before the first step.
 class HalfSpaces : public Host {
  public:
   HalfSpaces(const StudyCase& study_case, double) : pair_(volterra_of(study_case)) {
@@ -77,7 +77,7 @@ class HalfSpaces : public Host {
   double jump_;
 };
 
-// Two plates pulled to and fro: they slide, turn, stick and slide the other way.
+// Two plates under an alternating pull: they slide, stop, stick and slide in the other direction.
 class Shaken : public Host {
  public:
   Shaken(const StudyCase& study_case, double) : case_(study_case) {}
@@ -111,7 +111,7 @@ Reference constant_flux_reference(const StudyCase& study_case) {
           "exact: 2 q sqrt(alpha t / pi) / k"};
 }
 
-// Value on ever finer grids, errors h^2 and h^3: their limit, and what the last extrapolation still changed.
+// Extrapolates three grids with errors h^2 and h^3: the limit, and the change by the last extrapolation.
 struct Limit {
   double value, change;
 };
@@ -133,8 +133,8 @@ Integrals integrals_of(const std::vector<test::HalfSpaceState>& states) {
   return sum;
 }
 
-// The Volterra equation by product integration on three grids, extrapolated at the nodes of the coarsest; between them,
-// smooth in sqrt(t), the cubic through four.
+// Solves the Volterra equation by product integration on three grids and extrapolates at the nodes of the coarsest;
+// cubic interpolation in sqrt(t) between them.
 template <class Solve>
 Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
   constexpr int kCoarse = 400;
@@ -173,7 +173,7 @@ Reference half_spaces_reference(const StudyCase& study_case) {
   return from_volterra(study_case, [&](int n) { return test::solve_two_half_spaces(pair, study_case.end, n); });
 }
 Reference extrapolated(const StudyCase&) {
-  return {};  // nothing is known: made by extrapolation
+  return {};  // no exact solution: the caller extrapolates
 }
 
 template <class H>

@@ -18,11 +18,11 @@ constexpr double kQuickRequests[] = {1e-2, 1e-4};
 constexpr int kSteps[] = {10, 100, 1000};
 constexpr int kQuickSteps[] = {20};
 
-// How finely a reference is solved.
+// Resolution of a reference.
 struct Fineness {
-  int substeps;     // of a whole run
-  int cells;        // where there are some: matched to the half-space, the first a few atoms wide
-  double accuracy;  // of modes
+  int substeps;     // number of substeps of the whole run
+  int cells;        // if the model has cells: matched to the half-space, the first a few atoms wide
+  double accuracy;  // accuracy of the modes
 };
 constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
 constexpr int kQuickCoarser = 4;
@@ -60,8 +60,8 @@ Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fine
   return answer;
 }
 
-// A host that takes part in the answer makes an error of its own, which no layer can mend: there the layer is held
-// against a finer one in the same steps of the host. That says how sure it is of itself, too.
+// A host that reacts to the answer has an error of its own, which the layer cannot reduce. Its layer is compared with a
+// finer layer in the same steps of the host; a second resolution gives the uncertainty.
 Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   StudyCase strict = study_case;
   strict.scene = scene_with(study_case, {.tolerance = kRequests[std::size(kRequests) - 1]});

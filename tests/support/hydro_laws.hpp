@@ -14,9 +14,9 @@ inline constexpr double kBonded = std::numeric_limits<double>::infinity();
 
 // The elastic constants of the paper's pair of metals (server/physics/METHODS.md, "Catalog"); dt is the transit time of
 // a zone.
-inline hydro::Problem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
-                                         double courant = 1.0) {
-  hydro::Problem problem;
+inline hydro::ColumnProblem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
+                                               double courant = 1.0) {
+  hydro::ColumnProblem problem;
   problem.name = "aluminium_on_steel";
   problem.columns = jumps.size();
   problem.soft = {.columns = jumps.size(),

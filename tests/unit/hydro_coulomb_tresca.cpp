@@ -59,7 +59,7 @@ struct Plates {
   }
   hydro::CoulombTrescaLaw law() const { return {wire::CoulombTresca{}, soft, hard, problem.initial_temperature}; }
 
-  hydro::Problem problem;
+  hydro::ColumnProblem problem;
   physics::Material soft, hard;
 };
 

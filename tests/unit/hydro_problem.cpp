@@ -23,14 +23,14 @@ guest::HydroScene scene_with(const std::string& lists) {
 }
 
 TEST(HydroProblem, PairedListsMakeOneColumnPerEntry) {
-  const Problem problem = make_problem(scene_with("velocity_jump_m_per_s = [10, 20]\npressure_pa = 1e9\n"));
+  const ColumnProblem problem = make_problem(scene_with("velocity_jump_m_per_s = [10, 20]\npressure_pa = 1e9\n"));
   EXPECT_EQ(problem.columns, 2U);
   EXPECT_THAT(problem.initial_jump, ElementsAre(10.0, 20.0));
   EXPECT_THAT(problem.initial_temperature, ElementsAre(300.0, 300.0));
 }
 
 TEST(HydroProblem, CombinedListsMakeEveryCombination) {
-  const Problem problem = make_problem(
+  const ColumnProblem problem = make_problem(
       scene_with("lists = \"combined\"\nvelocity_jump_m_per_s = [10, 20]\ninitial_temperature_k = [300, 400]\n"
                  "pressure_pa = [1e9, 2e9, 3e9]\n"));
   EXPECT_EQ(problem.columns, 12U);

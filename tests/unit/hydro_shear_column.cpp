@@ -35,7 +35,7 @@ TEST(ShearColumn, ConstantFrictionGivesTheExactJumpFromTheFirstInstant) {
 
 // A plate with a free back: the face loses 2 s / Z at every return of the wave.
 TEST(ShearColumn, FinitePlateSlowsByTwiceTheWaveAtEveryReturn) {
-  hydro::Problem problem = aluminium_on_steel({100.0}, 200);
+  hydro::ColumnProblem problem = aluminium_on_steel({100.0}, 200);
   problem.soft.far_end = wire::FarEnd::kFree;
   ShearColumn column(problem);
   ConstantFrictionLaw law(50e6);
@@ -120,7 +120,7 @@ class RandomTraction : public hydro::InterfaceLaw {
 TEST(ShearColumn, LedgersCloseToRoundingForAnyLaw) {
   for (const double courant : {1.0, 0.9, 0.4}) {
     for (const wire::FarEnd end : {wire::FarEnd::kFree, wire::FarEnd::kTransmitting}) {
-      hydro::Problem problem = aluminium_on_steel({100.0, 20.0, -400.0}, 60, 2e-3, courant);
+      hydro::ColumnProblem problem = aluminium_on_steel({100.0, 20.0, -400.0}, 60, 2e-3, courant);
       problem.soft.far_end = end;
       problem.hard.far_end = end;
       RandomTraction random;
@@ -143,7 +143,7 @@ TEST(ShearColumn, LedgersCloseToRoundingForAnyLaw) {
 
 // A free plate set into its second standing wave, V = A cos(2 pi z / L), comes back after L / c.
 double standing_wave_error(std::size_t zones, double courant) {
-  hydro::Problem problem = aluminium_on_steel({0.0}, zones, 2e-3, courant);
+  hydro::ColumnProblem problem = aluminium_on_steel({0.0}, zones, 2e-3, courant);
   problem.soft.far_end = wire::FarEnd::kFree;
   ShearColumn column(problem);
   ConstantFrictionLaw law(test::kFreeSlip);

@@ -97,7 +97,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   const double compliance = kSqrt3 * soft.shear_modulus / h;
   const auto balance = [&](double a) { return a - std::abs(trial) + (a > 0.0 ? compliance * slip(a) : 0.0); };
 
-  // The three things that can hold the stress: the flow of the layer, Y_max at the hottest vertex, mu P.
+  // Three limits can hold the stress: the flow of the layer, Y_max at the hottest vertex, and mu P.
   const double flowing = bisect(balance, 0.0, std::abs(trial) * 2.0);
   const auto weakest_g = [&](double a) {
     double g = std::numeric_limits<double>::infinity();
@@ -179,8 +179,8 @@ struct InterfaceLaw {
   }
 };
 
-// SDIRK2 of a node that slips one way from the start to the end of the step, with the stresses s1 and s2 of its stages;
-// nothing where it does not.
+// SDIRK2 of a node that slips in one direction from the start to the end of the step; s1 and s2 are the stresses of its
+// stages. Returns false, with the state unchanged, for any other step.
 bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
                          NodeOutputs& out) {
   const InterfaceLaw law{options, in.pressure};
@@ -304,8 +304,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = 0.5 * (in.velocity_jump + jump_free);
     out.velocity_jump_new = jump_free;
   } else {
-    // Every stress between none and the one that sticks at which what the interface carries is what it is asked to
-    // carry.
+    // All roots: every stress between 0 and the sticking stress that equals the stress the interface carries.
     const double a_stick = std::abs(jump_free) / per_stress;
     const double most = yield(T_ad[0], slip(0.0));
     const double end = std::min(a_stick, weakens ? most : std::min(coulomb(0.0), most));
@@ -320,7 +319,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, met without heating
+    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, reached without heating
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
     const bool stick = can_stick && (rests || slips.empty());

@@ -107,7 +107,7 @@ void Host::register_some() {
     } else {
       ids.push_back(ledger_.next_id++);
     }
-  if (world_.chance(10) && !ledger_.nodes.empty()) ids.push_back(*ledger_.nodes.begin());  // somebody has it
+  if (world_.chance(10) && !ledger_.nodes.empty()) ids.push_back(*ledger_.nodes.begin());  // an id that is in use
   if (both([&] { return session_.register_nodes(ids), 0; }, [&] { reference_.register_nodes(ids); }) == Code::kOk)
     ledger_.add(ids);
 }

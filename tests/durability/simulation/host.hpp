@@ -56,7 +56,7 @@ class Host {
 
   std::vector<std::uint64_t> some_nodes();
 
-  // The code of the call, which must be the reference's.
+  // Makes the call on both sessions; its code must be equal. Returns the code.
   template <typename Call, typename Expected>
   Code both(const Call& call, const Expected& expected) {
     const auto code_of = [](const auto& made) {
@@ -81,13 +81,13 @@ class Host {
   void accept_one();
 
   void mark();
-  // To one of the last marks, which may be gone, or have nodes that somebody else has now.
+  // Rolls back to one of the last marks, which may be deleted or have nodes that another host owns now.
   void go_back();
 
   void ask_nonsense();
 
-  // The client is gone right after it has sent a request; its successor is told whether that was run, and nothing that
-  // the dead one sent is run from then on. Nodes it had offered are not lost with it.
+  // The client dies after sending a request. Its successor learns whether the request was executed, and no later packet
+  // of the dead client is executed. Offered nodes are not lost.
   void die_and_be_succeeded();
 
   World& world_;

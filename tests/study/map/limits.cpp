@@ -16,8 +16,8 @@ std::vector<double> slip_share(const Map& map, const Observation& seen) {
   return shares;
 }
 
-// The share is 1 - V_y / V with the velocity V_y = h s / (G0 t) that elasticity takes: V_y changes little from node to
-// node, and not at all where nothing slips yet.
+// The share is 1 - V_y / V with the elastic part V_y = h s / (G0 t) of the velocity, which changes little between nodes
+// and is constant where nothing slips yet.
 Line velocity_of_share(const Map& map, const Observation& seen, double share) {
   const std::vector<double> shares = slip_share(map, seen);
   const std::vector<double>& velocities = map.axes.velocity_m_per_s;
@@ -48,8 +48,8 @@ Line velocity_of_melting(const Map& map, double time_s) {
       const double melted = map.melting_time_s[map.axes.node(p, v)];
       if (!(melted <= time_s)) continue;
       if (v == 0) break;
-      // Between the two nodes, as the time to melting goes with a power of the velocity: theirs, or that of the next
-      // pair where the slower one had not melted when the map ended.
+      // Interpolates between two nodes by a power law of the melting time in the velocity. If the slower node has not
+      // melted, the exponent is that of the next pair.
       const double before = map.melting_time_s[map.axes.node(p, v - 1)];
       const bool known = before > melted;
       const double faster = v + 1 < velocities.size() ? map.melting_time_s[map.axes.node(p, v + 1)] : melted;

@@ -1,4 +1,4 @@
-// A map on disk: nodes.csv, one row per node and observation; map.json, axes, lines and where it all comes from.
+// Writes a map: nodes.csv with one row per node and observation, map.json with axes, lines, scene and versions.
 #pragma once
 
 #include <filesystem>
@@ -8,11 +8,11 @@
 
 namespace shearbus::map {
 
-inline constexpr double kDomainShare = 0.9;  // of the imposed slip, as the server's outcome judges each step
+inline constexpr double kDomainShare = 0.9;  // share of the imposed slip, as in the server's outcome of each step
 
 void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);
 
-// What a person wants to know without opening it.
+// Returns the printed summary.
 std::string summary(const Map& map);
 
 }  // namespace shearbus::map

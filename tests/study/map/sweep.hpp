@@ -24,11 +24,11 @@ struct Axes {
 // `count` values from `low` to `high` at equal ratios.
 std::vector<double> log_spaced(double low, double high, std::size_t count);
 
-// What the map shows of one moment; one value per node.
+// The state of the map at one time; one value per node.
 struct Observation {
   double time_s = 0.0;
   std::vector<double> shear_stress_pa;
-  std::vector<double> slip_m;  // carried by the layer since the start
+  std::vector<double> slip_m;  // slip of the layer since the start
   std::vector<double> interface_temperature_k;
   std::vector<std::uint8_t> regime;
 };
@@ -37,7 +37,7 @@ struct Map {
   Axes axes;
   double dt_s = 0.0;
   std::vector<Observation> observations;
-  std::vector<double> melting_time_s;  // first step that ended melting, T0 >= 0.99 T_melt; NaN: none did
+  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt; NaN: none
   std::string scene_name;
   std::string effective_scene;  // TOML
   std::string server_version;
