@@ -1,13 +1,14 @@
-# Sourced by run and test: installs the packages of packages.txt, configures and builds. Not a command of its own.
+# Sourced by run, test, fuzz and sanitize: installs packages, configures and builds. Not a command of its own.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=${SHEARBUS_BUILD_DIR:-$root/build}
 
 say() { printf '\n\033[1m== %s\033[0m\n' "$*"; }
 
+# install_packages LIST...: installs what is missing of packages/LIST.txt.
 install_packages() {
   local wanted missing
-  mapfile -t wanted < <(grep -Ev '^[[:space:]]*(#|$)' "$root/deploy/packages.txt")
+  mapfile -t wanted < <(cd "$root/deploy/packages" && grep -hEv '^[[:space:]]*(#|$)' "${@/%/.txt}")
   mapfile -t missing < <(for package in "${wanted[@]}"; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q '^install ok installed$' || echo "$package"
   done)
@@ -22,10 +23,21 @@ install_packages() {
   apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 }
 
-# build_targets [target...]: configures once, then builds only what changed; no target: everything.
-build_targets() {
+# build_programs: the programs alone, for which no package of test.txt is looked for. A build with tests stays one.
+build_programs() {
   say "Building in $build"
-  [ -f "$build/build.ninja" ] || cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-    -DSHEARBUS_WARNINGS_AS_ERRORS="$([ -n "${CI:-}" ] && echo ON || echo OFF)"
+  [ -f "$build/build.ninja" ] || configure OFF
+  cmake --build "$build" --target programs
+}
+
+# build_with_tests [target...]: everything, or these targets. A build without tests is configured again.
+build_with_tests() {
+  say "Building in $build"
+  grep -qs '^SHEARBUS_TESTS:BOOL=ON$' "$build/CMakeCache.txt" && [ -f "$build/build.ninja" ] || configure ON
   cmake --build "$build" ${1:+--target "$@"}
+}
+
+configure() {
+  cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSHEARBUS_TESTS="$1" \
+    -DSHEARBUS_WARNINGS_AS_ERRORS="$([ -n "${CI:-}" ] && echo ON || echo OFF)"
 }

@@ -16,29 +16,29 @@ namespace shearbus::hydro {
 using lagrange::Side;
 using lagrange::Vec2;
 
-ConeTarget make_cone_target(const wire::Scene& scene) {
-  ConeTarget problem{.scene = *scene.hydro->cone_target,
-                     .end_time = scene.hydro->end_time_s,
-                     .soft = make_metal(scene.soft, "soft", scene.hydro->cone_target->soft_eos),
-                     .hard = make_metal(scene.hard, "hard", scene.hydro->cone_target->hard_eos)};
-  const wire::ConeTarget& cone = problem.scene;
-  const double widest = std::max(cone.front_radius_m, cone.back_radius_m);
-  if (!(widest < cone.confinement_radius_m)) {
+ConeTarget make_cone_target(const guest::HydroScene& scene) {
+  ConeTarget problem{.scene = scene.hydro().cone_target(),
+                     .end_time = scene.hydro().end_time_s(),
+                     .soft = make_metal(scene.scene().soft(), "soft", scene.hydro().cone_target().soft_eos()),
+                     .hard = make_metal(scene.scene().hard(), "hard", scene.hydro().cone_target().hard_eos())};
+  const guest::ConeTarget& cone = problem.scene;
+  const double widest = std::max(cone.front_radius_m(), cone.back_radius_m());
+  if (!(widest < cone.confinement_radius_m())) {
     refuse("hydro.cone_target.confinement_radius_m",
-           fmt::format("the confinement's radius {} m does not contain the cone's {} m", cone.confinement_radius_m,
+           fmt::format("the confinement's radius {} m does not contain the cone's {} m", cone.confinement_radius_m(),
                        widest),
            "make the confinement wider or the cone narrower");
   }
-  const double thinnest = std::min({cone.length_m, cone.front_radius_m, cone.back_radius_m, cone.flyer_thickness_m,
-                                    cone.confinement_radius_m - widest});
-  if (!(cone.zone_width_m <= 0.5 * thinnest)) {
+  const double thinnest = std::min({cone.length_m(), cone.front_radius_m(), cone.back_radius_m(),
+                                    cone.flyer_thickness_m(), cone.confinement_radius_m() - widest});
+  if (!(cone.zone_width_m() <= 0.5 * thinnest)) {
     refuse("hydro.cone_target.zone_width_m",
-           fmt::format("zones of {} m do not go twice into the thinnest part, {} m", cone.zone_width_m, thinnest),
+           fmt::format("zones of {} m do not go twice into the thinnest part, {} m", cone.zone_width_m(), thinnest),
            "lower zone_width_m");
   }
   constexpr double kMostZones = 5e6;
-  const double zones =
-      cone.confinement_radius_m * (cone.length_m + cone.flyer_thickness_m) / (cone.zone_width_m * cone.zone_width_m);
+  const double zones = cone.confinement_radius_m() * (cone.length_m() + cone.flyer_thickness_m()) /
+                       (cone.zone_width_m() * cone.zone_width_m());
   if (zones > kMostZones) {
     refuse("hydro.cone_target.zone_width_m",
            fmt::format("about {:.3g} zones, at most {:g} are allowed", zones, kMostZones), "raise zone_width_m");
@@ -47,29 +47,30 @@ ConeTarget make_cone_target(const wire::Scene& scene) {
 }
 
 lagrange::Bodies make_bodies(const ConeTarget& problem) {
-  const wire::ConeTarget& cone = problem.scene;
+  const guest::ConeTarget& cone = problem.scene;
   const auto zones = [&](double length) {
-    return std::max(2, static_cast<int>(std::lround(length / cone.zone_width_m)));
+    return std::max(2, static_cast<int>(std::lround(length / cone.zone_width_m())));
   };
   const auto flank = [&](double z) {
-    return cone.front_radius_m + (cone.back_radius_m - cone.front_radius_m) * z / cone.length_m;
+    return cone.front_radius_m() + (cone.back_radius_m() - cone.front_radius_m()) * z / cone.length_m();
   };
   lagrange::Mesh mesh(lagrange::Symmetry::kAxisymmetric);
-  const int along = zones(cone.length_m);
-  const int across = zones(0.5 * (cone.front_radius_m + cone.back_radius_m));
-  const int outside = zones(cone.confinement_radius_m - 0.5 * (cone.front_radius_m + cone.back_radius_m));
+  const int along = zones(cone.length_m());
+  const int across = zones(0.5 * (cone.front_radius_m() + cone.back_radius_m()));
+  const int outside = zones(cone.confinement_radius_m() - 0.5 * (cone.front_radius_m() + cone.back_radius_m()));
   mesh.add_block(across, along, [&](int i, int j) {
-    const double z = cone.length_m * j / along;
+    const double z = cone.length_m() * j / along;
     return Vec2{flank(z) * i / across, z};
   });
   mesh.add_block(outside, along, [&](int i, int j) {
-    const double z = cone.length_m * j / along;
-    return Vec2{flank(z) + (cone.confinement_radius_m - flank(z)) * i / outside, z};
+    const double z = cone.length_m() * j / along;
+    return Vec2{flank(z) + (cone.confinement_radius_m() - flank(z)) * i / outside, z};
   });
-  const int thick = zones(cone.flyer_thickness_m);
-  const int wide = zones(cone.confinement_radius_m);
+  const int thick = zones(cone.flyer_thickness_m());
+  const int wide = zones(cone.confinement_radius_m());
   mesh.add_block(wide, thick, [&](int i, int j) {
-    return Vec2{cone.confinement_radius_m * i / wide, cone.flyer_thickness_m * (static_cast<double>(j) / thick - 1.0)};
+    return Vec2{cone.confinement_radius_m() * i / wide,
+                cone.flyer_thickness_m() * (static_cast<double>(j) / thick - 1.0)};
   });
 
   lagrange::Bodies bodies(std::move(mesh));
@@ -79,7 +80,7 @@ lagrange::Bodies make_bodies(const ConeTarget& problem) {
   bodies.materials = {body_material(problem.soft), body_material(problem.hard), body_material(problem.hard)};
   fill(bodies, target_cone, problem.soft.eos.density, 0.0, {});
   fill(bodies, confinement, problem.hard.eos.density, 0.0, {});
-  fill(bodies, flyer, problem.hard.eos.density, 0.0, {0.0, cone.flyer_speed_m_per_s});
+  fill(bodies, flyer, problem.hard.eos.density, 0.0, {0.0, cone.flyer_speed_m_per_s()});
   bodies.walls = {{target_cone.side(Side::kLeft), {1.0, 0.0}, 0.0}, {flyer.side(Side::kLeft), {1.0, 0.0}, 0.0}};
   bodies.slide_lines = {
       {surface(target_cone, Side::kRight), surface(confinement, Side::kLeft), true},
@@ -87,7 +88,7 @@ lagrange::Bodies make_bodies(const ConeTarget& problem) {
       {surface(confinement, Side::kBottom), surface(flyer, Side::kTop), false},
   };
   bodies.contact.soft_share = physics::heat_partition(problem.soft.strength, problem.hard.strength);
-  bodies.time_step.cfl = cone.courant;
+  bodies.time_step.cfl = cone.courant();
   return bodies;
 }
 
@@ -96,8 +97,8 @@ Problem2d make_problem2d(const ConeTarget& problem) {
   made.body_names = "0 cone, 1 confinement, 2 flyer";
   made.free_surface = made.bodies.mesh.blocks()[ConeTarget::kCone].side(Side::kTop);
   made.end_time = problem.end_time;
-  made.history_interval = problem.scene.history_interval_s;
-  made.frames = problem.scene.frames;
+  made.history_interval = problem.scene.history_interval_s();
+  made.frames = problem.scene.frames();
   made.soft = problem.soft.strength;
   made.hard = problem.hard.strength;
   return made;

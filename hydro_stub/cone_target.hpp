@@ -13,28 +13,27 @@
 
 #include "hydro_stub/metal.hpp"
 #include "hydro_stub/problem2d.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 struct ConeTarget {
-  wire::ConeTarget scene;
+  guest::ConeTarget scene;
   double end_time = 0.0;  // [s]
   Metal soft, hard;
 
-  // Blocks of the mesh.
+  // Indices of the blocks of the mesh.
   static constexpr int kCone = 0;
   static constexpr int kConfinement = 1;
   static constexpr int kFlyer = 2;
 };
 
 // Throws wire::Error{kInvalidScene} that names the field at fault.
-ConeTarget make_cone_target(const wire::Scene& scene);
+ConeTarget make_cone_target(const guest::HydroScene& scene);
 
-// Mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
+// Makes mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
-// The same, ready to run.
+// Makes the problem with its bodies and histories, ready to run.
 Problem2d make_problem2d(const ConeTarget& problem);
 
 }  // namespace shearbus::hydro

@@ -8,12 +8,12 @@
 
 namespace shearbus::hydro {
 
-CoulombTrescaLaw::CoulombTrescaLaw(const wire::CoulombTresca& constants, const physics::Material& soft,
+CoulombTrescaLaw::CoulombTrescaLaw(const guest::CoulombTresca& constants, const physics::Material& soft,
                                    const physics::Material& hard, std::span<const double> initial_temperature)
-    : friction_{.at_rest = constants.friction_coefficient_at_rest,
-                .fast = constants.friction_coefficient_fast,
-                .decay = constants.velocity_decay_s_per_m},
-      yield_fraction_(constants.yield_fraction),
+    : friction_{.at_rest = constants.friction_coefficient_at_rest(),
+                .fast = constants.friction_coefficient_fast(),
+                .decay = constants.velocity_decay_s_per_m()},
+      yield_fraction_(constants.yield_fraction()),
       soft_(soft),
       heat_share_(physics::heat_partition(soft, hard)),
       cell_temperature_(initial_temperature.begin(), initial_temperature.end()) {}
@@ -61,7 +61,7 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
   answer.sliding_velocity[i] = 0.5 * (jump + answer.velocity_jump_new[i]);
 
   const double work = std::max(0.0, answer.shear_stress[i] * answer.sliding_velocity[i] * inputs.dt);
-  const double zone_capacity = soft_.conductivity / soft_.diffusivity * 2.0 * inputs.mass_minus[i] / soft_.density;
+  const double zone_capacity = soft_.conductivity / soft_.diffusivity * 2.0 * inputs.mass_soft[i] / soft_.density;
   answer.friction_heat[i] = heat_share_ * work;
   if (!host_heats) temperature += answer.friction_heat[i] / zone_capacity;
   answer.interface_temperature[i] = temperature;

@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
+#include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/interface_law.hpp"
-#include "proto/wire/scene.hpp"
 #include "server/physics/interface/velocity_weakening.hpp"
 #include "server/physics/material/material.hpp"
 
@@ -19,7 +19,7 @@ namespace shearbus::hydro {
 
 class CoulombTrescaLaw : public InterfaceLaw {
  public:
-  CoulombTrescaLaw(const wire::CoulombTresca& constants, const physics::Material& soft, const physics::Material& hard,
+  CoulombTrescaLaw(const guest::CoulombTresca& constants, const physics::Material& soft, const physics::Material& hard,
                    std::span<const double> initial_temperature);
 
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;

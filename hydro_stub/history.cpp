@@ -6,6 +6,8 @@
 namespace shearbus::hydro {
 namespace {
 
+using wire::Field;
+
 enum Row : std::size_t {
   kShearStress,
   kSlidingVelocity,
@@ -13,25 +15,23 @@ enum Row : std::size_t {
   kVelocityJumpNew,
   kRegime,
   kPressure,
-  kStressMinus,
-  kStressPlus,
+  kStressSoft,
+  kStressHard,
   kVelocityJump,
 };
 
 // In the order of Row.
 std::vector<wire::Quantity> rows() {
   return {
-      {.name = "shear_stress", .units = "Pa", .long_name = "shear stress at the interface, during the step"},
-      {.name = "sliding_velocity", .units = "m s-1", .long_name = "sliding velocity, mean of the step"},
-      {.name = "interface_temperature",
-       .units = "K",
-       .long_name = "temperature of the interface at the end of the step"},
-      {.name = "velocity_jump_new", .units = "m s-1", .long_name = "V_soft - V_hard at the end of the step"},
-      {.name = "regime", .units = "1", .long_name = "what held the shear stress", .is_regime = true},
-      {.name = "pressure", .units = "Pa", .long_name = "sent: pressure on the interface, compression positive"},
-      {.name = "stress_minus", .units = "Pa", .long_name = "sent: shear stress in the soft zone at the interface"},
-      {.name = "stress_plus", .units = "Pa", .long_name = "sent: shear stress in the hard zone at the interface"},
-      {.name = "velocity_jump", .units = "m s-1", .long_name = "sent: V_soft - V_hard at the start of the step"},
+      wire::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
+      wire::quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
+      wire::quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface at the end of the step"),
+      wire::quantity_of_column(Field::kVelocityJumpNew, 0, "V_soft - V_hard at the end of the step"),
+      wire::quantity_of_column(Field::kRegime),
+      wire::quantity_of_column(Field::kPressure, 0, "sent: pressure on the interface, compression positive"),
+      wire::quantity_of_column(Field::kStressSoft, 0, "sent: shear stress in the soft zone at the interface"),
+      wire::quantity_of_column(Field::kStressHard, 0, "sent: shear stress in the hard zone at the interface"),
+      wire::quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
   };
 }
 
@@ -43,17 +43,16 @@ std::vector<std::uint64_t> node_ids(std::size_t columns) {
   return ids;
 }
 
-History::History(const std::filesystem::path& file, const Problem& problem, const ShearColumn& column,
+History::History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
                  const std::string& scene, const std::string& law)
     : writer_(
           file, node_ids(problem.columns), rows(),
           {{"producer", "shearbus-hydro"}, {"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}}) {
-  writer_.add_static(
-      {.name = "mass_minus", .units = "kg m-2", .long_name = "sent: half the soft zone at the interface"},
-      column.inputs().mass_minus);
-  writer_.add_static({.name = "mass_plus", .units = "kg m-2", .long_name = "sent: half the hard zone at the interface"},
-                     column.inputs().mass_plus);
-  writer_.add_static({.name = "initial_temperature", .units = "K", .long_name = "of the interface at the start"},
+  writer_.add_static(wire::quantity_of_column(Field::kMassSoft, 0, "sent: half the soft zone at the interface"),
+                     column.inputs().mass_soft);
+  writer_.add_static(wire::quantity_of_column(Field::kMassHard, 0, "sent: half the hard zone at the interface"),
+                     column.inputs().mass_hard);
+  writer_.add_static(wire::quantity_of_column(Field::kInitialTemperature, 0, "of the interface at the start"),
                      problem.initial_temperature);
 }
 
@@ -67,8 +66,8 @@ void History::record(const ShearColumn& column) {
   writer_.set(kVelocityJumpNew, answer.velocity_jump_new);
   writer_.set(kRegime, answer.regime);
   writer_.set(kPressure, sent.pressure);
-  writer_.set(kStressMinus, sent.stress_minus);
-  writer_.set(kStressPlus, sent.stress_plus);
+  writer_.set(kStressSoft, sent.stress_soft);
+  writer_.set(kStressHard, sent.stress_hard);
   writer_.set(kVelocityJump, sent.velocity_jump);
   writer_.end_row();
 }

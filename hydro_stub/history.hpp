@@ -1,5 +1,5 @@
-// What a run leaves in HISTORY.h5: the answers, and beside them what was sent, so that shearbus-replay can send it
-// again. The layout is in proto/wire/recording.md.
+// Writes history.h5 of a run: the answers of the interface law and the inputs it was given, so that shearbus-replay can
+// repeat the run. proto/wire/recording.md describes the layout.
 #pragma once
 
 #include <filesystem>
@@ -13,8 +13,8 @@ namespace shearbus::hydro {
 
 class History {
  public:
-  // `scene` is the effective scene as TOML, `law` what the results are of.
-  History(const std::filesystem::path& file, const Problem& problem, const ShearColumn& column,
+  // `scene` is the effective scene as TOML, `law` the name of the interface law.
+  History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
           const std::string& scene, const std::string& law);
 
   void record(const ShearColumn& column);
@@ -24,7 +24,7 @@ class History {
   wire::HistoryWriter writer_;
 };
 
-// 0, 1, 2, ...: the columns as nodes of a session and of a history.
+// Node ids of the columns in sessions and histories: 0, 1, 2, ...
 std::vector<std::uint64_t> node_ids(std::size_t columns);
 
 }  // namespace shearbus::hydro

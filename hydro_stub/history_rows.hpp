@@ -1,5 +1,5 @@
-// Rows of a history, kept in memory until the run ends: a restart dump can hold them, and the run that goes on from it
-// ends with the file of one that was never stopped.
+// Rows of a history, kept in memory until the run ends. A restart dump stores them, so that a continued run writes the
+// same file as a run that was never stopped.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ class HistoryRows {
   HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes);
 
   void begin_row(double time);  // [s]
-  template <typename Values>    // of doubles, or of regimes
+  template <typename Values>    // Values: doubles or regimes
   void set(std::size_t quantity, const Values& values) {
     values_[quantity].insert(values_[quantity].end(), values.begin(), values.end());
   }

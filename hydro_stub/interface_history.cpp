@@ -9,19 +9,21 @@ namespace shearbus::hydro {
 namespace {
 
 std::vector<wire::Quantity> interface_quantities() {
-  return {{.name = "shear_stress", .units = "Pa", .long_name = "shear stress at the interface, during the step"},
-          {.name = "sliding_velocity", .units = "m s-1", .long_name = "sliding velocity, mean of the step"},
-          {.name = "interface_temperature", .units = "K", .long_name = "temperature of the interface"},
-          {.name = "velocity_jump_new", .units = "m s-1", .long_name = "V_soft - V_hard as the law expects it"},
-          {.name = "pressure", .units = "Pa", .long_name = "sent: pressure on the interface"},
-          {.name = "velocity_jump", .units = "m s-1", .long_name = "sent: V_soft - V_hard at the start of the step"},
-          {.name = "stress_minus", .units = "Pa", .long_name = "sent: shear stress of the soft body's zones"},
-          {.name = "stress_plus", .units = "Pa", .long_name = "sent: shear stress of the hard body's zones"},
+  using wire::Field;
+  using wire::quantity_of_column;
+  return {quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
+          quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
+          quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface"),
+          quantity_of_column(Field::kVelocityJumpNew, 0, "V_soft - V_hard as the law expects it"),
+          quantity_of_column(Field::kPressure, 0, "sent: pressure on the interface"),
+          quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
+          quantity_of_column(Field::kStressSoft, 0, "sent: shear stress of the soft body's zones"),
+          quantity_of_column(Field::kStressHard, 0, "sent: shear stress of the hard body's zones"),
           {.name = "zone_temperature", .units = "K", .long_name = "of the soft zones at the interface"},
           {.name = "slip_distance", .units = "m", .long_name = "integral of |sliding velocity| while closed"},
           {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
           {.name = "height", .units = "m", .long_name = "second coordinate of the node"},
-          {.name = "regime", .units = "1", .long_name = "what held the shear stress", .is_regime = true}};
+          quantity_of_column(Field::kRegime)};
 }
 
 std::vector<wire::Quantity> surface_quantities() {
@@ -60,7 +62,7 @@ void InterfaceHistory::record(const lagrange::Cycle& cycle) {
   std::size_t q = 0;
   for (const std::vector<double>* values : std::initializer_list<const std::vector<double>*>{
            &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature, &answer.velocity_jump_new,
-           &in.pressure, &in.velocity_jump, &in.stress_minus, &in.stress_plus, &in.zone_temperature, &slip_, &radius,
+           &in.pressure, &in.velocity_jump, &in.stress_soft, &in.stress_hard, &in.zone_temperature, &slip_, &radius,
            &height}) {
     rows_.set(q++, *values);
   }

@@ -1,4 +1,4 @@
-// What a two-dimensional run records beside its fields: the interface nodes, and a free surface.
+// Histories of a two-dimensional run: the interface nodes and a free surface.
 #pragma once
 
 #include <array>
@@ -12,20 +12,20 @@
 
 namespace shearbus::hydro {
 
-// Histories of the interface nodes, and what the summary says of them.
+// Histories of the interface nodes and their totals for the summary.
 class InterfaceHistory {
  public:
   explicit InterfaceHistory(std::size_t nodes);
 
-  void observe(const lagrange::Cycle& cycle);  // every step
-  void record(const lagrange::Cycle& cycle);   // a row
+  void observe(const lagrange::Cycle& cycle);  // adds a step to the totals
+  void record(const lagrange::Cycle& cycle);   // adds a row to the history
 
   void save(wire::DumpWriter& dump) const;
   void load(const wire::DumpReader& dump);
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
 
   std::size_t nodes() const { return slip_.size(); }
-  double share(wire::Regime regime) const;  // of the node-steps
+  double share(wire::Regime regime) const;  // share of the node-steps
   const wire::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
@@ -37,12 +37,12 @@ class InterfaceHistory {
 
   HistoryRows rows_;
   std::vector<double> slip_;         // integral of |[v]| while closed  [m]
-  std::array<double, 5> regimes_{};  // node-steps in each
+  std::array<double, 5> regimes_{};  // node-steps in each regime
   std::array<double, 2> peaks_{};    // [K], [Pa]
   wire::EnergyTotals energy_;
 };
 
-// Nodes of a surface, as they are walked.
+// Histories of the nodes of a free surface, in the order along the surface.
 class SurfaceHistory {
  public:
   explicit SurfaceHistory(std::vector<int> nodes);

@@ -1,4 +1,4 @@
-// What a hydrocode has to know of an interface law: one call a step for all interface nodes (here: columns).
+// The abstract interface law of a hydrocode: one call per step for all interface nodes (in one dimension: columns).
 //
 // Signs: [V] = V_soft - V_hard; the shear stress s = sigma_xz is positive where it pulls the soft body back. SI units.
 #pragma once
@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,24 +21,24 @@ struct InterfaceInputs {
   explicit InterfaceInputs(std::size_t nodes)
       : velocity_jump(nodes),
         pressure(nodes),
-        stress_minus(nodes),
-        stress_plus(nodes),
-        mass_minus(nodes),
-        mass_plus(nodes) {}
+        stress_soft(nodes),
+        stress_hard(nodes),
+        mass_soft(nodes),
+        mass_hard(nodes) {}
 
   std::uint64_t step = 0;
   double time = 0.0;                  // t(n+1/2)  [s]
   double dt = 0.0;                    // [s]
   std::vector<double> velocity_jump;  // [V] at n-1/2                               [m/s]
   std::vector<double> pressure;       // at n, compression positive                 [Pa]
-  std::vector<double> stress_minus;   // at n, in the soft zone next to the interface  [Pa]
-  std::vector<double> stress_plus;    // at n, in the hard zone                     [Pa]
-  std::vector<double> mass_minus;     // of half the soft zone                      [kg/m2]
-  std::vector<double> mass_plus;      // of half the hard zone                      [kg/m2]
+  std::vector<double> stress_soft;    // at n, in the soft zone next to the interface  [Pa]
+  std::vector<double> stress_hard;    // at n, in the hard zone                     [Pa]
+  std::vector<double> mass_soft;      // of half the soft zone                      [kg/m2]
+  std::vector<double> mass_hard;      // of half the hard zone                      [kg/m2]
   // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
-  std::vector<double> zone_plastic_rate;  // of the shear along the interface, not negative  [1/s]
+  std::vector<double> soft_plastic_strain_rate;  // of the shear along the interface, not negative  [1/s]
 };
 
 // What the law answers.
@@ -57,22 +58,25 @@ struct InterfaceAnswer {
   std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
   wire::EnergyTotals energy;                  // of the layers in the step; empty: of laws without layers
-  std::uint64_t flagged = 0;  // nodes whose answer came with a remark (substepped, several roots, failed)
+  std::uint64_t flagged = 0;                  // nodes whose answer has a flag (substepped, several roots, failed)
 };
 
-// Where the time of a law went; a law that computes in place spends it all in the solver.
+// Run time of a law by cause. A law that computes in place spends all of it in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  std::chrono::nanoseconds service{0};  // in the server: the solver, and what it takes to read, check and answer
+  std::chrono::nanoseconds service{0};  // in the server: the solver, and reading, checking and answering requests
   std::chrono::nanoseconds bus{0};      // round trips less the solver's share
-  std::chrono::nanoseconds waited{0};   // in which the host could do nothing else
-  std::chrono::nanoseconds cpu{0};      // of the host's own thread, spent on asking
+  std::chrono::nanoseconds waited{0};   // time in which the host was blocked
+  std::chrono::nanoseconds cpu{0};      // CPU time of the host's thread spent on requests
 };
 
-// What a run was spared that did not ask for everything.
-struct Spared {
-  std::vector<std::pair<std::string, std::string>> lines;  // of its summary: label and text
-  std::string json;                                        // the same numbers, an object; or empty
+// Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
+struct OmittedCost {
+  std::vector<std::pair<std::string, std::string>> lines;  // of the summary: label and text
+  std::vector<std::string> parts;
+  std::uint64_t bytes_per_node = 0;                  // of the run
+  std::uint64_t bytes_per_node_with_everything = 0;  // with every part that could have been on
+  std::optional<double> share_asleep;                // of the node-steps; absent: no node could sleep
 };
 
 class InterfaceLaw {
@@ -83,33 +87,33 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
-  // The same in two halves, for a host that has other work meanwhile: the answer is there after finish(), and until
-  // then inputs and answer stay where they are.
+  // advance() in two halves, for a host that has other work meanwhile. The answer is complete after finish(); until
+  // then `inputs` and `answer` must not move.
   virtual void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) { advance(inputs, answer); }
   virtual void finish() {}
-  // The host rejects its step and will repeat it, shorter: forget the last advance. Once, and before the next one.
+  // Undoes the last advance, because the host rejects its step and will repeat a shorter one. At most once per advance.
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
 
-  // Keeps what the law remembers of the steps so far under `name`, until two later ones are kept, and says what another
-  // process needs to come back to it (make_law). Of a law that remembers nothing: an empty text.
+  // Saves the state of the law under `name` until two later states are saved, and returns the text with which another
+  // process restores it (make_law). Empty for a law without a state.
   virtual std::string keep(const std::string& /*name*/) { return {}; }
-  // Empty where keep() can be called, or why not and what to do about it.
+  // Empty if keep() can be called; otherwise the reason and a remedy.
   virtual std::string cannot_keep() const { return {}; }
-  // The run is over: what was kept may go.
+  // Ends the run: saved states may be deleted.
   virtual void close() {}
-  // What the run was spared, once it is closed.
-  virtual Spared spared() const { return {}; }
+  // Must be called after close().
+  virtual OmittedCost omitted_cost() const { return {}; }
 };
 
 // (61) solved for the jump: [V]new = free_jump - s * compliance.
 struct FreeJump {
   double jump;        // the jump at n+1/2 that no friction would leave  [m/s]
-  double compliance;  // dt (1/m_minus + 1/m_plus)                       [m/(s Pa)]
+  double compliance;  // dt (1/m_soft + 1/m_hard)                       [m/(s Pa)]
 };
 inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {
-  return {in.velocity_jump[i] + in.dt * (in.stress_minus[i] / in.mass_minus[i] + in.stress_plus[i] / in.mass_plus[i]),
-          in.dt * (1.0 / in.mass_minus[i] + 1.0 / in.mass_plus[i])};
+  return {in.velocity_jump[i] + in.dt * (in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i]),
+          in.dt * (1.0 / in.mass_soft[i] + 1.0 / in.mass_hard[i])};
 }
 
 }  // namespace shearbus::hydro

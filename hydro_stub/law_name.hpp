@@ -1,22 +1,21 @@
 #pragma once
 
-#include "proto/wire/scene.hpp"
+#include "hydro_stub/hydro.pb.h"
 
 namespace shearbus::hydro {
 
 // As scenes write it: "subgrid", "coulomb_tresca", "free_slip", "stick", "constant".
-inline const char* name(wire::InterfaceLaw law) {
+inline const char* name(guest::InterfaceLaw law) {
   switch (law) {
-    case wire::InterfaceLaw::kCoulombTresca:
+    case guest::INTERFACE_LAW_COULOMB_TRESCA:
       return "coulomb_tresca";
-    case wire::InterfaceLaw::kFreeSlip:
+    case guest::INTERFACE_LAW_FREE_SLIP:
       return "free_slip";
-    case wire::InterfaceLaw::kStick:
+    case guest::INTERFACE_LAW_STICK:
       return "stick";
-    case wire::InterfaceLaw::kConstant:
+    case guest::INTERFACE_LAW_CONSTANT:
       return "constant";
-    case wire::InterfaceLaw::kSubgrid:
-    case wire::InterfaceLaw::kUnspecified:
+    default:
       break;
   }
   return "subgrid";

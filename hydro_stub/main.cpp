@@ -1,4 +1,4 @@
-// shearbus-hydro: scene -> problem and interface law -> run -> results.
+// shearbus-hydro: makes problem and interface law of a scene, runs it and writes the results.
 #include <fmt/format.h>
 
 #include <cctype>
@@ -16,7 +16,7 @@
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
@@ -24,41 +24,45 @@ namespace {
 
 constexpr int kInterrupted = 3;
 
-std::filesystem::path output_directory(const Options& options, const wire::Scene& scene) {
+std::filesystem::path output_directory(const Options& options, const guest::HydroScene& scene) {
   if (!options.out.empty()) return options.out;
-  std::string plain = scene.name;
+  std::string plain = scene.scene().name();
   for (char& c : plain) c = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' ? c : '_';
-  return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro->interface_law));
+  return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro().interface_law()));
 }
 
-bool has_problem2d(const wire::Hydro& hydro) {
-  return hydro.cone_target || hydro.piston || hydro.flyer_impact || hydro.implosion || hydro.gas_flow ||
-         hydro.taylor_bar || hydro.sliding_plates;
+bool has_problem2d(const guest::Hydro& hydro) {
+  return hydro.has_cone_target() || hydro.has_piston() || hydro.has_flyer_impact() || hydro.has_implosion() ||
+         hydro.has_gas_flow() || hydro.has_taylor_bar() || hydro.has_sliding_plates();
 }
 
-// The scene with the constants it is run with, of the bodies it has.
-wire::Scene effective_scene(wire::Scene scene) {
-  for (const auto& [body, table] : {std::pair{&scene.soft, "soft"}, std::pair{&scene.hard, "hard"}}) {
-    if (body->given_at_all()) body->given = physics::constants_of(resolve(*body, table));
-  }
+void fill_constants(const std::string& table, v1::Body& body) {
+  scene::set_numbers(physics::constants_of(resolve(body, table)), body);
+}
+
+// The scene with the constants of the bodies that it has.
+guest::HydroScene effective_scene(guest::HydroScene scene) {
+  if (scene.scene().has_soft()) fill_constants("soft", *scene.mutable_scene()->mutable_soft());
+  if (scene.scene().has_hard()) fill_constants("hard", *scene.mutable_scene()->mutable_hard());
   return scene;
 }
 
-// Without nodes that rub there is nobody to ask a law.
-std::unique_ptr<InterfaceLaw> make_law_2d(const wire::Scene& scene, const Problem2d& problem,
-                                          const SubgridServer& server, const std::string& kept) {
-  const std::vector<double> temperature(interface_nodes(problem.bodies), scene.layer.initial_temperature_k);
+// A problem without sliding nodes asks no law.
+std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem, const SubgridServer& server,
+                                          const std::string& kept) {
+  const std::vector<double> temperature(interface_nodes(problem.bodies),
+                                        file.scene.scene().layer().initial_temperature_k());
   if (temperature.empty()) return std::make_unique<FreeSlipLaw>();
-  return make_law(scene, problem.soft, problem.hard, temperature, server, kept);
+  return make_law(file, problem.soft, problem.hard, temperature, server, kept);
 }
 
-void carry_out_2d(const Options& options, const wire::SceneFile& file, const wire::DumpReader* from) {
-  const wire::Scene& scene = file.scene;
-  if (wire::Status fault = wire::check_scene(scene); !fault.ok()) throw wire::Error(std::move(fault));
-  const bool cone = scene.hydro->cone_target.has_value();
+void carry_out_2d(const Options& options, const SceneFile& file, const wire::DumpReader* from) {
+  const guest::HydroScene& scene = file.scene;
+  const bool cone = scene.hydro().has_cone_target();
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
   problem.bodies.contact.overlap = options.overlap;
-  if (options.explain) return fmt::print("{}", explain(scene, interface_nodes(problem.bodies)));
+  if (options.explain)
+    return fmt::print("{}", explain({file.server_text(), file.document.file}, interface_nodes(problem.bodies)));
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
                  .progress = options.progress,
                  .dumps = options.dumps,
@@ -68,40 +72,40 @@ void carry_out_2d(const Options& options, const wire::SceneFile& file, const wir
   server.address.endpoint = run.server;
   if (!options.check) {
     if (from == nullptr) make_room_for_dumps(run.out);
-    // A server in this process outlives it by its journal, beside the dumps.
-    const bool subgrid = scene.hydro->interface_law == wire::InterfaceLaw::kSubgrid;
+    // A server in this process keeps its journal next to the dumps, so that its sessions outlive the process.
+    const bool subgrid = scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID;
     if (subgrid && run.server.empty() && (from != nullptr || run.dumps.wanted()))
       server.state_dir = server_directory(run.out);
   }
   const std::unique_ptr<InterfaceLaw> law =
-      make_law_2d(scene, problem, server, from != nullptr ? from->text("kept") : "");
+      make_law_2d(file, problem, server, from != nullptr ? from->text("kept") : "");
   if (options.check) {
-    fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.file,
-               problem.bodies.mesh.num_zones(), interface_nodes(problem.bodies), name(scene.hydro->interface_law));
+    fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.document.file,
+               problem.bodies.mesh.num_zones(), interface_nodes(problem.bodies), name(scene.hydro().interface_law()));
     return;
   }
-  run_problem2d(scene, effective_scene(scene), std::move(problem), *law, run, from);
+  run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
   if (options.plot && cone) plot_cone(run.out);
   fmt::print("  {:<24}{}\n", "results", run.out.string());
 }
 
-void carry_out(const Options& options, wire::SceneFile& file) {
-  wire::Scene& scene = file.scene;
-  if (options.interface_law && scene.hydro) scene.hydro->interface_law = *options.interface_law;
-  if (scene.hydro && has_problem2d(*scene.hydro)) return carry_out_2d(options, file, nullptr);
+void carry_out(const Options& options, SceneFile& file) {
+  guest::HydroScene& scene = file.scene;
+  if (options.interface_law && scene.has_hydro()) scene.mutable_hydro()->set_interface_law(*options.interface_law);
+  if (has_problem2d(scene.hydro())) return carry_out_2d(options, file, nullptr);
   if (options.dumps.wanted())
     throw wire::Error({.code = wire::Code::kInvalidScene,
                        .text = "runs of shear_column write no restart dumps, problems in two dimensions do",
                        .remedy = "leave out --dump-every and --dump-interval",
                        .field = "hydro.shear_column"});
-  const Problem problem = make_problem(scene);
-  if (options.explain) return fmt::print("{}", explain(scene, problem.columns));
+  const ColumnProblem problem = make_problem(scene);
+  if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =
-      make_law(scene, problem.soft_material, problem.hard_material, problem.initial_temperature,
+      make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,
                {.address = options.server, .state_dir = {}});
   if (options.check) {
-    fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.file, problem.columns,
-               problem.steps, problem.dt * 1e9, name(scene.hydro->interface_law));
+    fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.document.file,
+               problem.columns, problem.steps, problem.dt * 1e9, name(scene.hydro().interface_law()));
     return;
   }
   const std::filesystem::path out = output_directory(options, scene);
@@ -110,21 +114,21 @@ void carry_out(const Options& options, wire::SceneFile& file) {
   fmt::print("  {:<24}{}\n", "results", out.string());
 }
 
-void go_on(const Options& options, wire::SceneFile& file) {
+void go_on(const Options& options, SceneFile& file) {
   const wire::DumpReader dump = newest_dump(options.restart);
-  file = wire::parse_scene(dump.text("scene"), dump.file().string());
+  file = parse_scene(dump.text("scene"), dump.file().string());
   carry_out_2d(options, file, &dump);
 }
 
 int shearbus_hydro(int argc, char** argv) {
-  wire::SceneFile file;
+  SceneFile file;
   try {
     const CommandLine line = parse_command_line(argc, argv);
     if (line.exit_code) return *line.exit_code;
     if (!line.options.restart.empty()) {
       go_on(line.options, file);
     } else {
-      file = wire::load_scene_file(line.options.scene);
+      file = load_scene(line.options.scene);
       carry_out(line.options, file);
     }
     return 0;
@@ -132,11 +136,7 @@ int shearbus_hydro(int argc, char** argv) {
     fmt::print(stderr, "shearbus-hydro: {}\n", stopped.what());
     return kInterrupted;
   } catch (const wire::Error& error) {
-    // What a server refuses names a field of the scene: say where in the file it stands.
-    const bool of_scene =
-        !error.status().field.empty() && error.status().code == wire::Code::kInvalidScene && !file.file.empty();
-    const std::string place = of_scene ? file.where(error.status().field) + ": " : "";
-    fmt::print(stderr, "shearbus-hydro: {}{}\n", place, error.what());
+    fmt::print(stderr, "shearbus-hydro: {}\n", describe(file.document.placed(error.status())));
   } catch (const std::exception& error) {
     fmt::print(stderr, "shearbus-hydro: {}\n", error.what());
   }

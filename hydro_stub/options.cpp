@@ -1,14 +1,18 @@
 #include "hydro_stub/options.hpp"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <map>
+
+#include "hydro_stub/scene.hpp"
 
 namespace shearbus::hydro {
 
 CommandLine parse_command_line(int argc, char** argv) {
   CommandLine line;
   Options& options = line.options;
-  wire::InterfaceLaw law = wire::InterfaceLaw::kUnspecified;
+  guest::InterfaceLaw law = guest::INTERFACE_LAW_UNSPECIFIED;
 
   CLI::App app("Runs a scene's hydrodynamic problem and leaves histories, a summary and pictures.", "shearbus-hydro");
   CLI::Option* scene = app.add_option("scene", options.scene, "scene to run (TOML)");
@@ -25,11 +29,11 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_option("--interface-law", law,
                  "subgrid, coulomb_tresca, free_slip, stick or constant, in place of the scene's")
       ->transform(CLI::Transformer(
-          std::map<std::string, wire::InterfaceLaw>{{"subgrid", wire::InterfaceLaw::kSubgrid},
-                                                    {"coulomb_tresca", wire::InterfaceLaw::kCoulombTresca},
-                                                    {"free_slip", wire::InterfaceLaw::kFreeSlip},
-                                                    {"stick", wire::InterfaceLaw::kStick},
-                                                    {"constant", wire::InterfaceLaw::kConstant}}))
+          std::map<std::string, guest::InterfaceLaw>{{"subgrid", guest::INTERFACE_LAW_SUBGRID},
+                                                     {"coulomb_tresca", guest::INTERFACE_LAW_COULOMB_TRESCA},
+                                                     {"free_slip", guest::INTERFACE_LAW_FREE_SLIP},
+                                                     {"stick", guest::INTERFACE_LAW_STICK},
+                                                     {"constant", guest::INTERFACE_LAW_CONSTANT}}))
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
@@ -40,6 +44,13 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--explain", options.explain,
                "which parts of the subgrid model the scene switches on, what each costs on this machine; runs nothing");
+  app.add_flag_callback(
+      "--reference",
+      [] {
+        fmt::print("{}", reference());
+        throw CLI::Success();
+      },
+      "print every key of a scene, as Markdown");
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
                "show how far a long run is, on a terminal (default: yes)");
@@ -51,7 +62,7 @@ CommandLine parse_command_line(int argc, char** argv) {
     return line;
   }
   wire::read_keys_into(options.server, server_key, key);
-  if (law != wire::InterfaceLaw::kUnspecified) options.interface_law = law;
+  if (law != guest::INTERFACE_LAW_UNSPECIFIED) options.interface_law = law;
   return line;
 }
 

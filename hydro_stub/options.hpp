@@ -5,18 +5,18 @@
 #include <optional>
 #include <string>
 
+#include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/restart.hpp"
 #include "proto/wire/key_file.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;                      // this, or
-  std::filesystem::path restart;                    // the directory of a run to go on with
-  std::filesystem::path out;                        // empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;                       // no endpoint: in this process
-  std::optional<wire::InterfaceLaw> interface_law;  // in place of the scene's
+  std::filesystem::path scene;                       // scene to run, or
+  std::filesystem::path restart;                     // directory of a run to continue
+  std::filesystem::path out;                         // empty: out/<scene name>-<interface law>
+  wire::ServerAddress server;                        // no endpoint: in this process
+  std::optional<guest::InterfaceLaw> interface_law;  // replaces the law of the scene
   DumpSchedule dumps;
   bool overlap = true;
   bool check = false;
@@ -25,8 +25,8 @@ struct Options {
   bool progress = true;
 };
 
-// The options, or the exit code where there is nothing (more) to do: --help, or a faulty command line. Parsing throws
-// std::runtime_error for key files that cannot be used.
+// Returns the options, or an exit code after --help or a faulty command line. Throws std::runtime_error for key files
+// that cannot be used.
 struct CommandLine {
   Options options;
   std::optional<int> exit_code;

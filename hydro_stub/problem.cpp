@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/flow_laws.hpp"
 
@@ -19,9 +19,9 @@ namespace shearbus::hydro {
                      .field = std::move(field)});
 }
 
-physics::Material resolve(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult result =
-      physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
+physics::Material resolve(const v1::Body& body, const std::string& table) {
+  physics::MaterialResult result = physics::make_material(
+      body.material(), scene::numbers_of(body), physics::FlowLaws::numbered(static_cast<int>(body.flow_law())));
   if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
   return result.material;
 }
@@ -36,57 +36,65 @@ struct Columns {
   std::vector<double> pressure;     // [Pa]; empty where pressure follows times
 };
 
-Columns columns_of(const wire::ShearColumn& column, double layer_temperature) {
-  const std::vector<double>& jumps = column.velocity_jump_m_per_s;
-  const std::vector<double> temperatures =
-      column.initial_temperature_k.empty() ? std::vector<double>{layer_temperature} : column.initial_temperature_k;
-  const std::vector<double> pressures = column.pressure_time_s.empty() ? column.pressure_pa : std::vector<double>{0.0};
-  const bool combined = column.lists == wire::Lists::kCombined;
+using Values = google::protobuf::RepeatedField<double>;
+
+std::vector<double> list(const Values& values) {
+  return {values.begin(), values.end()};
+}
+
+Columns columns_of(const guest::ShearColumn& column, double layer_temperature) {
+  const std::vector<double> jumps = list(column.velocity_jump_m_per_s());
+  const std::vector<double> temperatures = column.initial_temperature_k().empty()
+                                               ? std::vector<double>{layer_temperature}
+                                               : list(column.initial_temperature_k());
+  const std::vector<double> pressures =
+      column.pressure_time_s().empty() ? list(column.pressure_pa()) : std::vector<double>{0.0};
+  const bool combined = column.lists() == guest::LISTS_COMBINED;
   Columns columns;
   columns.count = combined ? jumps.size() * temperatures.size() * pressures.size()
                            : std::max({jumps.size(), temperatures.size(), pressures.size()});
   // Combined, a list advances when the ones before it have run through; paired, all advance together or not at all.
   std::size_t stride = 1;
-  const auto spread = [&](const std::vector<double>& list) {
+  const auto spread = [&](const std::vector<double>& values_of_list) {
     std::vector<double> values(columns.count);
-    for (std::size_t i = 0; i < columns.count; ++i) values[i] = list[i / stride % list.size()];
-    if (combined) stride *= list.size();
+    for (std::size_t i = 0; i < columns.count; ++i) values[i] = values_of_list[i / stride % values_of_list.size()];
+    if (combined) stride *= values_of_list.size();
     return values;
   };
   columns.jump = spread(jumps);
   columns.temperature = spread(temperatures);
-  if (column.pressure_time_s.empty()) columns.pressure = spread(pressures);
+  if (column.pressure_time_s().empty()) columns.pressure = spread(pressures);
   return columns;
 }
 
-BodyMesh mesh_of(const physics::Material& material, std::size_t columns, wire::FarEnd far_end) {
+BodyMesh mesh_of(const physics::Material& material, std::size_t columns, guest::FarEnd far_end) {
   return {.columns = columns, .density = material.density, .shear_modulus = material.shear_modulus, .far_end = far_end};
 }
 
 // The hard body's zones take the soft zones' wave transit time, as many as fit best into the same length.
-void mesh_bodies(const wire::ShearColumn& column, Problem& problem) {
-  problem.soft.zones = column.zones;
-  problem.soft.zone_width = column.length_m / column.zones;
+void mesh_bodies(const guest::ShearColumn& column, ColumnProblem& problem) {
+  problem.soft.zones = column.zones();
+  problem.soft.zone_width = column.length_m() / column.zones();
   problem.hard.zone_width = problem.soft.transit_time() * problem.hard.wave_speed();
-  const double fit = std::round(column.length_m / problem.hard.zone_width);
+  const double fit = std::round(column.length_m() / problem.hard.zone_width);
   problem.hard.zones = std::max<std::size_t>(2, static_cast<std::size_t>(fit));
 }
 
-void choose_steps(const wire::Hydro& hydro, Problem& problem) {
+void choose_steps(const guest::Hydro& hydro, ColumnProblem& problem) {
   const double transit = problem.soft.transit_time();
-  const double limit = hydro.cfl * transit;
-  problem.dt = hydro.dt_s.value_or(limit);
-  problem.dt_reason = hydro.dt_s ? "the scene's dt_s" : fmt::format("cfl {:g} of the shear wave", hydro.cfl);
+  const double limit = hydro.cfl() * transit;
+  problem.dt = hydro.has_dt_s() ? hydro.dt_s() : limit;
+  problem.dt_reason = hydro.has_dt_s() ? "the scene's dt_s" : fmt::format("cfl {:g} of the shear wave", hydro.cfl());
   if (problem.dt > limit) {
     refuse(
         "hydro.dt_s",
         fmt::format("dt_s = {:.9g} s is above the limit {:.9g} s (cfl {:g}; a shear wave crosses a zone in {:.9g} s)",
-                    problem.dt, limit, hydro.cfl, transit),
+                    problem.dt, limit, hydro.cfl(), transit),
         "lower dt_s, or leave it out: it then follows from cfl");
   }
   // Velocities stand at t = (k - 1/2) dt: the first such time at or after the end. The tolerance keeps a ratio that is
   // whole but for rounding from costing a step.
-  const double exact = hydro.end_time_s / problem.dt + 0.5;
+  const double exact = hydro.end_time_s() / problem.dt + 0.5;
   const double steps = std::max(1.0, std::ceil(exact - 1e-9));
   constexpr double kMostSteps = 1e9;
   if (!(steps <= kMostSteps)) {
@@ -100,28 +108,28 @@ void choose_steps(const wire::Hydro& hydro, Problem& problem) {
 
 }  // namespace
 
-Problem make_problem(const wire::Scene& scene) {
-  if (wire::Status fault = wire::check_scene(scene); !fault.ok()) throw wire::Error(std::move(fault));
-  if (!scene.hydro) refuse("hydro", "the scene has no [hydro] table", "add [hydro] and [hydro.shear_column]");
-  if (!scene.hydro->shear_column) refuse("hydro.shear_column", "[hydro] names no problem", "add [hydro.shear_column]");
-  const wire::Hydro& hydro = *scene.hydro;
-  const wire::ShearColumn& column = *hydro.shear_column;
+ColumnProblem make_problem(const guest::HydroScene& scene) {
+  if (!scene.has_hydro()) refuse("hydro", "the scene has no [hydro] table", "add [hydro] and [hydro.shear_column]");
+  if (!scene.hydro().has_shear_column())
+    refuse("hydro.shear_column", "[hydro] names no problem", "add [hydro.shear_column]");
+  const guest::ShearColumn& column = scene.hydro().shear_column();
 
-  Problem problem;
-  problem.name = scene.name;
-  Columns columns = columns_of(column, scene.layer.initial_temperature_k);
+  ColumnProblem problem;
+  problem.name = scene.scene().name();
+  Columns columns = columns_of(column, scene.scene().layer().initial_temperature_k());
   problem.columns = columns.count;
   problem.initial_jump = std::move(columns.jump);
   problem.initial_temperature = std::move(columns.temperature);
-  problem.pressure = column.pressure_time_s.empty() ? PressureHistory{{}, std::move(columns.pressure)}
-                                                    : PressureHistory{column.pressure_time_s, column.pressure_pa};
+  problem.pressure = column.pressure_time_s().empty()
+                         ? PressureHistory{{}, std::move(columns.pressure)}
+                         : PressureHistory{list(column.pressure_time_s()), list(column.pressure_pa())};
 
-  problem.soft_material = resolve(scene.soft, "soft");
-  problem.hard_material = resolve(scene.hard, "hard");
-  problem.soft = mesh_of(problem.soft_material, problem.columns, column.far_end);
-  problem.hard = mesh_of(problem.hard_material, problem.columns, column.far_end);
+  problem.soft_material = resolve(scene.scene().soft(), "soft");
+  problem.hard_material = resolve(scene.scene().hard(), "hard");
+  problem.soft = mesh_of(problem.soft_material, problem.columns, column.far_end());
+  problem.hard = mesh_of(problem.hard_material, problem.columns, column.far_end());
   mesh_bodies(column, problem);
-  choose_steps(hydro, problem);
+  choose_steps(scene.hydro(), problem);
   return problem;
 }
 

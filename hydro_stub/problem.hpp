@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
+#include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/pressure_history.hpp"
 #include "hydro_stub/shear_body.hpp"
-#include "proto/wire/scene.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::hydro {
 
-struct Problem {
+struct ColumnProblem {
   std::string name;
   std::size_t columns = 1;
   physics::Material soft_material;
@@ -32,10 +32,10 @@ struct Problem {
 // Throws wire::Error{kInvalidScene} for a field of the scene.
 [[noreturn]] void refuse(std::string field, std::string text, std::string remedy);
 
-// The material of [table]; refuses what the catalog does not know or the constants do not make.
-physics::Material resolve(const wire::Body& body, const std::string& table);
+// Makes the material of [table]. Throws for an unknown name and for inconsistent constants.
+physics::Material resolve(const v1::Body& body, const std::string& table);
 
 // Throws wire::Error{kInvalidScene} that names the field at fault.
-Problem make_problem(const wire::Scene& scene);
+ColumnProblem make_problem(const guest::HydroScene& scene);
 
 }  // namespace shearbus::hydro

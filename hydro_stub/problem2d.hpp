@@ -12,7 +12,7 @@
 
 namespace shearbus::hydro {
 
-// What a run found beside what it should have.
+// A value of a run, compared with its exact value.
 struct Comparison {
   std::string what;
   std::string units;
@@ -24,18 +24,18 @@ struct Problem2d {
   explicit Problem2d(lagrange::Bodies meshed) : bodies(std::move(meshed)) {}
 
   lagrange::Bodies bodies;
-  std::string body_names;         // of the mesh's blocks, for people: "0 cone, 1 confinement, 2 flyer"
+  std::string body_names;         // names of the mesh's blocks, for the summary: "0 cone, 1 confinement, 2 flyer"
   std::vector<int> free_surface;  // nodes whose motion is recorded; may be empty
   double end_time = 0.0;          // [s]
   double history_interval = 0.0;  // [s]
   std::uint32_t frames = 1;       // fields, at equal times to the end
-  physics::Material soft, hard;   // that slide on each other, if any do
+  physics::Material soft, hard;   // metals that slide on each other, if any
 
-  std::function<bool(const lagrange::Cycle&)> over;  // where given, may end the run before its time
-  std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // where answers are known
+  std::function<bool(const lagrange::Cycle&)> over;                        // if set, may end the run early
+  std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // if set, compares with known solutions
 };
 
-// Nodes that ask the interface law.
+// Returns the number of nodes with an interface law.
 std::size_t interface_nodes(const lagrange::Bodies& bodies);
 
 }  // namespace shearbus::hydro

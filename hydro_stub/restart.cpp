@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kKept = 2;
 
-// Newest first; the numbers in their names have one width.
+// Lists the dumps, newest first; the numbers in their names have a fixed width.
 std::vector<fs::path> dumps_of(const fs::path& run) {
   std::vector<fs::path> found;
   std::error_code none;
@@ -53,7 +53,7 @@ fs::path server_directory(const fs::path& run) {
 
 void make_room_for_dumps(const fs::path& run) {
   if (dumps_of(run).empty()) {
-    fs::remove_all(restart_directory(run));  // of a run that ended before its first dump
+    fs::remove_all(restart_directory(run));  // left by a run that ended before its first dump
     return;
   }
   throw wire::Error({.code = wire::Code::kInvalidValue,

@@ -1,6 +1,6 @@
-// Restart dumps of a run, in RUN/restart: dump-STEPS.h5, the newest two, as many as the subgrid service keeps marks.
-// What a dump holds besides arrays of the run: the scene, where the server is, and what the interface law kept. The law
-// keeps first, the dump is written after: a dump that is there can be gone on from.
+// Restart dumps of a run in RUN/restart: the newest two files dump-STEPS.h5, since the subgrid service keeps two marks.
+// A dump holds the arrays of the run, the scene, the server's address and the saved state of the interface law. The law
+// saves its state before the dump is written, so every dump can be continued.
 #pragma once
 
 #include <chrono>
@@ -17,24 +17,24 @@ namespace shearbus::hydro {
 
 struct DumpSchedule {
   std::uint64_t every_steps = 0;  // 0: not by steps
-  double interval_s = 0.0;        // of the clock on the wall; 0: not by time
+  double interval_s = 0.0;        // wall-clock interval; 0: not by time
   bool wanted() const { return every_steps > 0 || interval_s > 0.0; }
 };
 
-// A run that was told to stop and left a dump to go on from.
+// Thrown by a run that was interrupted and wrote a dump to continue from.
 class Interrupted : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
 std::filesystem::path restart_directory(const std::filesystem::path& run);
-// Beside the dumps, made where it is not there: of a server in the process of the run.
+// State directory of an embedded server, next to the dumps. Created if missing.
 std::filesystem::path server_directory(const std::filesystem::path& run);
 
-// The newest dump of a run that is whole; says on stderr of damaged ones. Throws wire::Error where there is none.
+// Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
 wire::DumpReader newest_dump(const std::filesystem::path& run);
 
-// Before a run begins anew. Throws wire::Error where it would spoil the dumps of another.
+// Prepares a new run. Throws wire::Error if it would overwrite the dumps of another.
 void make_room_for_dumps(const std::filesystem::path& run);
 
 class RestartDumps {
@@ -42,9 +42,9 @@ class RestartDumps {
   RestartDumps(std::filesystem::path run, const DumpSchedule& schedule) : run_(std::move(run)), schedule_(schedule) {}
 
   bool due(std::uint64_t steps) const;
-  // `fill` is given the dump's name and its writer.
+  // Calls `fill` with the dump's name and its writer.
   void write(std::uint64_t steps, const std::function<void(const std::string&, wire::DumpWriter&)>& fill);
-  void remove() const;  // the run is done
+  void remove() const;  // deletes the dumps after the end of the run
 
  private:
   std::filesystem::path run_;

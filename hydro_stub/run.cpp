@@ -17,9 +17,9 @@
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/summary.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
@@ -27,11 +27,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// The scene as it was run: constants, step and law filled in.
-wire::Scene effective_scene(wire::Scene scene, const Problem& problem) {
-  scene.soft.given = physics::constants_of(problem.soft_material);
-  scene.hard.given = physics::constants_of(problem.hard_material);
-  scene.hydro->dt_s = problem.dt;
+// The scene as it was run: constants and step filled in.
+guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& problem) {
+  scene::set_numbers(physics::constants_of(problem.soft_material), *scene.mutable_scene()->mutable_soft());
+  scene::set_numbers(physics::constants_of(problem.hard_material), *scene.mutable_scene()->mutable_hard());
+  scene.mutable_hydro()->set_dt_s(problem.dt);
   return scene;
 }
 
@@ -44,26 +44,26 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 
 }  // namespace
 
-std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
+std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        const SubgridServer& server, const std::string& kept) {
-  switch (scene.hydro->interface_law) {
-    case wire::InterfaceLaw::kCoulombTresca:
-      return std::make_unique<CoulombTrescaLaw>(scene.hydro->coulomb_tresca, soft, hard, initial_temperature);
-    case wire::InterfaceLaw::kFreeSlip:
+  const guest::HydroScene& scene = file.scene;
+  switch (scene.hydro().interface_law()) {
+    case guest::INTERFACE_LAW_COULOMB_TRESCA:
+      return std::make_unique<CoulombTrescaLaw>(scene.hydro().coulomb_tresca(), soft, hard, initial_temperature);
+    case guest::INTERFACE_LAW_FREE_SLIP:
       return std::make_unique<FreeSlipLaw>();
-    case wire::InterfaceLaw::kStick:
+    case guest::INTERFACE_LAW_STICK:
       return std::make_unique<StickLaw>();
-    case wire::InterfaceLaw::kConstant:
-      if (!scene.hydro->constant_shear_stress_pa)
+    case guest::INTERFACE_LAW_CONSTANT:
+      if (!scene.hydro().has_constant_shear_stress_pa())
         refuse("hydro.constant_shear_stress_pa", "interface_law constant needs hydro.constant_shear_stress_pa",
                "give it, in Pa");
-      return std::make_unique<ConstantFrictionLaw>(*scene.hydro->constant_shear_stress_pa);
-    case wire::InterfaceLaw::kSubgrid:
-    case wire::InterfaceLaw::kUnspecified:
+      return std::make_unique<ConstantFrictionLaw>(scene.hydro().constant_shear_stress_pa());
+    default:
       break;
   }
-  if (scene.strategy != wire::Strategy::kForceDriven) {
+  if (scene.scene().strategy() != v1::STRATEGY_FORCE_DRIVEN) {
     throw wire::Error(
         {.code = wire::Code::kInvalidScene,
          .text =
@@ -73,17 +73,18 @@ std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::
          .field = "strategy"});
   }
   if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
-  auto law = std::make_unique<SubgridLaw>(scene, node_ids(initial_temperature.size()), initial_temperature, server);
+  auto law = std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
+                                          node_ids(initial_temperature.size()), initial_temperature, server);
   for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
   return law;
 }
 
-void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
-         bool progress) {
+void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
+         const std::filesystem::path& out, bool progress) {
   std::filesystem::create_directories(out);
-  const std::string law_name = name(scene.hydro->interface_law);
+  const std::string law_name = name(scene.hydro().interface_law());
   ShearColumn column(problem);
-  History history(out / "history.h5", problem, column, wire::scene_to_toml(effective_scene(scene, problem)), law_name);
+  History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name);
   Summary summary(problem, law_name);
   wire::Progress bar(problem.name, problem.steps, progress);
 
@@ -114,9 +115,9 @@ void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, co
   write_text(out / "summary.json", summary.json());
   fmt::print("{}", summary.text());
   law.close();
-  const Spared spared = law.spared();
-  for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
-  summary.spared(spared.json);
+  const OmittedCost omitted = law.omitted_cost();
+  for (const auto& [label, value] : omitted.lines) fmt::print("  {:<24}{}\n", label, value);
+  summary.omitted(omitted);
   write_text(out / "summary.json", summary.json());
 }
 

@@ -1,4 +1,4 @@
-// A run from scene to results.
+// Runs a scene and writes its results.
 #pragma once
 
 #include <filesystem>
@@ -9,24 +9,23 @@
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/scene.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
-// The scene's law for nodes with these initial temperatures; with `kept` (InterfaceLaw::keep) as it was when that was
-// said. Says on stderr what the server warns of. Throws wire::Error.
-std::unique_ptr<InterfaceLaw> make_law(const wire::Scene& scene, const physics::Material& soft,
+// Makes the scene's law for nodes with these initial temperatures, or restores it from `kept` (InterfaceLaw::keep).
+// Prints the server's warnings to stderr. Throws wire::Error.
+std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        const SubgridServer& server, const std::string& kept = {});
 
-// Steps through the problem; leaves history.h5 and summary.json in `out` and prints the summary. Throws wire::Error or
-// std::exception, and then leaves no file that looks whole.
-void run(const wire::Scene& scene, const Problem& problem, InterfaceLaw& law, const std::filesystem::path& out,
-         bool progress);
+// Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
+// std::exception; then no file has the name of a complete result.
+void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
+         const std::filesystem::path& out, bool progress);
 
-// Pictures beside the results in `out`: of history.h5 by plot_histories.py, of a cone's by plot_cone.py. Throws
-// std::runtime_error where it fails.
+// Draw the results in `out` with plot_histories.py or plot_cone.py. Throw std::runtime_error if that fails.
 void plot(const std::filesystem::path& out);
 void plot_cone(const std::filesystem::path& out);
 

@@ -22,7 +22,6 @@
 #include "proto/wire/fields.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
-#include "proto/wire/scene_file.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -80,10 +79,10 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 
 class Run {
  public:
-  Run(const wire::Scene& scene, const wire::Scene& effective, Problem2d problem, InterfaceLaw& law,
+  Run(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
       const RunOptions& options, const wire::DumpReader* from)
-      : scene_(scene),
-        effective_text_(wire::scene_to_toml(effective)),
+      : file_(file),
+        effective_text_(scene::to_toml(effective)),
         law_(law),
         options_(options),
         end_time_(problem.end_time),
@@ -105,7 +104,7 @@ class Run {
     constexpr double kBarParts = 10'000;  // steps are not known before; time is
     const double begun_at = cycle_.state().time;
     const auto part = [&](double time) { return static_cast<std::size_t>(kBarParts * (time - begun_at) / end_time_); };
-    wire::Progress bar(scene_.name, part(end_time_), options_.progress);
+    wire::Progress bar(file_.scene.scene().name(), part(end_time_), options_.progress);
     if (fields_.times_s().empty()) timed([&] { write_fields(fields_, cycle_); });
     while (cycle_.state().time < end_time_) {
       step();
@@ -150,7 +149,7 @@ class Run {
   void dump() {
     dumps_.write(cycle_.steps(), [&](const std::string& name, wire::DumpWriter& to) {
       to.text("kept", law_.keep(name));
-      to.text("scene", wire::scene_to_toml(scene_));
+      to.text("scene", scene::to_toml(file_.scene));  // with the law of the command line
       to.text("server", options_.server);
       const lagrange::Memory memory = cycle_.memory();
       for (const auto& [what, values] : memory.numbers) to.numbers(std::string("cycle/") + what, values);
@@ -183,14 +182,14 @@ class Run {
   void finish() {
     const std::map<std::string, std::string> meta = {{"producer", "shearbus-hydro"},
                                                      {"scene", effective_text_},
-                                                     {"scene_name", scene_.name},
-                                                     {"interface_law", name(scene_.hydro->interface_law)}};
+                                                     {"scene_name", file_.scene.scene().name()},
+                                                     {"interface_law", name(file_.scene.hydro().interface_law())}};
     timed([&] {
       if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
-    Summary2d summary{.scene = scene_.name,
-                      .interface_law = name(scene_.hydro->interface_law),
+    Summary2d summary{.scene = file_.scene.scene().name(),
+                      .interface_law = name(file_.scene.hydro().interface_law()),
                       .cycle = cycle_,
                       .start = start_,
                       .interface = interface_,
@@ -202,14 +201,13 @@ class Run {
     write_text(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();
-    const Spared spared = law_.spared();
-    for (const auto& [label, value] : spared.lines) fmt::print("  {:<24}{}\n", label, value);
-    summary.spared = spared.json;
+    summary.omitted = law_.omitted_cost();
+    for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
     write_text(options_.out / "summary.json", summary.json());
     dumps_.remove();
   }
 
-  const wire::Scene& scene_;
+  const SceneFile& file_;
   std::string effective_text_;
   InterfaceLaw& law_;
   RunOptions options_;
@@ -235,13 +233,13 @@ std::size_t interface_nodes(const lagrange::Bodies& bodies) {
   return static_cast<std::size_t>(lagrange::InterfaceWeights(bodies.mesh.symmetry(), bodies.slide_lines).rubbing());
 }
 
-void run_problem2d(const wire::Scene& scene, const wire::Scene& effective, Problem2d problem, InterfaceLaw& law,
+void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from) {
   // OpenMP's threads wait by spinning, which on a shared machine costs more than they bring: only those asked for.
   if (std::getenv("OMP_NUM_THREADS") == nullptr) omp_set_num_threads(1);
   std::filesystem::create_directories(options.out);
   wire::stop_at_next_step();
-  Run(scene, effective, std::move(problem), law, options, from).to_the_end();
+  Run(file, effective, std::move(problem), law, options, from).to_the_end();
 }
 
 }  // namespace shearbus::hydro

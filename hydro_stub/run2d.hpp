@@ -1,4 +1,4 @@
-// A run of a two-dimensional problem from scene to results.
+// Runs a two-dimensional problem and writes its results.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/problem2d.hpp"
 #include "hydro_stub/restart.hpp"
+#include "hydro_stub/scene.hpp"
 #include "proto/wire/dump.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
@@ -16,14 +16,14 @@ struct RunOptions {
   std::filesystem::path out;
   bool progress = true;
   DumpSchedule dumps;
-  std::string server;  // the endpoint, for who goes on from a dump
+  std::string server;  // endpoint of the server, stored in restart dumps
 };
 
-// Leaves interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and
-// summary.json in `options.out`, and prints the summary. `effective` is the scene with the constants it was run with.
-// With `from` the run goes on from that dump. Throws Interrupted after SIGINT or SIGTERM, wire::Error or
-// std::exception; then there are no histories and no summary.
-void run_problem2d(const wire::Scene& scene, const wire::Scene& effective, Problem2d problem, InterfaceLaw& law,
+// Writes interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and
+// summary.json to `options.out`, and prints the summary. `effective` is the scene with all constants filled in. With
+// `from` the run continues from that dump. Throws Interrupted after SIGINT or SIGTERM, wire::Error or std::exception;
+// then neither histories nor a summary are written.
+void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from);
 
 }  // namespace shearbus::hydro

@@ -13,8 +13,8 @@ void accelerate_free_end(ShearBody& body, double dt) {
   for (std::size_t i = 0; i < body.mesh.columns; ++i) end[i] -= scale * inner[i];
 }
 
-// The body goes on for ever behind a transmitting end: an outgoing wave has t = -Z (V - V_far), taken here at the
-// middle of the step, where the stress stands. With dt equal to the transit time of a zone this passes every wave
+// A transmitting end stands for an infinite body behind it: an outgoing wave has t = -Z (V - V_far), evaluated at the
+// middle of the step, the time level of the stress. With dt equal to the transit time of a zone this passes every wave
 // unchanged. With a smaller Courant number C a wave of frequency w is reflected by (cos(k dz/2) - cos(w dt/2)) / (cos(k
 // dz/2) + cos(w dt/2)), sin(w dt/2) = C sin(k dz/2): about (w dt)^2 (1 - 1/C^2) / 16.
 void accelerate_transmitting_end(ShearBody& body, double dt) {
@@ -64,7 +64,7 @@ void accelerate(ShearBody& body, double dt) {
     const double* outer = body.stress_at(j);
     for (std::size_t i = 0; i < columns; ++i) velocity[i] += scale * (outer[i] - inner[i]);
   }
-  if (body.mesh.far_end == wire::FarEnd::kFree) {
+  if (body.mesh.far_end == guest::FAR_END_FREE) {
     accelerate_free_end(body, dt);
   } else {
     accelerate_transmitting_end(body, dt);

@@ -1,12 +1,13 @@
-// One elastic body of many independent columns: plane shear waves along z on a staggered mesh, as in any Lagrangian
-// hydrocode of Wilkins' family. Velocities stand on nodes at half time levels, shear stresses in zones at whole ones:
+// One elastic body of many independent columns: plane shear waves along z on a staggered mesh, as in Lagrangian
+// hydrocodes after Wilkins. Velocities are defined on nodes at half time levels, shear stresses in zones at whole
+// levels:
 //
 //      V0      V1      V2            VN        n-1/2, n+1/2, ...
 //      o---x---o---x---o--- ... --x---o
 //         t0      t1            tN-1           n, n+1, ...
 //   interface                      far end
 //
-// A body is seen from the interface outward, so that both sides run through the same code: with zeta the distance from
+// Coordinates run from the interface outward, so that both bodies use the same code: with zeta the distance from
 // the interface, rho dV/dt = dt/dzeta and dt/dt = G dV/dzeta; t is +sigma_xz in the soft body (zeta = z) and -sigma_xz
 // in the hard one (zeta = -z). Arrays are [node or zone][column], column fastest.
 #pragma once
@@ -15,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/wire/scene.hpp"
+#include "hydro_stub/hydro.pb.h"
 
 namespace shearbus::hydro {
 
@@ -25,7 +26,7 @@ struct BodyMesh {
   double zone_width = 0.0;     // [m]
   double density = 0.0;        // [kg/m3]
   double shear_modulus = 0.0;  // [Pa]
-  wire::FarEnd far_end = wire::FarEnd::kTransmitting;
+  guest::FarEnd far_end = guest::FAR_END_TRANSMITTING;
 
   double wave_speed() const;                                            // [m/s]
   double impedance() const;                                             // rho c  [Pa s/m]
@@ -44,25 +45,25 @@ struct ShearBody {
   BodyMesh mesh;
   std::vector<double> velocity;      // [zones+1][columns]  [m/s]
   std::vector<double> stress;        // [zones][columns], outward  [Pa]
-  std::vector<double> far_velocity;  // of the undisturbed body behind a transmitting end  [m/s]
-  std::vector<double> far_impulse;   // that the far end has given the body  [Pa s]
-  std::vector<double> far_work;      // that the far end has done on the body  [J/m2]
+  std::vector<double> far_velocity;  // velocity of the undisturbed body behind a transmitting end  [m/s]
+  std::vector<double> far_impulse;   // impulse from the far end  [Pa s]
+  std::vector<double> far_work;      // work of the far end on the body  [J/m2]
 };
 
-// Velocities of all nodes but the interface's, over dt with the stresses of level n.
+// Advances the velocities of all nodes except the interface node by dt, with the stresses of level n.
 void accelerate(ShearBody& body, double dt);
 
-// Velocity of the interface node: half a zone, pulled by its zone outward and by `traction` inward.
+// Advances the velocity of the interface node, half a zone on which its zone acts outward and `traction` inward.
 void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction);
 
-// Stresses n -> n+1 with the velocities of n+1/2. The bulk stays elastic.
+// Advances the stresses from n to n+1 with the velocities of n+1/2. The bulk is elastic.
 void strain(ShearBody& body, double dt);
 
-// Momentum of one column  [Pa s].
+// Returns the momentum of one column  [Pa s].
 double momentum(const ShearBody& body, std::size_t column);
 
-// Energy of one column after strain(): kinetic at n+1/2 plus elastic as the product of the stresses at n and n+1. This
-// pair is what the leapfrog conserves to rounding  [J/m2].
+// Returns the energy of one column after strain(): kinetic at n+1/2 plus elastic from the product of the stresses at n
+// and n+1. The leapfrog conserves this sum to rounding  [J/m2].
 double energy(const ShearBody& body, std::size_t column, double dt);
 
 }  // namespace shearbus::hydro

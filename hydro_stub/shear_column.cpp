@@ -8,7 +8,7 @@
 
 namespace shearbus::hydro {
 
-ShearColumn::ShearColumn(const Problem& problem)
+ShearColumn::ShearColumn(const ColumnProblem& problem)
     : dt_(problem.dt),
       pressure_(problem.pressure),
       soft_(problem.soft, problem.initial_jump),
@@ -20,16 +20,16 @@ ShearColumn::ShearColumn(const Problem& problem)
       energy_start_(problem.columns, 0.0),
       traction_hard_(problem.columns, 0.0) {
   for (std::size_t i = 0; i < problem.columns; ++i) {
-    inputs_.mass_minus[i] = soft_.mesh.half_zone_mass();
-    inputs_.mass_plus[i] = hard_.mesh.half_zone_mass();
+    inputs_.mass_soft[i] = soft_.mesh.half_zone_mass();
+    inputs_.mass_hard[i] = hard_.mesh.half_zone_mass();
   }
 }
 
-// Time levels. The run starts at t = 0 with velocities and stresses of the same instant; the first step brings the
-// velocities to dt/2, from where they leap over the stresses:
+// Time levels. The run starts at t = 0 with velocities and stresses at the same time; the first half step brings the
+// velocities to dt/2, and from there on velocities and stresses alternate:
 //     velocities   0 -> 1/2 -> 3/2 -> ...  dt        stresses   0 -> 1 -> 2 -> ...  dt
-// The half step matters: with it, and dt the transit time of a zone, a constant friction stress gives the exact jump of
-// two half-spaces from the first instant on; with a full one the jump would alternate about it for ever.
+// With this half step, and dt equal to the transit time of a zone, a constant friction stress gives the exact jump of
+// two half-spaces from the start; with a full first step the jump would alternate about the exact value.
 void ShearColumn::advance(InterfaceLaw& law) {
   if (inputs_.step == 0) {
     for (std::size_t i = 0; i < inputs_.velocity_jump.size(); ++i) {
@@ -37,12 +37,12 @@ void ShearColumn::advance(InterfaceLaw& law) {
       energy_start_[i] = energy(soft_, i, 0.0) + energy(hard_, i, 0.0);
     }
   }
-  // 1. what the interface feels: the adjoining zones' stresses, the jump, the pressure                 DLP (58)-(60)
+  // 1. inputs of the interface law: stresses of the adjoining zones, jump, pressure                    DLP (58)-(60)
   gather_inputs();
-  // 2. what it answers: the shear stress of the step, and with it the new jump                         DLP (61)
+  // 2. the law: shear stress of the step, and with it the new jump                                     DLP (61)
   law.advance(inputs_, answer_);
   check_answer();
-  // 3. momentum: all other nodes, then the two sides of the interface, with equal and opposite tractions
+  // 3. momentum: all other nodes, then both sides of the interface, with equal and opposite tractions
   accelerate(soft_, inputs_.dt);
   accelerate(hard_, inputs_.dt);
   apply_answer();
@@ -61,12 +61,12 @@ void ShearColumn::gather_inputs() {
   for (std::size_t i = 0; i < inputs_.velocity_jump.size(); ++i) {
     inputs_.velocity_jump[i] = soft_.velocity_at(0)[i] - hard_.velocity_at(0)[i];
     inputs_.pressure[i] = pressure_.at(level, i);
-    inputs_.stress_minus[i] = soft_stress[i];
-    inputs_.stress_plus[i] = -hard_stress[i];  // outward stress of the body at z < 0 is -sigma_xz
+    inputs_.stress_soft[i] = soft_stress[i];
+    inputs_.stress_hard[i] = -hard_stress[i];  // outward stress of the body at z < 0 is -sigma_xz
   }
 }
 
-// A law that answers no number would only be noticed steps later and elsewhere.
+// Refuses answers that are not finite, which would otherwise be noticed steps later.
 void ShearColumn::check_answer() const {
   constexpr auto kLastRegime = static_cast<std::uint8_t>(wire::Regime::kMelting);
   for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {
@@ -97,8 +97,8 @@ void ShearColumn::apply_answer() {
   double* soft_velocity = soft_.velocity_at(0);
   double* hard_velocity = hard_.velocity_at(0);
   for (std::size_t i = 0; i < s.size(); ++i) {
-    // Bodies that stick share one velocity, to the last bit: the difference of two momentum equations leaves a jump of
-    // rounding, of either sign.
+    // Bodies that stick get the same velocity to the last bit: the difference of two momentum equations would leave a
+    // jump of rounding errors.
     if (answer_.velocity_jump_new[i] == 0.0) {
       const double common = (mass_soft * soft_velocity[i] + mass_hard * hard_velocity[i]) / (mass_soft + mass_hard);
       soft_velocity[i] = common;

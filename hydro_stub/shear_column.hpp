@@ -1,4 +1,4 @@
-// Two bodies and their interface: one step of the problem shear_column, and the ledgers that say what the step did.
+// Two bodies and their interface: the step of the problem shear_column, and its momentum and energy ledgers.
 #pragma once
 
 #include <cstdint>
@@ -12,29 +12,29 @@ namespace shearbus::hydro {
 
 class ShearColumn {
  public:
-  explicit ShearColumn(const Problem& problem);
+  explicit ShearColumn(const ColumnProblem& problem);
 
-  // One step of all columns. What the law was asked and what it answered stay readable until the next step.
+  // Advances all columns by one step. inputs() and answer() stay valid until the next step.
   void advance(InterfaceLaw& law);
 
   const InterfaceInputs& inputs() const { return inputs_; }
   const InterfaceAnswer& answer() const { return answer_; }
-  double time() const { return inputs_.time; }         // of the velocities and of the answer  [s]
-  std::uint64_t step() const { return inputs_.step; }  // steps taken
+  double time() const { return inputs_.time; }         // time of the velocities and of the answer  [s]
+  std::uint64_t step() const { return inputs_.step; }  // number of completed steps
 
   const ShearBody& soft() const { return soft_; }
   const ShearBody& hard() const { return hard_; }
-  // For problems that start otherwise than at rest with a jump: change velocities before the first step.
+  // Gives access to the velocities before the first step, for problems with another initial state than a uniform jump.
   ShearBody& soft() { return soft_; }
   ShearBody& hard() { return hard_; }
 
-  // Of one column since its first step. Each ledger's residual is what a perfect sum would leave at 0.
+  // Ledgers of one column since its first step. Both residuals are 0 in exact arithmetic.
   struct Ledger {
     double momentum_start, momentum_end;  // [Pa s]
     double impulse_of_far_ends;           // [Pa s]
     double energy_start, energy_end;      // kinetic and elastic  [J/m2]
-    double friction_work;                 // taken from the bodies at the interface, s [V]mid dt  [J/m2]
-    double work_of_far_ends;              // done on the bodies; negative where waves leave  [J/m2]
+    double friction_work;                 // work of the bodies against friction, sum of s [V]mid dt  [J/m2]
+    double work_of_far_ends;              // work on the bodies; negative if waves leave  [J/m2]
     double momentum_residual() const { return momentum_end - momentum_start - impulse_of_far_ends; }
     double energy_residual() const { return energy_end - energy_start + friction_work - work_of_far_ends; }
   };
@@ -55,7 +55,7 @@ class ShearColumn {
   std::vector<double> friction_work_;   // [J/m2]
   std::vector<double> momentum_start_;  // [Pa s]
   std::vector<double> energy_start_;    // [J/m2]
-  std::vector<double> traction_hard_;   // -s: the interface pulls the hard body on  [Pa]
+  std::vector<double> traction_hard_;   // -s, the traction on the hard body  [Pa]
 };
 
 }  // namespace shearbus::hydro

@@ -6,8 +6,8 @@
 namespace shearbus::hydro {
 namespace {
 
-// Without friction nothing heats the interface: its temperature is the zone's, or unknown to this law and left at 300
-// K.
+// Without friction the interface is not heated: its temperature is that of the zone, or 300 K if the host gives no zone
+// temperature.
 constexpr double kRoomTemperature = 300.0;
 
 void answer_without_heat(const InterfaceInputs& inputs, std::size_t i, double stress, InterfaceAnswer& answer) {
@@ -25,7 +25,7 @@ void set_regime(const InterfaceInputs& inputs, std::size_t i, wire::Regime close
 
 }  // namespace
 
-// Slip at a Coulomb limit of 0.
+// The regime of free slip is Coulomb slip with a limit of 0.
 void FreeSlipLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
   for (std::size_t i = 0; i < inputs.velocity_jump.size(); ++i) {
     answer_without_heat(inputs, i, 0.0, answer);

@@ -1,4 +1,4 @@
-// Laws with exact solutions: no friction, as much as it takes, and the same whatever the pressure.
+// Interface laws with exact solutions: free slip, stick, and a friction stress that does not depend on the pressure.
 #pragma once
 
 #include "hydro_stub/interface_law.hpp"
@@ -11,14 +11,14 @@ class FreeSlipLaw : public InterfaceLaw {
   LawTime time_spent() const override { return {}; }
 };
 
-// Bodies under pressure do not slip.
+// Bodies under pressure stick.
 class StickLaw : public InterfaceLaw {
  public:
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
   LawTime time_spent() const override { return {}; }
 };
 
-// |s| = limit while the interface slips, any s up to it while it sticks, whatever the pressure.
+// |s| = limit while the interface slips, |s| <= limit while it sticks, at any positive pressure.
 class ConstantFrictionLaw : public InterfaceLaw {
  public:
   explicit ConstantFrictionLaw(double limit) : limit_(limit) {}  // [Pa]

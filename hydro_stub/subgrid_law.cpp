@@ -36,7 +36,7 @@ std::optional<server::Embedded> embed(const SubgridServer& server) {
   return std::optional<server::Embedded>(std::in_place, options);
 }
 
-// Books what a stretch of the host's thread takes.
+// Adds its lifetime on the host's thread to the law's run time.
 class Stopwatch {
  public:
   explicit Stopwatch(LawTime& time) : time_(time) {}
@@ -58,7 +58,7 @@ class Stopwatch {
   std::chrono::nanoseconds cpu_ = thread_cpu();
 };
 
-// What was kept, as a line of text: MARK SESSION TOKEN, the ids in hexadecimal.
+// The saved state as a line of text: MARK SESSION TOKEN, with ids in hexadecimal.
 template <std::size_t kSize>
 std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
   return fmt::format("{:02x}", fmt::join(bytes, ""));
@@ -95,14 +95,15 @@ void copy(std::span<const double> from, std::span<double> to) {
 
 }  // namespace
 
-// Members are made top-down and end bottom-up: the session says goodbye before its client goes, the client before its
-// server.
+// The order of the members matters: the session is destroyed before its client, the client before its server.
 struct SubgridLaw::Impl {
   Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
       : embedded(embed(where)),
         client(client_options(where.address, embedded)),
         session(enter(client)),
-        wants_plastic_rate(session.effective_scene().interface && session.effective_scene().interface->plastic_layer),
+        wants_soft_plastic_strain_rate(
+            std::ranges::find(session.opened().optional_columns, Field::kSoftPlasticStrainRate) !=
+            session.opened().optional_columns.end()),
         request(session.request()),
         server(embedded ? "in this process" : where.address.endpoint),
         outlives_process(!embedded || !where.state_dir.empty()) {
@@ -117,29 +118,29 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_plastic_rate;  // of hosts that compute it
-  Batch request;            // filled anew each step
+  bool wants_soft_plastic_strain_rate;  // until the request has that column
+  Batch request;                        // columns of a step
   std::string server;
   bool outlives_process;
   LawTime time;
-  const InterfaceInputs* asked = nullptr;  // of the step under way
+  const InterfaceInputs* asked = nullptr;  // inputs of the present step
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
-  wire::SessionClosed totals;  // once it is closed
+  wire::SessionClosed totals;  // set by close()
 };
 
-std::string explain(const wire::Scene& scene, std::size_t nodes) {
-  return server::explain(scene).text(nodes);
+std::string explain(const SceneText& scene, std::size_t nodes) {
+  return server::explain(scene.text, scene.file).text(nodes);
 }
 
-SubgridLaw::SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
+SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
                        std::span<const double> initial_temperature, const SubgridServer& server)
     : impl_(std::make_unique<Impl>(server, [&](Client& client) {
-        return client.open(scene, node_ids, {.initial_temperature_k = initial_temperature});
+        return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
-// The mark is set anew: of those the server keeps it is now the newest, so that the next one cannot push it out.
+// Marks the restored state again, so that it is the newest mark and the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });
@@ -156,19 +157,19 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
 
 void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   const Stopwatch stopwatch(impl_->time);
-  if (impl_->wants_plastic_rate && !in.zone_plastic_rate.empty()) {
+  if (impl_->wants_soft_plastic_strain_rate && !in.soft_plastic_strain_rate.empty()) {
     impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
-    impl_->wants_plastic_rate = false;
+    impl_->wants_soft_plastic_strain_rate = false;
   }
   Batch& request = impl_->request;
   if (request.has(Field::kSoftPlasticStrainRate))
-    copy(in.zone_plastic_rate, request.f64(Field::kSoftPlasticStrainRate));
+    copy(in.soft_plastic_strain_rate, request.f64(Field::kSoftPlasticStrainRate));
   copy(in.velocity_jump, request.f64(Field::kVelocityJump));
   copy(in.pressure, request.f64(Field::kPressure));
-  copy(in.stress_minus, request.f64(Field::kStressMinus));
-  copy(in.stress_plus, request.f64(Field::kStressPlus));
-  copy(in.mass_minus, request.f64(Field::kMassMinus));
-  copy(in.mass_plus, request.f64(Field::kMassPlus));
+  copy(in.stress_soft, request.f64(Field::kStressSoft));
+  copy(in.stress_hard, request.f64(Field::kStressHard));
+  copy(in.mass_soft, request.f64(Field::kMassSoft));
+  copy(in.mass_hard, request.f64(Field::kMassHard));
   impl_->session.start_trial(
       request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
   impl_->asked = &in;
@@ -243,9 +244,13 @@ void SubgridLaw::close() {
   impl_->kept = false;
 }
 
-Spared SubgridLaw::spared() const {
-  auto [lines, json] = server::spared(impl_->session.effective_scene(), impl_->totals, impl_->embedded.has_value());
-  return {std::move(lines), std::move(json)};
+OmittedCost SubgridLaw::omitted_cost() const {
+  const server::OmittedCost omitted = server::omitted_cost(impl_->session.effective_scene(), impl_->totals);
+  return {.lines = omitted.lines(),
+          .parts = omitted.parts,
+          .bytes_per_node = omitted.bytes_per_node,
+          .bytes_per_node_with_everything = omitted.bytes_per_node_with_everything,
+          .share_asleep = omitted.share_asleep};
 }
 
 }  // namespace shearbus::hydro

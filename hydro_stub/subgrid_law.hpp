@@ -1,5 +1,5 @@
-// The interface law of the subgrid service. The only room of the hydrocode that knows the client; with no endpoint the
-// server runs in this process.
+// The interface law of the subgrid service. Only this room of the hydrocode includes the client. Without an endpoint
+// the server runs in this process.
 #pragma once
 
 #include <cstdint>
@@ -12,27 +12,32 @@
 
 #include "hydro_stub/interface_law.hpp"
 #include "proto/wire/key_file.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
-// Where the layers are computed.
+// The server that computes the layers.
 struct SubgridServer {
   wire::ServerAddress address;      // no endpoint: in this process
-  std::filesystem::path state_dir;  // of a server in this process: where its sessions outlive it; empty: they do not
+  std::filesystem::path state_dir;  // state directory of a server in this process; empty: none
 };
 
-// What a scene pays for, measured on this machine: for people.
-std::string explain(const wire::Scene& scene, std::size_t nodes);
+// A scene as the server reads it.
+struct SceneText {
+  std::string text;  // TOML
+  std::string file;  // its name, for messages
+};
+
+// Describes the cost of the scene's parts, measured on this machine.
+std::string explain(const SceneText& scene, std::size_t nodes);
 
 class SubgridLaw : public InterfaceLaw {
  public:
-  // Opens a session for the nodes. Throws wire::Error with what the server refused.
-  SubgridLaw(const wire::Scene& scene, std::span<const std::uint64_t> node_ids,
+  // Opens a session for the nodes. Throws wire::Error with the server's refusal.
+  SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
              std::span<const double> initial_temperature, const SubgridServer& server = {});
-  // Comes back to what another process kept.
+  // Restores the state that another process saved.
   SubgridLaw(const std::string& kept, const SubgridServer& server);
-  ~SubgridLaw() override;  // of a law that was not closed: leaves the session to who comes back, if anything was kept
+  ~SubgridLaw() override;  // leaves a session open that has a saved state and was not closed
 
   // A step is a trial until the next one, which commits it in the same round trip, or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
@@ -42,11 +47,11 @@ class SubgridLaw : public InterfaceLaw {
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;
   std::string cannot_keep() const override;
-  void close() override;  // throws where that fails
-  Spared spared() const override;
+  void close() override;  // throws if that fails
+  OmittedCost omitted_cost() const override;
 
-  const std::string& server() const;                 // where it runs, for people
-  const std::vector<std::string>& warnings() const;  // what the server has to say of the scene
+  const std::string& server() const;                 // address of the server, for messages
+  const std::vector<std::string>& warnings() const;  // warnings of the server about the scene
 
  private:
   struct Impl;

@@ -4,9 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "proto/wire/text.hpp"
+#include "hydro_stub/summary_json.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
@@ -19,14 +20,14 @@ double seconds(std::chrono::nanoseconds time) {
   return std::chrono::duration<double>(time).count();
 }
 
-// A residual against the magnitudes that were added up to it; 0 where nothing moved at all.
+// Returns a residual relative to the sum of the magnitudes in its balance; 0 if the balance has no terms.
 double relative(double residual, double magnitude) {
   return magnitude > 0.0 ? std::abs(residual) / magnitude : std::abs(residual);
 }
 
 }  // namespace
 
-Summary::Summary(const Problem& problem, std::string interface_law)
+Summary::Summary(const ColumnProblem& problem, std::string interface_law)
     : name_(problem.name),
       interface_law_(std::move(interface_law)),
       columns_(problem.columns),
@@ -129,53 +130,41 @@ std::string Summary::text() const {
 }
 
 std::string Summary::json() const {
-  const auto list = [](const std::vector<double>& values, bool negative_is_null) {
-    std::string out = "[";
-    for (const double v : values) {
-      out += out.size() > 1 ? ", " : "";
-      out += negative_is_null && v < 0.0 ? "null" : fmt::format("{}", v);
-    }
-    return out + "]";
-  };
   const double node_steps = static_cast<double>(steps_) * static_cast<double>(columns_);
-  std::string shares;
-  for (std::size_t r = 0; r < kRegimeKeys.size(); ++r) {
-    shares += fmt::format("{}\"{}\": {}", r > 0 ? ", " : "", kRegimeKeys[r],
-                          static_cast<double>(regime_count_[r]) / node_steps);
-  }
-  std::string out = "{\n";
-  const auto field = [&](const char* key, const std::string& value, bool last = false) {
-    out += fmt::format("  \"{}\": {}{}\n", key, value, last ? "" : ",");
-  };
-  const auto number = [](auto value) { return fmt::format("{}", value); };
-  field("scene", wire::json_string(name_));
-  field("interface_law", wire::json_string(interface_law_));
-  field("columns", number(columns_));
-  field("steps", number(steps_));
-  field("dt_s", number(dt_));
-  field("dt_limit", wire::json_string(dt_reason_));
-  field("end_time_s", number(end_time_));
-  field("peak_interface_temperature_k", number(peak_.value));
-  field("peak_node", number(peak_.node));
-  field("peak_time_s", number(peak_.time));
-  field("melting_threshold_k", number(melting_threshold(0.0)));
-  field("time_to_melting_threshold_s", list(melting_time_, true));
-  field("slip_distance_m", list(slip_, false));
-  field("node_step_share", "{" + shares + "}");
-  field("friction_work_j_per_m2", number(friction_work_));
-  field("heat_into_soft_body_j_per_m2", number(heat_));
-  field("heat_partition", number(heat_share_));
-  if (!energy_.empty()) field("layer_energy", energy_.json());
-  if (!spared_.empty()) field("spared", spared_);
-  field("momentum_residual", number(momentum_residual_));
-  field("energy_residual", number(energy_residual_));
-  field("flagged_node_steps", number(flagged_));
-  field("run_time_s", number(seconds(time_.total)));
-  field("solver_time_s", number(seconds(time_.solver)));
-  field("bus_time_s", number(seconds(time_.bus)));
-  field("hydro_time_s", number(seconds(time_.hydro())));
-  field("output_time_s", number(seconds(time_.output)), true);
-  return out + "}\n";
+  nlohmann::ordered_json shares;
+  auto melting_times = nlohmann::ordered_json::array();
+  for (std::size_t r = 0; r < kRegimeKeys.size(); ++r)
+    shares[kRegimeKeys[r]] = static_cast<double>(regime_count_[r]) / node_steps;
+  for (const double time : melting_time_)
+    melting_times.push_back(time < 0.0 ? nlohmann::ordered_json() : nlohmann::ordered_json(time));
+  nlohmann::ordered_json out = {{"scene", name_},
+                                {"interface_law", interface_law_},
+                                {"columns", columns_},
+                                {"steps", steps_},
+                                {"dt_s", dt_},
+                                {"dt_limit", dt_reason_},
+                                {"end_time_s", end_time_},
+                                {"peak_interface_temperature_k", peak_.value},
+                                {"peak_node", peak_.node},
+                                {"peak_time_s", peak_.time},
+                                {"melting_threshold_k", melting_threshold(0.0)},
+                                {"time_to_melting_threshold_s", melting_times},
+                                {"slip_distance_m", slip_},
+                                {"node_step_share", shares},
+                                {"friction_work_j_per_m2", friction_work_},
+                                {"heat_into_soft_body_j_per_m2", heat_},
+                                {"heat_partition", heat_share_}};
+  if (!energy_.empty()) out["layer_energy"] = as_json(energy_);
+  if (!omitted_.lines.empty()) out["omitted"] = as_json(omitted_);
+  out["momentum_residual"] = momentum_residual_;
+  out["energy_residual"] = energy_residual_;
+  out["flagged_node_steps"] = flagged_;
+  out["run_time_s"] = seconds(time_.total);
+  out["solver_time_s"] = seconds(time_.solver);
+  out["bus_time_s"] = seconds(time_.bus);
+  out["hydro_time_s"] = seconds(time_.hydro());
+  out["output_time_s"] = seconds(time_.output);
+  return out.dump(2) + '\n';
 }
 
 }  // namespace shearbus::hydro

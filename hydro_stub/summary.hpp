@@ -1,4 +1,4 @@
-// What a run amounts to: collected step by step, printed at the end and written as summary.json.
+// The summary of a one-dimensional run: collected in each step, printed at the end and written as summary.json.
 #pragma once
 
 #include <array>
@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hydro_stub/problem.hpp"
@@ -15,19 +16,19 @@ namespace shearbus::hydro {
 
 struct RunTime {
   std::chrono::nanoseconds total{0};
-  std::chrono::nanoseconds solver{0};  // in the interface law itself
-  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
-  std::chrono::nanoseconds output{0};  // histories
+  std::chrono::nanoseconds solver{0};  // time in the solver of the law
+  std::chrono::nanoseconds bus{0};     // round trips without the solver
+  std::chrono::nanoseconds output{0};  // writing of histories
   std::chrono::nanoseconds hydro() const { return total - solver - bus - output; }
 };
 
 class Summary {
  public:
-  Summary(const Problem& problem, std::string interface_law);
+  Summary(const ColumnProblem& problem, std::string interface_law);
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void spared(std::string json) { spared_ = std::move(json); }  // once the law is closed: an object
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // to be called after InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;
@@ -60,12 +61,12 @@ class Summary {
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // sum over nodes  [J/m2]
   wire::EnergyTotals energy_;
-  std::string spared_;
+  OmittedCost omitted_;
   std::uint64_t flagged_ = 0;
 
   double friction_work_ = 0.0;      // sum over nodes  [J/m2]
-  double momentum_residual_ = 0.0;  // worst node, relative to the largest momentum in play
-  double energy_residual_ = 0.0;    // worst node, relative to the energy that moved
+  double momentum_residual_ = 0.0;  // largest of all nodes, relative to the momenta of the balance
+  double energy_residual_ = 0.0;    // largest of all nodes, relative to the energies of the balance
   RunTime time_;
 };
 

@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numbers>
+
+#include "hydro_stub/summary_json.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -16,8 +19,8 @@ struct Residuals {
   double energy, momentum;
 };
 
-// What is missing of energy and momentum, relative to what there was in play. About an axis only the axial component of
-// momentum is a sum of vectors.
+// Residuals of the balances of energy and momentum, relative to the energies and momenta in them. In axisymmetry only
+// the axial component of momentum is conserved as a sum.
 Residuals residuals(const lagrange::Cycle& cycle, const Ledger& start) {
   const Ledger end = cycle.ledger();
   const lagrange::State& state = cycle.state();
@@ -84,42 +87,33 @@ std::string Summary2d::json() const {
   const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
   const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;
   const auto [energy, momentum] = residuals(cycle, start);
-  std::string out = "{\n";
-  const auto field = [&](const char* key, const std::string& value) {
-    out += fmt::format("  \"{}\": {},\n", key, value);
-  };
-  const auto number = [](double value) { return fmt::format("{:.17g}", value); };
-  field("interface_law", '"' + interface_law + '"');
-  field("zones", fmt::format("{}", cycle.mesh().num_zones()));
-  field("steps", fmt::format("{}", cycle.steps()));
-  field("steps_taken_back", fmt::format("{}", cycle.rejected_steps()));
+  nlohmann::ordered_json out = {{"interface_law", interface_law},
+                                {"zones", cycle.mesh().num_zones()},
+                                {"steps", cycle.steps()},
+                                {"steps_taken_back", cycle.rejected_steps()}};
   if (interface.nodes() > 0) {
-    field("share_open", number(interface.share(wire::Regime::kOpen)));
-    field("share_stick", number(interface.share(wire::Regime::kStick)));
-    field("share_coulomb", number(interface.share(wire::Regime::kCoulomb)));
-    field("share_tresca", number(interface.share(wire::Regime::kTresca)));
-    field("share_melting", number(interface.share(wire::Regime::kMelting)));
-    field("mean_slip_m", number(interface.mean_slip()));
-    field("longest_slip_m", number(interface.longest_slip()));
-    field("peak_interface_temperature_k", number(interface.hottest()));
-    field("peak_pressure_pa", number(interface.highest_pressure()));
-    field(has_axis ? "friction_heat_j" : "friction_heat_j_per_m", number(turn * end.friction_heat));
-    field("layer_energy", interface.energy().json());
-    field("service_share", number(time.service_share()));
-    field("waiting_share", number(time.waiting_share()));
-    field("cpu_share", number(time.cpu_share()));
+    out["share_open"] = interface.share(wire::Regime::kOpen);
+    out["share_stick"] = interface.share(wire::Regime::kStick);
+    out["share_coulomb"] = interface.share(wire::Regime::kCoulomb);
+    out["share_tresca"] = interface.share(wire::Regime::kTresca);
+    out["share_melting"] = interface.share(wire::Regime::kMelting);
+    out["mean_slip_m"] = interface.mean_slip();
+    out["longest_slip_m"] = interface.longest_slip();
+    out["peak_interface_temperature_k"] = interface.hottest();
+    out["peak_pressure_pa"] = interface.highest_pressure();
+    out[has_axis ? "friction_heat_j" : "friction_heat_j_per_m"] = turn * end.friction_heat;
+    out["layer_energy"] = as_json(interface.energy());
+    out["service_share"] = time.service_share();
+    out["waiting_share"] = time.waiting_share();
+    out["cpu_share"] = time.cpu_share();
   }
-  std::string list;
-  for (const Comparison& c : comparisons) {
-    list += fmt::format("{}\n    {{\"what\": \"{}\", \"units\": \"{}\", \"exact\": {}, \"found\": {}}}",
-                        list.empty() ? "" : ",", c.what, c.units, number(c.exact), number(c.found));
-  }
-  if (!list.empty()) field("comparisons", "[" + list + "\n  ]");
-  if (!spared.empty()) field("spared", spared);
-  field("energy_residual", number(energy));
-  field("momentum_residual", number(momentum));
-  out += fmt::format("  \"run_time_s\": {:.6g}\n}}\n", time.total);
-  return out;
+  for (const Comparison& c : comparisons)
+    out["comparisons"].push_back({{"what", c.what}, {"units", c.units}, {"exact", c.exact}, {"found", c.found}});
+  if (!omitted.lines.empty()) out["omitted"] = as_json(omitted);
+  out["energy_residual"] = energy;
+  out["momentum_residual"] = momentum;
+  out["run_time_s"] = time.total;
+  return out.dump(2) + '\n';
 }
 
 }  // namespace shearbus::hydro

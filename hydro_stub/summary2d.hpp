@@ -1,4 +1,4 @@
-// What a two-dimensional run amounts to, as text for people and as summary.json.
+// The summary of a two-dimensional run, as text and as summary.json.
 #pragma once
 
 #include <string>
@@ -12,9 +12,9 @@
 namespace shearbus::hydro {
 
 struct RunTime2d {
-  double total = 0.0;   // [s], of the clock on the wall
+  double total = 0.0;   // wall-clock time  [s]
   double output = 0.0;  // [s]
-  double cpu = 0.0;     // of all threads of the process  [s]
+  double cpu = 0.0;     // CPU time of all threads of the process  [s]
   LawTime law;
   double service_share() const { return std::chrono::duration<double>(law.service).count() / total; }
   double waiting_share() const { return std::chrono::duration<double>(law.waited).count() / total; }
@@ -29,7 +29,7 @@ struct Summary2d {
   const InterfaceHistory& interface;
   std::vector<Comparison> comparisons;
   RunTime2d time;
-  std::string spared = {};  // an object of JSON, once the law is closed
+  OmittedCost omitted = {};  // set after InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;

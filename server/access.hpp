@@ -1,5 +1,5 @@
-// Who may use the server: users of this machine by their uid, clients from elsewhere by their key. Decides about
-// connections for the transport, and tells the service who a message is from.
+// Decides who may use the server: users of this machine by their uid, clients from other machines by their key. The
+// transport asks it about connections, the service about the sender of a message.
 #pragma once
 
 #include <sys/stat.h>
@@ -18,19 +18,19 @@ namespace shearbus::server {
 
 class Access {
  public:
-  // Reads the keys. Throws std::invalid_argument where options do not go together, std::runtime_error for files that
+  // Reads the keys. Throws std::invalid_argument for options that exclude each other, std::runtime_error for files that
   // cannot be used.
   explicit Access(const ServerOptions& options);
 
   const std::string& secret_key() const { return secret_key_; }  // empty: none
-  std::string public_key() const;                                // of the server, for its clients
+  std::string public_key() const;                                // public key of the server, for its clients
   bool for_other_users() const;
 
-  // On the transport's thread. The file of authorised keys is read again when it has changed; where it cannot be read,
-  // no key is admitted until it can.
+  // Called on the transport's thread. Reads the file of authorised keys again after a change; while the file cannot be
+  // read, no key is admitted.
   transport::Admission judge(const transport::Peer& peer);
 
-  // Whom judge() called so; empty: this process itself.
+  // Returns the caller behind a user name given by judge(); an empty name is this process.
   static service::Caller caller(std::string_view user);
 
  private:
@@ -41,7 +41,7 @@ class Access {
   std::string secret_key_;
   std::string keys_file_;
   struct stat keys_stat_ {};
-  std::map<std::string, bool> keys_;  // of clients; true: an operator
+  std::map<std::string, bool> keys_;  // public key of a client -> whether it is an operator
 };
 
 }  // namespace shearbus::server

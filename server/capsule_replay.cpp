@@ -9,8 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "proto/wire/scene_file.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
@@ -41,12 +40,12 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
   return part;
 }
 
-// One row of the columns of a step; what the capsule does not have was 0.
-wire::Batch row_of(const store::Capsule& capsule, const wire::Scene& scene) {
-  const wire::StrategyColumns columns = wire::columns_of(scene.strategy);
+// One row of the columns of a step. A column that is missing in the capsule was 0.
+wire::Batch row_of(const store::Capsule& capsule, const physics::ModelOptions& options) {
+  const wire::StrategyColumns& columns = wire::columns_of(service::strategy_of(options));
   std::vector<wire::Field> fields(columns.required.begin(), columns.required.end());
   fields.insert(fields.end(), columns.optional.begin(), columns.optional.end());
-  wire::Batch row = wire::Batch::of(fields, 1, scene.tangential_components);
+  wire::Batch row = wire::Batch::of(fields, 1, static_cast<std::uint32_t>(options.tangential_components));
   for (const wire::Column& column : row.columns())
     for (const store::CapsuleValue& input : capsule.inputs)
       if (input.name == service::name_of(column)) row.f64(column.field, column.component)[0] = input.value;
@@ -84,23 +83,22 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   for (const shard::StateColumn& column : capsule.state.columns) replay.state.push_back(part_of(column));
   for (const store::CapsuleValue& input : capsule.inputs) replay.inputs.emplace_back(input.name, input.value);
 
-  const service::SceneModel made =
-      service::scene_model(wire::parse_scene(capsule.scene, file.string() + ", scene_toml").scene);
+  const service::SceneModel made = service::scene_model(capsule.scene, file.string() + ", scene_toml");
   shard::TaskPool pool(1);
   const std::array node = {capsule.node_id};
   const std::array temperature = {made.options.initial_temperature};
   shard::Shard shard(physics::Model(made.options), node, temperature, pool);
   shard.restore(capsule.state, nullptr, 0);
-  const wire::Batch row = row_of(capsule, made.effective);
-  const auto reply = wire::columns_of(made.effective.strategy).reply;
+  const wire::Batch row = row_of(capsule, made.options);
+  const auto reply = wire::columns_of(service::strategy_of(made.options)).reply;
   std::vector<wire::Field> wanted(reply.begin(), reply.end());
-  for (const wire::Field field : wire::kColumnsOnRequest)
+  for (const wire::Field field : wire::columns_of(service::strategy_of(made.options)).on_request)
     if (std::ranges::find(capsule.answer, wire::name(field), &store::CapsuleValue::name) != capsule.answer.end())
       wanted.push_back(field);
-  wire::Batch answer = wire::Batch::of(wanted, 1, made.effective.tangential_components);
+  wire::Batch answer = wire::Batch::of(wanted, 1, static_cast<std::uint32_t>(made.options.tangential_components));
   shard::Rows rows;
   rows.all = true;
-  shard.step(rows, *shard.operators(capsule.dt_s), service::inputs_of(row), service::outputs_of(answer));
+  shard.step(rows, *shard.operators(capsule.dt_s), service::step_columns(row, answer));
   for (const store::CapsuleValue& recorded : capsule.answer) {
     const double found = value_in(std::as_const(answer), recorded.name);
     const bool same = std::bit_cast<std::uint64_t>(found) == std::bit_cast<std::uint64_t>(recorded.value);

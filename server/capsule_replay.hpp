@@ -1,4 +1,4 @@
-// A failure capsule run again: the one node, alone, outside any server.
+// Repeats the step of a failure capsule: one node, alone, without a server.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,17 @@
 namespace shearbus::server {
 
 struct CapsuleReplay {
-  struct Part {  // of the state it started from
+  struct Part {  // a part of the state before the step
     std::string name, units;
     std::size_t values = 0;
     std::size_t not_finite = 0;
-    double lowest = 0.0, highest = 0.0;  // of the finite ones
+    double lowest = 0.0, highest = 0.0;  // of the finite values
   };
   struct Column {
     std::string name;
     double recorded = 0.0;
     double found = 0.0;
-    bool same = false;  // to the last bit
+    bool same = false;  // equal to the last bit
   };
   std::string server_version;
   std::uint64_t node_id = 0, sequence = 0, step = 0, attempt = 0;
@@ -32,7 +32,7 @@ struct CapsuleReplay {
   bool same() const;
 };
 
-// Throws std::runtime_error where the file cannot be read.
+// Throws std::runtime_error if the file cannot be read.
 CapsuleReplay replay_capsule(const std::filesystem::path& file);
 
 }  // namespace shearbus::server

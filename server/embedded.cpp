@@ -14,10 +14,9 @@
 namespace shearbus::server {
 namespace {
 
-constexpr const char* kEndpoint =
-    "inproc://shearbus";  // each embedded server has a context, so a name space, of its own
+constexpr const char* kEndpoint = "inproc://shearbus";  // unique, since each embedded server has its own context
 
-// The host's signals are the host's: threads started while this lives take none.
+// Blocks all signals for threads that are started during its lifetime, so that the host receives them.
 class SignalsBlocked {
  public:
   SignalsBlocked() {
@@ -45,7 +44,7 @@ class StopEvent {
   int file() const { return file_; }
   void set() const {
     const std::uint64_t one = 1;
-    // Fails only when the event is set already, to overflowing.
+    // Fails only if the counter is at its maximum, and then the event is set.
     [[maybe_unused]] const ssize_t written = ::write(file_, &one, sizeof one);
   }
 
@@ -62,8 +61,7 @@ struct Embedded::Impl {
       try {
         server.run(stop.file());
       } catch (const std::exception&) {
-        // Nothing is answered any more, which is what clients are told by their deadlines; the host is not ended for
-        // it.
+        // The server stops answering, which clients notice by their deadlines; the host process continues.
       }
     });
   }

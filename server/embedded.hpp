@@ -1,5 +1,5 @@
-// The whole server on a thread of the caller's process, reached over inproc://: what runs when a user names no
-// endpoint. It logs nothing. Clients share its context, so they must be gone before it: declare it first.
+// The whole server on a thread of the caller's process, reached over inproc://; used if no endpoint is named. It does
+// not log. Clients share its context and must be destroyed before it.
 #pragma once
 
 #include <memory>
@@ -14,10 +14,10 @@ class Embedded {
   explicit Embedded(const ServerOptions& options = {});  // options.endpoints is ignored
   Embedded(Embedded&&) noexcept;
   Embedded& operator=(Embedded&&) noexcept;
-  ~Embedded();  // answers what is being computed, then stops
+  ~Embedded();  // completes the request in progress, then stops
 
   const std::string& endpoint() const;  // "inproc://..."
-  void* context() const;                // the libzmq context both ends share
+  void* context() const;                // the libzmq context shared with the clients
 
  private:
   struct Impl;

@@ -13,9 +13,11 @@
 #include <optional>
 #include <utility>
 
+#include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
-#include "proto/wire/text.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 
@@ -33,58 +35,11 @@ constexpr int kSteps = 60;
 constexpr int kRepeats = 5;
 constexpr std::chrono::milliseconds kLongest{40};  // of one measurement
 
-// A part as a change of the scene; `set` is called with what the scene shall be.
-struct Switch {
-  const char* name;
-  const char* meaning;
-  bool (*is_on)(const wire::Scene&);
-  void (*set)(wire::Scene&, bool);
-};
+using physics::Property;
 
-constexpr std::array kSwitches = {
-    Switch{"hard_layer", "the hard body conducts on a grid of its own, in place of a fixed share of the heat",
-           [](const wire::Scene& s) { return s.hard_layer.has_value(); },
-           [](wire::Scene& s, bool on) {
-             if (on)
-               s.hard_layer.emplace();
-             else
-               s.hard_layer.reset();
-           }},
-    Switch{"interface.plastic_layer", "the layer flows and hardens beside the slip",
-           [](const wire::Scene& s) { return s.interface && s.interface->plastic_layer; },
-           [](wire::Scene& s, bool on) {
-             if (s.interface) s.interface->plastic_layer = on;
-           }},
-    Switch{"junctions", "contact on a part of the area, which hardens with the slip",
-           [](const wire::Scene& s) { return s.junctions.has_value(); },
-           [](wire::Scene& s, bool on) {
-             s.junctions.reset();
-             if (on) s.junctions = wire::Junctions{.contact_fraction = 0.5, .height_m = 1e-6};
-           }},
-    Switch{"velocity_driven.taylor_quinney_factor", "plastic work heats the layer where it flows",
-           [](const wire::Scene& s) { return s.velocity_driven.taylor_quinney_factor.has_value(); },
-           [](wire::Scene& s, bool on) {
-             s.velocity_driven.taylor_quinney_factor = on ? std::optional(1.0) : std::nullopt;
-           }},
-    Switch{"layer.inertia", "shear waves cross the layer", [](const wire::Scene& s) { return s.layer.inertia; },
-           [](wire::Scene& s, bool on) { s.layer.inertia = on; }},
-    Switch{"tangential_components", "slip and stress have a second direction",
-           [](const wire::Scene& s) { return s.tangential_components == 2; },
-           [](wire::Scene& s, bool on) { s.tangential_components = on ? 2 : 1; }},
-    Switch{"soft.melting_curve", "melting follows the pressure",
-           [](const wire::Scene& s) { return s.soft.melting_curve == wire::MeltingCurve::kLindemann; },
-           [](wire::Scene& s, bool on) {
-             s.soft.melting_curve = on ? wire::MeltingCurve::kLindemann : wire::MeltingCurve::kConstant;
-           }},
-    Switch{"layer.heat = \"profile\"", "the temperature across the layer, not of the interface alone",
-           [](const wire::Scene& s) { return s.layer.heat == wire::Heat::kProfile; },
-           [](wire::Scene& s, bool on) {
-             s.layer.heat = on ? wire::Heat::kProfile : wire::Heat::kModes;
-             if (on) s.layer.modes.reset();
-           }},
-    Switch{"layer.sleep", "nodes at rest are not solved", [](const wire::Scene& s) { return s.layer.sleep; },
-           [](wire::Scene& s, bool on) { s.layer.sleep = on; }},
-};
+// Parts that take the place of others or leave work out, and so add no physics.
+constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
+                                    Property::kModes,         Property::kSleep,        Property::kTolerance};
 constexpr const char* kLedger = "energy ledger";
 
 // One tile of a model, stepped as a host would.
@@ -95,8 +50,8 @@ class Bench {
     states_[1].resize(model_.layout().doubles);
     inputs_.active = (1U << kLanes) - 1;
     for (int l = 0; l < kLanes; ++l) {
-      inputs_.mass_minus[l] = options.soft.density * kHalfZone;
-      inputs_.mass_plus[l] = options.hard.density * kHalfZone;
+      inputs_.mass_soft[l] = options.soft.density * kHalfZone;
+      inputs_.mass_hard[l] = options.hard.density * kHalfZone;
     }
     operators_ = model_.operators(kStep);
     begin();
@@ -134,24 +89,16 @@ class Bench {
     double temperature[kLanes];
     std::fill_n(temperature, kLanes, model_.options().initial_temperature);
     model_.initialise(states_[0].data(), temperature);
-    if (const std::size_t shadowed = model_.layout().shadowed; shadowed != physics::TileLayout::kAbsent)
-      std::fill_n(states_[0].begin() + static_cast<std::ptrdiff_t>(shadowed), kLanes, 1.0);
   }
   void step(double pressure, bool ledger) {
     for (int l = 0; l < kLanes; ++l) {
       inputs_.velocity_jump[l] = kJump + l;  // lanes differ a little, as nodes of one interface do
       inputs_.pressure[l] = pressure;
     }
-    const bool vectors = model_.options().tangential_components == 2;
-    if (vectors) {
-      model_.advance(*operators_, inputs_, second_, states_[0].data(), states_[1].data(), outputs_, second_outputs_);
-    } else {
-      model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
-    }
+    model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
     if (ledger) {
-      physics::TileLedger booked;
-      model_.book(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), booked,
-                  vectors ? &second_ : nullptr, vectors ? &second_outputs_ : nullptr);
+      physics::TileLedger energy;
+      model_.record_energy(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), energy);
     }
     states_[0].swap(states_[1]);
   }
@@ -174,49 +121,51 @@ class Bench {
   physics::Model model_;
   std::shared_ptr<const physics::StepOperators> operators_;
   physics::TileInputs inputs_;
-  physics::SecondInputs second_;
   physics::TileOutputs outputs_{};
-  physics::SecondOutputs second_outputs_{};
   std::vector<double> states_[2];
 };
 
-std::uint64_t bytes_per_node(const wire::Scene& scene, const physics::ModelOptions& options, bool ledger) {
+std::uint64_t bytes_per_node(const physics::ModelOptions& options, bool ledger) {
   std::uint64_t bytes = shard::Shard::bytes_per_node(physics::Model(options));
-  for (const wire::Field field : wire::columns_of(scene.strategy).reply)
+  for (const wire::Field field : wire::columns_of(service::strategy_of(options)).reply)
     bytes += wire::size_of(wire::element_of(field));
   if (ledger) bytes += wire::kLedgerColumns.size() * sizeof(double);
   return bytes;
 }
 
-SceneCost cost_of(const wire::Scene& scene, const physics::ModelOptions& options, bool ledger) {
+SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
   Bench bench(options);
-  return {.bytes_per_node = bytes_per_node(scene, options, ledger),
+  return {.bytes_per_node = bytes_per_node(options, ledger),
           .slipping_s = bench.slipping(ledger),
           .resting_s = bench.resting(),
           .step_length_s = bench.step_length()};
 }
 
-// Of a scene and the same without its shadow: tiles without a sampled node are not stepped twice.
-SceneCost expected_cost(const SceneCost& shadowed, const SceneCost& plain, double share) {
-  const double of_tiles = 1.0 - std::pow(1.0 - share, kLanes);
-  return {.bytes_per_node = shadowed.bytes_per_node,
-          .slipping_s = std::lerp(plain.slipping_s, shadowed.slipping_s, of_tiles),
-          .resting_s = std::lerp(plain.resting_s, shadowed.resting_s, of_tiles),
-          .step_length_s = shadowed.step_length_s};
+// Why a model of these options cannot be made; empty: it can.
+std::string refusal_of(const physics::ModelOptions& options) {
+  if (const std::string_view missing = physics::constant_missing_for_options(options.soft); !missing.empty())
+    return fmt::format("soft.{} is missing", missing);
+  const auto refusals = physics::refusals(options);
+  return refusals.empty() ? std::string() : refusals.front().text;
 }
 
-// The model of a scene, or why there is none.
-struct Tried {
-  std::optional<physics::ModelOptions> options;
-  std::string refused;
+// Every part that adds physics and goes together with those before it, in the order of the table, and their keys.
+struct FullModel {
+  physics::ModelOptions options;
+  std::vector<std::string> parts;
 };
-Tried tried(const wire::Scene& scene) {
-  try {
-    return {service::scene_model(scene).options, {}};
-  } catch (const wire::Error& error) {
-    const std::string& text = error.status().text;  // the first of its reasons
-    return {std::nullopt, text.substr(0, text.find('\n'))};
+FullModel with_everything(const physics::ModelOptions& options) {
+  FullModel full{.options = options, .parts = {}};
+  for (const Property property : {Property::kModes, Property::kSleep})
+    full.options = physics::switched(full.options, physics::part_of(property), false);
+  for (const physics::Part& part : physics::parts()) {
+    if (part.set == nullptr || std::ranges::find(kAddNothing, part.property) != kAddNothing.end()) continue;
+    physics::ModelOptions more = physics::switched(full.options, part, true);
+    if (!refusal_of(more).empty()) continue;
+    full.options = std::move(more);
+    full.parts.emplace_back(part.key);
   }
+  return full;
 }
 
 std::string microseconds(double seconds) {
@@ -225,62 +174,39 @@ std::string microseconds(double seconds) {
 
 }  // namespace
 
-Explanation explain(const wire::Scene& scene, bool each_part) {
-  wire::Scene plain = scene;
-  plain.layer.shadow_share = 0.0;
-  const service::SceneModel made = service::scene_model(plain);
-  const SceneCost plain_cost = cost_of(plain, made.options, false);
-  Explanation told{.scene = scene.name, .cost = plain_cost, .parts = {}, .everything = {}, .together = {}};
-  const double share = scene.layer.shadow_share;
-  if (share > 0.0)
-    told.cost = expected_cost(cost_of(scene, service::scene_model(scene).options, false), plain_cost, share);
+Explanation explain(std::string_view scene, const std::string& file) {
+  const service::SceneModel made = service::scene_model(scene, file);
+  const physics::ModelOptions& options = made.options;
+  Explanation explanation{
+      .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
 
   // 1. Each part switched the other way, alone.
-  for (const Switch& part : kSwitches) {
-    ScenePart found{.name = part.name, .on = part.is_on(scene), .meaning = part.meaning};
-    wire::Scene other = plain;
-    part.set(other, !found.on);
-    if (!each_part) {
-      told.parts.push_back(std::move(found));
-      continue;
-    }
-    if (const Tried model = tried(other); !model.options) {
-      found.excluded = model.refused;
-    } else {
+  for (const physics::Part& part : physics::parts()) {
+    if (part.set == nullptr) continue;
+    ScenePart found{.name = std::string(part.key), .on = part.is_on(options), .meaning = std::string(part.adds)};
+    const physics::ModelOptions other = physics::switched(options, part, !found.on);
+    found.excluded = refusal_of(other);
+    if (found.excluded.empty()) {
       const double sign = found.on ? 1.0 : -1.0;
-      const auto here = static_cast<std::int64_t>(plain_cost.bytes_per_node);
-      const auto there = static_cast<std::int64_t>(bytes_per_node(other, *model.options, false));
+      const auto here = static_cast<std::int64_t>(explanation.cost.bytes_per_node);
+      const auto there = static_cast<std::int64_t>(bytes_per_node(other, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (plain_cost.slipping_s - Bench(*model.options).slipping(false));
+      found.slipping_s = sign * (explanation.cost.slipping_s - Bench(other).slipping(false));
     }
-    told.parts.push_back(std::move(found));
+    explanation.parts.push_back(std::move(found));
   }
-  told.parts.push_back({.name = kLedger,
-                        .meaning = "where the energy of each node's step went, for requests that name its columns",
-                        .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-                        .slipping_s = each_part ? Bench(made.options).slipping(true) - plain_cost.slipping_s : 0.0});
-  if (share > 0.0)
-    told.parts.push_back({.name = "layer.shadow_share",
-                          .on = true,
-                          .meaning = "a sample of the nodes is solved in full beside, and compared",
-                          .bytes_per_node = static_cast<std::int64_t>(told.cost.bytes_per_node) -
-                                            static_cast<std::int64_t>(plain_cost.bytes_per_node),
-                          .slipping_s = told.cost.slipping_s - plain_cost.slipping_s});
+  explanation.parts.push_back(
+      {.name = kLedger,
+       .meaning = "where the energy of each node's step went, for requests that name its columns",
+       .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
+       .slipping_s = Bench(options).slipping(true) - explanation.cost.slipping_s});
 
-  // 2. Everything that goes together, taken on one by one; sleep only leaves out.
-  wire::Scene all = plain;
-  all.layer.sleep = false;
-  for (const Switch& part : kSwitches) {
-    if (part.name == std::string_view("layer.sleep")) continue;
-    wire::Scene more = all;
-    part.set(more, true);
-    if (!part.is_on(more) || !tried(more).options) continue;
-    all = std::move(more);
-    told.together.emplace_back(part.name);
-  }
-  told.together.emplace_back(kLedger);
-  told.everything = cost_of(all, *tried(all).options, true);
-  return told;
+  // 2. Everything that goes together.
+  auto [all, names] = with_everything(options);
+  explanation.together = std::move(names);
+  explanation.together.emplace_back(kLedger);
+  explanation.everything = cost_of(all, true);
+  return explanation;
 }
 
 std::string Explanation::text(std::size_t nodes) const {
@@ -314,48 +240,29 @@ std::string Explanation::text(std::size_t nodes) const {
   return out + fmt::format("  everything on       {}\n", fmt::join(together, ", "));
 }
 
-std::vector<std::string> Explanation::left_out() const {
-  std::vector<std::string> names;
-  for (const ScenePart& part : parts)
-    if (!part.on && std::ranges::find(together, part.name) != together.end() && part.name != kLedger)
-      names.push_back(part.name);
-  return names;
+std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
+  std::vector<std::pair<std::string, std::string>> lines = {
+      {"left out",
+       fmt::format("{}; {} of {} B per node", parts.empty() ? "nothing" : fmt::format("{}", fmt::join(parts, ", ")),
+                   bytes_per_node, bytes_per_node_with_everything)}};
+  if (share_asleep)
+    lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * *share_asleep));
+  return lines;
 }
 
-Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here) {
-  wire::Scene plain = effective;
-  plain.layer.shadow_share = 0.0;  // a check, not a part of the scene
-  const Explanation told = explain(plain, false);
-  const std::vector<std::string> names = told.left_out();
-  Spared out;
-  out.lines.emplace_back(
-      "left out",
-      fmt::format("{}; {} of {} B per node, {} of {} per slipping node-step{}",
-                  names.empty() ? "nothing" : fmt::format("{}", fmt::join(names, ", ")), told.cost.bytes_per_node,
-                  told.everything.bytes_per_node, microseconds(told.cost.slipping_s),
-                  microseconds(told.everything.slipping_s), here ? "" : " on this machine"));
-  std::vector<std::string> quoted(names.size());
-  std::ranges::transform(names, quoted.begin(), wire::json_string);
-  out.json = fmt::format(R"({{"left_out": [{}], "bytes_per_node": {}, "bytes_per_node_with_everything": {}, )"
-                         R"("node_step_s": {:.3g}, "node_step_with_everything_s": {:.3g})",
-                         fmt::join(quoted, ", "), told.cost.bytes_per_node, told.everything.bytes_per_node,
-                         told.cost.slipping_s, told.everything.slipping_s);
-  if (effective.layer.sleep && totals.node_steps > 0) {
-    const double share = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
-    out.lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * share));
-    out.json += fmt::format(R"(, "share_asleep": {:.17g})", share);
-  }
-  if (effective.layer.shadow_share > 0.0 && totals.node_steps > 0) {
-    out.lines.emplace_back(
-        "solved in full beside",
-        fmt::format("{} node-steps: T0 apart by at most {:.1e} K, s by {:.1e} Pa", totals.shadowed_node_steps,
-                    totals.shadow_temperature_error_k, totals.shadow_stress_error_pa));
-    out.json += fmt::format(
-        R"(, "shadowed_node_steps": {}, "shadow_temperature_error_k": {:.17g}, "shadow_stress_error_pa": {:.17g})",
-        totals.shadowed_node_steps, totals.shadow_temperature_error_k, totals.shadow_stress_error_pa);
-  }
-  out.json += "}";
-  return out;
+OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals) {
+  const physics::ModelOptions options = service::scene_model(effective_scene, "the effective scene").options;
+  const FullModel full = with_everything(options);
+  OmittedCost omitted{.parts = {},
+                      .bytes_per_node = bytes_per_node(options, false),
+                      .bytes_per_node_with_everything = bytes_per_node(full.options, true),
+                      .share_asleep = {}};
+  for (const physics::Part& part : physics::parts())
+    if (!part.is_on(options) && std::ranges::find(full.parts, part.key) != full.parts.end())
+      omitted.parts.emplace_back(part.key);
+  if (options.sleep && totals.node_steps > 0)
+    omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
+  return omitted;
 }
 
 }  // namespace shearbus::server

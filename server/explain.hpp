@@ -1,32 +1,33 @@
-// What a scene pays for: the parts it switches on and those it leaves out, with what each costs in memory, by the model
-// itself, and in time, measured here and now. A second at most.
+// The cost of a scene: the parts it switches on and those it leaves out, each with its memory, from the layout of the
+// model, and its time, measured on this machine.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "proto/wire/messages.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::server {
 
 struct ScenePart {
   std::string name;                 // "hard_layer"
   bool on = false;                  // the scene asks for it
-  std::string meaning;              // what it brings
-  std::string excluded;             // why this scene could not have it; empty: it could
-  std::int64_t bytes_per_node = 0;  // it takes, or would take
-  double slipping_s = 0.0;          // it adds, or would add, to a node-step
+  std::string meaning;              // the physics that it adds
+  std::string excluded;             // why this scene could not be without it, or with it; empty: it could
+  std::int64_t bytes_per_node = 0;  // that it takes, or would take
+  double slipping_s = 0.0;          // that it adds, or would add, to a node-step
 };
 
 struct SceneCost {
   std::uint64_t bytes_per_node = 0;  // both states, index and kept reply
-  double slipping_s = 0.0;           // a node-step
-  double resting_s = 0.0;            // of an open contact that holds heat
-  double step_length_s = 0.0;        // a step length that was not there before, once
+  double slipping_s = 0.0;           // of a node-step
+  double resting_s = 0.0;            // of a node-step of an open contact that holds heat
+  double step_length_s = 0.0;        // of the operators of a new step length
 };
 
 struct Explanation {
@@ -37,20 +38,20 @@ struct Explanation {
   std::vector<std::string> together;  // the names of those
 
   std::string text(std::size_t nodes = 0) const;  // 0: of one node
-  // Parts that are off and would go together with what is on.
-  std::vector<std::string> left_out() const;
 };
 
-// `each_part`: with what every single part costs; else only which are on, and the cost of all. Throws wire::Error where
-// the scene is not in order.
-Explanation explain(const wire::Scene& scene, bool each_part = true);
+// Measures every part on this machine, for a second at most. Throws wire::Error where the scene is not in order.
+Explanation explain(std::string_view scene, const std::string& file);
 
-// What a run was spared, for its summary.
-struct Spared {
-  std::vector<std::pair<std::string, std::string>> lines;  // label and text
-  std::string json;                                        // an object of the same numbers
+// Optional physics that a run left out, and the memory it would have taken. Nothing is measured.
+struct OmittedCost {
+  std::vector<std::string> parts;                    // that are off and could all be on together
+  std::uint64_t bytes_per_node = 0;                  // of the scene as it is
+  std::uint64_t bytes_per_node_with_everything = 0;  // with all parts that go together
+  std::optional<double> share_asleep;                // of the node-steps; absent: the scene has no sleep
+
+  std::vector<std::pair<std::string, std::string>> lines() const;  // of a summary: label and text
 };
-// Times are measured on this machine; `here`: where the layers were computed as well.
-Spared spared(const wire::Scene& effective, const wire::SessionClosed& totals, bool here);
+OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals);
 
 }  // namespace shearbus::server

@@ -18,7 +18,7 @@
 namespace shearbus::server {
 namespace {
 
-constexpr std::uint64_t kCheckpointUs = 3'600'000'000;  // for one that takes long
+constexpr std::uint64_t kCheckpointUs = 3'600'000'000;  // allowance for a long checkpoint  [µs]
 
 std::uint64_t file_limit() {
   rlimit limit{};
@@ -26,7 +26,7 @@ std::uint64_t file_limit() {
   return limit.rlim_cur;
 }
 
-// 0 where the variable is not a number.
+// Returns 0 if the variable is not a number.
 std::uint64_t number_in_environment(const char* name) {
   const char* text = std::getenv(name);
   std::uint64_t number = 0;
@@ -50,7 +50,7 @@ ProcessUse process_use() {
 }
 
 bool files_run_out() {
-  // The lowest number that is free tells how many are taken, without counting them.
+  // The lowest free descriptor estimates the number of open files without counting them.
   const int lowest_free = ::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0);
   if (lowest_free < 0) return errno == EMFILE;
   ::close(lowest_free);
@@ -80,7 +80,7 @@ ServiceManager::~ServiceManager() {
   if (socket_ >= 0) ::close(socket_);
 }
 
-// A manager that does not read is not worth waiting for.
+// Sends without waiting for a manager that does not read.
 void ServiceManager::send(const std::string& message) const {
   if (socket_ >= 0) static_cast<void>(::send(socket_, message.data(), message.size(), MSG_NOSIGNAL | MSG_DONTWAIT));
 }

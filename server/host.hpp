@@ -1,4 +1,5 @@
-// The server and the system it runs on: what it uses of it, and what it tells a service manager such as systemd.
+// The server's interface to its operating system: resources in use, and notifications of a service manager such as
+// systemd.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +14,24 @@ struct ProcessUse {
 };
 ProcessUse process_use();
 
-// Whether four fifths of the files this process may open are open: soon nobody can connect any more.
+// Returns true if four fifths of the files that this process may open are open; without free descriptors nobody can
+// connect.
 bool files_run_out();
 
-// The protocol of sd_notify(3): datagrams to the socket named in NOTIFY_SOCKET. Without one it does nothing.
+// The protocol of sd_notify(3): datagrams to the socket named in NOTIFY_SOCKET. Without that variable all calls do
+// nothing.
 class ServiceManager {
  public:
-  ServiceManager();  // from the environment
+  ServiceManager();  // reads the environment
   ServiceManager(const ServiceManager&) = delete;
   ServiceManager& operator=(const ServiceManager&) = delete;
   ~ServiceManager();
 
   void ready(const std::string& status);
   void stopping();
-  // From the loop that answers and commits, and from nowhere else, once a second.
+  // Must be called only by the loop that answers requests, once a second, so that a stuck loop is noticed.
   void alive();
-  // A checkpoint may take longer than the watchdog waits.
+  // Extends the watchdog's time for a checkpoint.
   void checkpoint_begins();
   void checkpoint_ends();
 
@@ -36,7 +39,7 @@ class ServiceManager {
   void send(const std::string& message) const;
 
   int socket_ = -1;
-  std::uint64_t watchdog_us_ = 0;  // 0: nobody waits
+  std::uint64_t watchdog_us_ = 0;  // 0: no watchdog
   bool stopping_ = false;
 };
 

@@ -1,4 +1,5 @@
-// shearbus-server: options -> rooms, bottom room first -> run until SIGTERM or SIGINT -> the same way back.
+// shearbus-server: reads the options, builds the rooms from the bottom up, runs until SIGTERM or SIGINT and takes them
+// down again.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <pthread.h>
@@ -97,7 +98,7 @@ void start_log(const ServerOptions& options) {
   spdlog::set_default_logger(std::move(logger));
 }
 
-// Before any thread exists, so that all of them leave these signals to the descriptor.
+// Blocks the signals before any thread exists, so that every thread leaves them to the descriptor.
 int block_stop_signals() {
   sigset_t stop;
   sigemptyset(&stop);

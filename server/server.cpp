@@ -19,8 +19,7 @@ namespace shearbus::server {
 namespace {
 
 constexpr int kLookAfterMs = 1'000;
-constexpr std::size_t kRefusedAtStop =
-    4 * wire::kMaxSessions;  // more requests than this cannot wait without being sent again
+constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // upper bound of distinct waiting requests
 
 std::uint64_t monotonic_ns() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
@@ -89,7 +88,7 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
   service_.recover();
 }
 
-// Between two requests, and while none come: the answer to the last one is on its way.
+// Called between two requests and while none arrive; the last answer has been sent.
 void Server::checkpoint_if_due() {
   if (!store_ || !store_->changed_since_checkpoint()) return;
   const std::uint64_t now = monotonic_ns();
@@ -110,7 +109,7 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
-// Where no file can be opened nobody new can connect; those who are connected are served.
+// Warns that no further client can connect because files run out; connected clients are still served.
 void Server::look_after() {
   const std::uint64_t now = monotonic_ns();
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
@@ -155,8 +154,8 @@ void Server::run(int stop_fd, ServiceManager* manager) {
     }
     return sent;
   };
-  // A program looks after itself and its state directory now and then; a server inside another program, without one,
-  // sleeps.
+  // A server program checks itself and its state directory periodically; an embedded server without a state directory
+  // only waits.
   const bool sleeps = manager == nullptr && !store_;
   const transport::Pulse pulse = {.every_ms = sleeps ? -1 : kLookAfterMs, .beat = [&] {
                                     if (manager != nullptr) look_after();
@@ -167,12 +166,12 @@ void Server::run(int stop_fd, ServiceManager* manager) {
   if (manager != nullptr) manager->stopping();
   pollfd stop{.fd = stop_fd, .events = POLLIN, .revents = 0};
   if (::poll(&stop, 1, 0) > 0) {
-    std::array<char, 128> asked;  // a signal's description, or the count of an event
+    std::array<char, 128> asked;  // a signal's description, or an event counter
     static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
   }
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);
-  // Asked a second time: the journal holds everything.
+  // A second stop request skips the checkpoint: the journal holds everything.
   const bool in_haste = ::poll(&stop, 1, 0) > 0 && store_ && store_->journaling();
   if (store_ && store_->changed_since_checkpoint() && !in_haste) service_.checkpoint();
 }

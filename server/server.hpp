@@ -1,4 +1,4 @@
-// The rooms put together, bottom room first. The program and the embedded server both are this and a way to stop it.
+// Builds the rooms from the bottom up. The program and the embedded server are this class and a way to stop it.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace shearbus::server {
 
-// Where lines for people go; an empty one drops them.
+// Receives lines for the operator; an empty function drops them.
 struct Log {
   std::function<void(const std::string&)> info;
   std::function<void(const std::string&)> debug;
@@ -25,15 +25,15 @@ struct Log {
 
 class Server {
  public:
-  // Takes up what the state directory holds. Throws where that cannot be used.
+  // Recovers the contents of the state directory. Throws if they cannot be used.
   explicit Server(const ServerOptions& options, const Log& log = {});
 
   // As Router::bind.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
 
-  // Answers until `stop_fd` is readable; what waits by then is refused with SHUTTING_DOWN, and a last checkpoint is
-  // written. Throws std::runtime_error where the server must end at once, as after a journal that cannot be written.
-  // Where it was drained to its end it stops by itself. The manager, if there is one, is told that the loop turns.
+  // Answers requests until `stop_fd` is readable, or until a drained server has no session left. Then refuses waiting
+  // requests with SHUTTING_DOWN and writes a last checkpoint. Throws std::runtime_error if the server must end at once,
+  // for example if the journal cannot be written. Notifies the manager, if there is one, once a second.
   void run(int stop_fd, ServiceManager* manager = nullptr);
 
   void* context() { return router_.context(); }
@@ -49,7 +49,7 @@ class Server {
   void complete_status(wire::ServerStatus& status) const;
 
   shard::TaskPool pool_;
-  std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
+  std::unique_ptr<store::PosixStorage> storage_;  // null: no state directory
   std::unique_ptr<store::Store> store_;
   service::Service service_;
   Access access_;
@@ -59,7 +59,7 @@ class Server {
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
   std::uint64_t looked_after_ns_ = 0;
-  bool files_run_out_ = false;  // as it was last told
+  bool files_run_out_ = false;  // as last reported
 };
 
 }  // namespace shearbus::server

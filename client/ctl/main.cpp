@@ -1,4 +1,4 @@
-// shearbus-ctl: questions to a running server, and about scenes.
+// shearbus-ctl: operates a running server, checks scenes, compares checkpoints, makes keys.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -17,14 +17,17 @@
 
 #include "client/ctl/operations.hpp"
 #include "client/include/shearbus/client.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/key_file.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/options_page.hpp"
 #include "server/store/compare.hpp"
 
 namespace {
+
+namespace ctl = shearbus::ctl;
 
 constexpr int kExitFault = 1;
 constexpr int kExitUsage = 2;
@@ -67,32 +70,27 @@ void ping(const Options& options) {
   shearbus::ctl::show_ping(client, options.server, took.count());
 }
 
-// 0: the same; else the exit code for what differs, as of diff.
+// Returns 0 for equal checkpoints, otherwise 1, as diff does.
 int compare(const Options& options) {
   const std::string text = shearbus::store::first_difference(options.checkpoints[0], options.checkpoints[1]);
   fmt::print("{}\n", text.empty() ? "the same states" : text);
   return text.empty() ? 0 : kExitFault;
 }
 
-// Reads a scene and has a server of our own understand it: the file's schema and the materials both speak.
+// Opens a session of the scene in a server of this process, which checks schema and materials.
 void check(const Options& options) {
-  const shearbus::wire::SceneFile file = shearbus::wire::load_scene_file(options.scene);
+  const std::string file = options.scene.string();
   const shearbus::server::Embedded server;
   shearbus::Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-ctl"});
-  try {
-    const std::array<std::uint64_t, 1> node = {0};
-    shearbus::Session session = client.open(file.scene, node);
-    fmt::print("{}", shearbus::wire::scene_to_toml(session.effective_scene()));
-    for (const std::string& warning : session.warnings()) fmt::print(stderr, "{}: warning: {}\n", file.file, warning);
-    fmt::print(stderr, "{}: valid; {} bytes of state per node\n", file.file, session.bytes_per_node());
-    session.close();
-  } catch (const shearbus::Error& fault) {
-    if (fault.status().code != shearbus::Code::kInvalidScene) throw;
-    throw std::runtime_error(fmt::format("{}: {}", file.where(fault.status().field), fault.status().text));
-  }
+  const std::array<std::uint64_t, 1> node = {0};
+  shearbus::Session session = client.open(shearbus::scene::load_text(options.scene), file, node);
+  fmt::print("{}", session.effective_scene());
+  for (const std::string& warning : session.warnings()) fmt::print(stderr, "{}: warning: {}\n", file, warning);
+  fmt::print(stderr, "{}: valid; {} bytes of state per node\n", file, session.bytes_per_node());
+  session.close();
 }
 
-// The public file is a line for a server's --authorized-keys.
+// Writes a key pair; the public file is a line for a server's --authorized-keys.
 void keygen(const Options& options) {
   const shearbus::KeyPair pair = shearbus::make_key_pair();
   const std::filesystem::path secret_file = options.key_name + ".secret";
@@ -107,7 +105,7 @@ void keygen(const Options& options) {
              pair.public_key);
 }
 
-// Every material a scene can name, with what scenes call its constants.
+// Prints the materials of the catalog, or one of them with its constants under their scene keys.
 void materials(const Options& options) {
   for (const auto& entry : shearbus::physics::catalog()) {
     if (!options.material.empty() && options.material != entry.name) continue;
@@ -120,14 +118,159 @@ void materials(const Options& options) {
     fmt::print("Numbers for which one source is named have been compared with no other.\n");
     return;
   }
-  // An unknown name is told as a scene would be told.
+  // An unknown name is reported with the message that a scene would get.
   const auto known = shearbus::physics::make_material(options.material, {});
   if (!known.fault.empty()) throw std::runtime_error(known.fault);
 }
 
 void reference() {
-  fmt::print("{}", shearbus::wire::scene_reference());
+  fmt::print("{}", shearbus::scene::reference_of(*shearbus::v1::Scene::descriptor()));
 }
+
+void options_page() {
+  fmt::print("{}", shearbus::physics::options_page());
+}
+
+// The commands of the program. Parsing the command line chooses one of them, for run().
+class Commands {
+ public:
+  explicit Commands(CLI::App& app) : app_(app) {
+    add_ping();
+    add_questions();
+    add_inspections();
+    add_operations();
+    add_files();
+    add_catalogs();
+  }
+
+  int run() const { return run_(); }  // exit code
+  int exit_code_of_trouble() const { return exit_code_of_trouble_; }
+
+ private:
+  using Client = shearbus::Client;
+
+  // Adds a command that is run by `act`.
+  CLI::App* add(const char* name, const char* meaning, std::function<int()> act) {
+    CLI::App* command = app_.add_subcommand(name, meaning);
+    command->callback([this, act = std::move(act)] { run_ = act; });
+    return command;
+  }
+  CLI::App* add(const char* name, const char* meaning, void (*act)(const Options&)) {
+    return add(name, meaning, [this, act] {
+      act(options_);
+      return 0;
+    });
+  }
+  // Adds a command that puts a question to a server.
+  CLI::App* ask(const char* name, const char* meaning, std::function<void(Client&)> question) {
+    return with_server(add(name, meaning, [this, question = std::move(question)] {
+      Client client = connect(options_);
+      question(client);
+      return 0;
+    }));
+  }
+
+  CLI::App* with_server(CLI::App* command) {
+    command->add_option("--server", options_.server, "Where the server listens, e.g. ipc:///run/user/1000/shearbus/bus")
+        ->type_name("ENDPOINT")
+        ->required();
+    command->add_option("--server-key", options_.server_key, "By tcp: file of the server's public key")
+        ->type_name("FILE");
+    command->add_option("--key", options_.key, "By tcp: file of one's own secret key")->type_name("FILE");
+    command->add_option("--timeout", options_.timeout_s, "How long to wait for an answer, in seconds")
+        ->check(CLI::Range(1e-3, 1e6))
+        ->capture_default_str();
+    return command;
+  }
+
+  void add_ping() {
+    CLI::App* command = app_.add_subcommand("ping", "Is a server there? For probes: within a second");
+    with_server(command)->get_option("--timeout")->default_str("0.9");
+    command->callback([this, command] {
+      if (command->count("--timeout") == 0) options_.timeout_s = kPingTimeoutS;
+      run_ = [this] {
+        ping(options_);
+        return 0;
+      };
+    });
+  }
+
+  void add_questions() {
+    ask("status", "What a server holds and has done", [this](Client& client) {
+      ctl::show_status(client.server_status(), options_.json);
+    })->add_flag("--json", options_.json, "As one line of JSON");
+    ask("metrics", "The same and histograms, as Prometheus' text",
+        [](Client& client) { fmt::print("{}", ctl::prometheus_text(client.server_status())); });
+    ask("sessions", "The open sessions (operator)", [this](Client& client) {
+      ctl::show_sessions(client, options_.json);
+    })->add_flag("--json", options_.json, "As a line of JSON each");
+  }
+
+  void add_inspections() {
+    CLI::App* top = ask("top", "A session's hottest, fastest or molten nodes (operator)", [this](Client& client) {
+      ctl::show_top(client, options_.session, options_.top, options_.count);
+    });
+    top->add_option("SESSION", options_.session, "First digits of its id, or its scene's name; none: the only one");
+    top->add_option("--by", options_.top, "hottest, fastest or molten")
+        ->transform(CLI::CheckedTransformer(
+            std::map<std::string, shearbus::wire::Top>{{"hottest", shearbus::wire::Top::kHottest},
+                                                       {"fastest", shearbus::wire::Top::kFastest},
+                                                       {"molten", shearbus::wire::Top::kMolten}}));
+    top->add_option("--count", options_.count, "How many")
+        ->check(CLI::Range(1U, static_cast<unsigned>(shearbus::wire::kMaxTopNodes)))
+        ->capture_default_str();
+  }
+
+  void add_operations() {
+    CLI::App* close = ask("close", "Ends a session whose client is gone for good: its states are lost (operator)",
+                          [this](Client& client) { ctl::close(client, options_.session, options_.idle_s); });
+    close->add_option("SESSION", options_.session, "First digits of its id, or its scene's name where no other has it")
+        ->required();
+    close->add_option("--idle", options_.idle_s, "Only where no request has come for so long, in seconds")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    ask("checkpoint", "Writes a checkpoint now (operator)", ctl::checkpoint);
+    ask("drain", "No new sessions from here on (operator)", [this](Client& client) {
+      ctl::drain(client, options_.exit);
+    })->add_flag("--exit", options_.exit, "And the server ends when its last session is closed");
+  }
+
+  void add_files() {
+    add("compare", "Two checkpoint files: the first state that differs. Exit code 0: none, 1: one does, 2: trouble",
+        [this] {
+          exit_code_of_trouble_ = kExitUsage;
+          return compare(options_);
+        })
+        ->add_option("CHECKPOINTS", options_.checkpoints, "Two of the files of a state directory")
+        ->expected(2)
+        ->required();
+    add("check", "Is a scene valid? Prints it with every default filled in", check)
+        ->add_option("SCENE", options_.scene, "A TOML file")
+        ->required();
+    CLI::App* keys = add("keygen", "Makes a pair of keys, NAME.public and NAME.secret", keygen);
+    keys->add_option("NAME", options_.key_name, "Where, without the ending")->required();
+    keys->add_flag("--operator", options_.key_of_operator,
+                   "Whoever has it may operate the server: see every session, checkpoint, drain");
+  }
+
+  void add_catalogs() {
+    add("materials", "The catalog of materials and where each number comes from", materials)
+        ->add_option("MATERIAL", options_.material, "One of them, with its constants as a scene would give them");
+    add("reference", "Every key of a scene, as Markdown", [] {
+      reference();
+      return 0;
+    });
+    add("options", "What the physics can switch on and what excludes what, as Markdown", [] {
+      options_page();
+      return 0;
+    });
+  }
+
+  CLI::App& app_;
+  Options options_;
+  std::function<int()> run_;
+  int exit_code_of_trouble_ = kExitFault;
+};
 
 }  // namespace
 
@@ -135,109 +278,20 @@ int main(int argc, char** argv) {
   CLI::App app{"Questions to a running shearbus server, and about scenes."};
   app.require_subcommand(1);
   app.set_version_flag("--version", std::string("shearbus-ctl ") + SHEARBUS_VERSION);
-  Options options;
-  std::function<void()> run;
-  int exit_code = 0;
-
-  const auto needs_server = [&](CLI::App* command) {
-    command->add_option("--server", options.server, "Where the server listens, e.g. ipc:///run/user/1000/shearbus/bus")
-        ->type_name("ENDPOINT")
-        ->required();
-    command->add_option("--server-key", options.server_key, "By tcp: file of the server's public key")
-        ->type_name("FILE");
-    command->add_option("--key", options.key, "By tcp: file of one's own secret key")->type_name("FILE");
-    command->add_option("--timeout", options.timeout_s, "How long to wait for an answer, in seconds")
-        ->check(CLI::Range(1e-3, 1e6))
-        ->capture_default_str();
-    return command;
-  };
-  auto* ping_command = needs_server(app.add_subcommand("ping", "Is a server there? For probes: within a second"));
-  ping_command->get_option("--timeout")->default_str("0.9");
-  ping_command->callback([&, ping_command] {
-    if (ping_command->count("--timeout") == 0) options.timeout_s = kPingTimeoutS;
-    run = [&] { ping(options); };
-  });
-  const auto asks = [&](const char* name, const char* meaning, std::function<void(shearbus::Client&)> question) {
-    auto* command = needs_server(app.add_subcommand(name, meaning));
-    command->callback([&, question = std::move(question)] {
-      run = [&options, question] {
-        shearbus::Client client = connect(options);
-        question(client);
-      };
-    });
-    return command;
-  };
-  using shearbus::Client;
-  namespace ctl = shearbus::ctl;
-  asks("status", "What a server holds and has done", [&](Client& client) {
-    ctl::show_status(client.server_status(), options.json);
-  })->add_flag("--json", options.json, "As one line of JSON");
-  asks("metrics", "The same and histograms, as Prometheus' text",
-       [](Client& client) { fmt::print("{}", ctl::prometheus_text(client.server_status())); });
-  asks("sessions", "The open sessions (operator)", [&](Client& client) {
-    ctl::show_sessions(client, options.json);
-  })->add_flag("--json", options.json, "As a line of JSON each");
-  auto* top_command = asks("top", "A session's hottest, fastest or molten nodes (operator)",
-                           [&](Client& client) { ctl::show_top(client, options.session, options.top, options.count); });
-  top_command->add_option("SESSION", options.session,
-                          "First digits of its id, or its scene's name; none: the only one");
-  top_command->add_option("--by", options.top, "hottest, fastest or molten")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, shearbus::wire::Top>{{"hottest", shearbus::wire::Top::kHottest},
-                                                     {"fastest", shearbus::wire::Top::kFastest},
-                                                     {"molten", shearbus::wire::Top::kMolten}}));
-  top_command->add_option("--count", options.count, "How many")
-      ->check(CLI::Range(1U, static_cast<unsigned>(shearbus::wire::kMaxTopNodes)))
-      ->capture_default_str();
-  auto* close_command = asks("close", "Ends a session whose client is gone for good: its states are lost (operator)",
-                             [&](Client& client) { ctl::close(client, options.session, options.idle_s); });
-  close_command
-      ->add_option("SESSION", options.session, "First digits of its id, or its scene's name where no other has it")
-      ->required();
-  close_command->add_option("--idle", options.idle_s, "Only where no request has come for so long, in seconds")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  asks("checkpoint", "Writes a checkpoint now (operator)", ctl::checkpoint);
-  asks("drain", "No new sessions from here on (operator)", [&](Client& client) {
-    ctl::drain(client, options.exit);
-  })->add_flag("--exit", options.exit, "And the server ends when its last session is closed");
-  auto* compare_command = app.add_subcommand(
-      "compare", "Two checkpoint files: the first state that differs. Exit code 0: none, 1: one does, 2: trouble");
-  compare_command->add_option("CHECKPOINTS", options.checkpoints, "Two of the files of a state directory")
-      ->expected(2)
-      ->required();
-  compare_command->callback([&] { run = [&] { exit_code = compare(options); }; });
-  auto* check_command = app.add_subcommand("check", "Is a scene valid? Prints it with every default filled in");
-  check_command->add_option("SCENE", options.scene, "A TOML file")->required();
-  check_command->callback([&] { run = [&] { check(options); }; });
-  auto* keygen_command = app.add_subcommand("keygen", "Makes a pair of keys, NAME.public and NAME.secret");
-  keygen_command->add_option("NAME", options.key_name, "Where, without the ending")->required();
-  keygen_command->add_flag("--operator", options.key_of_operator,
-                           "Whoever has it may operate the server: see every session, checkpoint, drain");
-  keygen_command->callback([&] { run = [&] { keygen(options); }; });
-  auto* materials_command =
-      app.add_subcommand("materials", "The catalog of materials and where each number comes from");
-  materials_command->add_option("MATERIAL", options.material,
-                                "One of them, with its constants as a scene would give them");
-  materials_command->callback([&] { run = [&] { materials(options); }; });
-  app.add_subcommand("reference", "Every key of a scene, as Markdown")->callback([&] { run = reference; });
-
+  Commands commands(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& fault) {
     return app.exit(fault) == 0 ? 0 : kExitUsage;
   }
-  const int trouble = compare_command->parsed() ? kExitUsage : kExitFault;
   try {
-    run();
+    return commands.run();
   } catch (const shearbus::Error& fault) {
-    // The scene loader's text is a list of lines, each with its place: it stands for itself.
+    // The text of a scene's faults is a list of lines with their places, and is printed without a prefix.
     const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
     fmt::print(stderr, "{}{}\n", scene ? "" : "shearbus-ctl: ", scene ? fault.status().text : describe(fault.status()));
-    return trouble;
   } catch (const std::exception& fault) {
     fmt::print(stderr, "{}\n", fault.what());
-    return trouble;
   }
-  return exit_code;
+  return commands.exit_code_of_trouble();
 }

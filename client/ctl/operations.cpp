@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -12,15 +13,6 @@ namespace {
 
 double seconds(std::uint64_t ns) {
   return 1e-9 * static_cast<double>(ns);
-}
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) >= 0x20) out += c;
-  }
-  return out;
 }
 
 std::string hexadecimal(const wire::SessionId& id) {
@@ -33,7 +25,7 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// The upper bound of the bucket that holds the quantile.
+// Returns the upper bound of the bucket that contains the quantile.
 std::string quantile(const wire::Histogram& histogram, double share) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : histogram.counts) all += count;
@@ -48,14 +40,39 @@ std::string quantile(const wire::Histogram& histogram, double share) {
 }
 
 void show_json(const wire::ServerStatus& s) {
-  fmt::print(
-      "{{\"server_version\": \"{}\", \"uptime_s\": {:.3f}, \"threads\": {}, \"sessions\": {}, \"nodes\": {}, "
-      "\"state_bytes\": {}, \"requests\": {}, \"refused\": {}, \"replayed\": {}, \"node_steps\": {}, \"solver_s\": "
-      "{:.6f}, \"draining\": {}, \"checkpoints\": {}, \"journal_bytes\": {}, \"resident_bytes\": {}, \"open_files\": "
-      "{}}}\n",
-      escaped(s.server_version), seconds(s.uptime_ns), s.threads, s.sessions, s.nodes, s.state_bytes, s.requests,
-      s.refused, s.replayed, s.node_steps, seconds(s.solver_ns), s.draining, s.checkpoints, s.journal_bytes,
-      s.resident_bytes, s.open_files);
+  const nlohmann::ordered_json line = {{"server_version", s.server_version},
+                                       {"uptime_s", seconds(s.uptime_ns)},
+                                       {"threads", s.threads},
+                                       {"sessions", s.sessions},
+                                       {"nodes", s.nodes},
+                                       {"state_bytes", s.state_bytes},
+                                       {"requests", s.requests},
+                                       {"refused", s.refused},
+                                       {"replayed", s.replayed},
+                                       {"node_steps", s.node_steps},
+                                       {"solver_s", seconds(s.solver_ns)},
+                                       {"draining", s.draining},
+                                       {"checkpoints", s.checkpoints},
+                                       {"journal_bytes", s.journal_bytes},
+                                       {"resident_bytes", s.resident_bytes},
+                                       {"open_files", s.open_files}};
+  fmt::print("{}\n", line.dump());
+}
+
+void show_json(const wire::SessionInfo& s) {
+  const nlohmann::ordered_json line = {{"session", hexadecimal(s.session_id)},
+                                       {"name", s.name},
+                                       {"identity", s.identity},
+                                       {"nodes", s.nodes},
+                                       {"state_version", s.state_version},
+                                       {"last_sequence", s.last_sequence},
+                                       {"trial_stands", s.trial_stands},
+                                       {"age_s", seconds(s.age_ns)},
+                                       {"idle_s", seconds(s.idle_ns)},
+                                       {"state_bytes", s.state_bytes},
+                                       {"node_steps", s.node_steps},
+                                       {"solver_s", seconds(s.solver_ns)}};
+  fmt::print("{}\n", line.dump());
 }
 
 const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, const std::string& wanted) {
@@ -118,12 +135,7 @@ void show_sessions(Client& client, bool json) {
                "idle, s", "scene, opened by");
   for (const wire::SessionInfo& s : sessions) {
     if (json)
-      fmt::print(
-          "{{\"session\": \"{}\", \"name\": \"{}\", \"identity\": \"{}\", \"nodes\": {}, \"state_version\": {}, "
-          "\"last_sequence\": {}, \"trial_stands\": {}, \"age_s\": {:.3f}, \"idle_s\": {:.3f}, \"state_bytes\": {}, "
-          "\"node_steps\": {}, \"solver_s\": {:.6f}}}\n",
-          hexadecimal(s.session_id), escaped(s.name), escaped(s.identity), s.nodes, s.state_version, s.last_sequence,
-          s.trial_stands, seconds(s.age_ns), seconds(s.idle_ns), s.state_bytes, s.node_steps, seconds(s.solver_ns));
+      show_json(s);
     else
       fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", hexadecimal(s.session_id), s.nodes,
                  s.state_version, s.last_sequence, seconds(s.age_ns), seconds(s.idle_ns), s.name, s.identity,

@@ -1,4 +1,4 @@
-// What shearbus-ctl asks of a running server, and how it shows the answers.
+// Commands of shearbus-ctl for a running server: each sends a request and prints the answer.
 #pragma once
 
 #include <cstdint>
@@ -13,12 +13,12 @@ void show_status(const wire::ServerStatus& status, bool json);
 void show_sessions(Client& client, bool json);
 // `session`: the first digits of its id, or the name of its scene; empty where there is only one.
 void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
-// A session that has been idle for at least `idle_s`; `session` as above.
+// Closes a session that has been idle for at least `idle_s`; `session` as above.
 void close(Client& client, const std::string& session, double idle_s);
 void checkpoint(Client& client);
 void drain(Client& client, bool exit);
 
-// Prometheus' text format, version 0.0.4.
+// Returns the status in Prometheus' text format, version 0.0.4.
 std::string prometheus_text(const wire::ServerStatus& status);
 
 }  // namespace shearbus::ctl

@@ -1,51 +1,60 @@
-#include <fmt/format.h>
+#include <prometheus/text_serializer.h>
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "client/ctl/operations.hpp"
 
 namespace shearbus::ctl {
 namespace {
 
+using prometheus::ClientMetric;
+using prometheus::MetricFamily;
+using prometheus::MetricType;
+
+// A division, not a product: the quotient is the double nearest to the decimal fraction, so that it is printed as such.
 double seconds(std::uint64_t ns) {
-  return 1e-9 * static_cast<double>(ns);
+  return static_cast<double>(ns) / 1e9;
 }
 
-class Text {
+// Collects metric families in the order of the text.
+class Metrics {
  public:
-  void gauge(const char* name, const char* help, double value) { single(name, "gauge", help, value); }
-  void counter(const char* name, const char* help, double value) { single(name, "counter", help, value); }
-  void head(const char* name, const char* type, const char* help) {
-    text_ += fmt::format("# HELP shearbus_{0} {2}\n# TYPE shearbus_{0} {1}\n", name, type, help);
+  MetricFamily& add(const std::string& name, MetricType type, const char* help) {
+    return families_.emplace_back(MetricFamily{.name = "shearbus_" + name, .help = help, .type = type, .metric = {}});
   }
-  void line(const std::string& name, double value) { text_ += fmt::format("shearbus_{} {}\n", name, value); }
-  const std::string& text() const { return text_; }
+  void gauge(const char* name, const char* help, double value) {
+    ClientMetric& metric = add(name, MetricType::Gauge, help).metric.emplace_back();
+    metric.gauge.value = value;
+  }
+  void counter(const char* name, const char* help, double value) {
+    ClientMetric& metric = add(name, MetricType::Counter, help).metric.emplace_back();
+    metric.counter.value = value;
+  }
+  std::string text() const { return prometheus::TextSerializer().Serialize(families_); }
 
  private:
-  void single(const char* name, const char* type, const char* help, double value) {
-    head(name, type, help);
-    line(name, value);
-  }
-  std::string text_;
+  std::vector<MetricFamily> families_;
 };
 
-void put(Text& text, const wire::Histogram& histogram) {
-  const std::string label = histogram.verb.empty() ? "" : fmt::format("verb=\"{}\"", histogram.verb);
-  const std::string before_le = label.empty() ? "" : label + ",";
+ClientMetric as_metric(const wire::Histogram& histogram) {
+  ClientMetric metric;
+  if (!histogram.verb.empty()) metric.label.push_back({"verb", histogram.verb});
   std::uint64_t count = 0;
   std::uint64_t bound_ns = wire::kHistogramBaseNs;
   for (std::size_t i = 0; i < histogram.counts.size(); ++i, bound_ns *= 2) {
     count += histogram.counts[i];
     const bool last = i + 1 == histogram.counts.size();
-    const std::string bound = last ? "+Inf" : fmt::format("{:.9g}", seconds(bound_ns));
-    text.line(fmt::format("{}_seconds_bucket{{{}le=\"{}\"}}", histogram.name, before_le, bound),
-              static_cast<double>(count));
+    metric.histogram.bucket.push_back(
+        {.cumulative_count = count, .upper_bound = last ? std::numeric_limits<double>::infinity() : seconds(bound_ns)});
   }
-  const std::string labels = label.empty() ? "" : "{" + label + "}";
-  text.line(histogram.name + "_seconds_sum" + labels, seconds(histogram.sum_ns));
-  text.line(histogram.name + "_seconds_count" + labels, static_cast<double>(count));
+  metric.histogram.sample_count = count;
+  metric.histogram.sample_sum = seconds(histogram.sum_ns);
+  return metric;
 }
 
 struct Known {
@@ -61,53 +70,54 @@ constexpr Known kHistograms[] = {{"request", "From a request's arrival to its an
 }  // namespace
 
 std::string prometheus_text(const wire::ServerStatus& s) {
-  Text text;
+  Metrics metrics;
   const auto number = [](auto value) { return static_cast<double>(value); };
-  text.head("build_info", "gauge", "The server's version");
-  text.line(fmt::format("build_info{{version=\"{}\"}}", s.server_version), 1);
-  text.gauge("uptime_seconds", "Since the start of the server", seconds(s.uptime_ns));
-  text.gauge("sessions", "Open sessions", number(s.sessions));
-  text.gauge("nodes", "Nodes of all sessions", number(s.nodes));
-  text.gauge("state_bytes", "Memory of all states", number(s.state_bytes));
-  text.gauge("draining", "1: no new sessions", s.draining ? 1 : 0);
-  text.counter("requests_total", "Requests that were answered", number(s.requests));
-  text.counter("replayed_total", "Answered from the kept reply", number(s.replayed));
-  text.counter("refused_total", "Requests that were refused", number(s.refused));
-  text.head("refusals_total", "counter", "Requests that were refused, by code");
-  for (const wire::Refusals& refusals : s.refusals)
-    text.line(fmt::format("refusals_total{{code=\"{}\"}}", name(static_cast<wire::Code>(refusals.code))),
-              number(refusals.count));
-  text.counter("node_steps_total", "Steps of single nodes", number(s.node_steps));
-  text.counter("messages_received_total", "Messages off the socket", number(s.messages_received));
-  text.counter("messages_sent_total", "Answers to the socket", number(s.messages_sent));
-  text.counter("answers_undeliverable_total", "Answers whose peer had left or did not read",
-               number(s.answers_undeliverable));
-  text.counter("messages_without_user_total", "Messages dropped: nobody had let their peer in",
-               number(s.messages_without_user));
-  text.counter("connections_admitted_total", "Connections let in", number(s.connections_admitted));
-  text.counter("connections_refused_total", "Connections refused", number(s.connections_refused));
-  text.gauge("admitting", "1: who decides about connections is there", s.admitting ? 1 : 0);
-  text.counter("journal_records_total", "Requests written to the journal", number(s.journal_records));
-  text.counter("journal_bytes_total", "Bytes written to the journal", number(s.journal_bytes));
-  text.gauge("recovered_requests", "Replayed from the journal at the start", number(s.recovered_requests));
-  text.counter("checkpoints_total", "Checkpoints written", number(s.checkpoints));
-  text.counter("checkpoints_failed_total", "Checkpoints that could not be written", number(s.checkpoints_failed));
-  text.gauge("checkpoint_bytes", "Size of the last checkpoint", number(s.checkpoint_bytes));
-  if (s.checkpoint_age_ns != 0)
-    text.gauge("checkpoint_age_seconds", "Since the last checkpoint", seconds(s.checkpoint_age_ns));
-  text.gauge("resident_bytes", "Resident memory of the process", number(s.resident_bytes));
-  text.gauge("open_files", "Files the process has open, connections among them", number(s.open_files));
-  text.gauge("max_open_files", "Files it may open", number(s.max_open_files));
-  for (const Known& known : kHistograms) {
-    bool first = true;
-    for (const wire::Histogram& histogram : s.histograms) {
-      if (histogram.name != known.name) continue;
-      if (first) text.head((std::string(known.name) + "_seconds").c_str(), "histogram", known.help);
-      first = false;
-      put(text, histogram);
-    }
+  ClientMetric& build = metrics.add("build_info", MetricType::Gauge, "The server's version").metric.emplace_back();
+  build.label.push_back({"version", s.server_version});
+  build.gauge.value = 1;
+  metrics.gauge("uptime_seconds", "Since the start of the server", seconds(s.uptime_ns));
+  metrics.gauge("sessions", "Open sessions", number(s.sessions));
+  metrics.gauge("nodes", "Nodes of all sessions", number(s.nodes));
+  metrics.gauge("state_bytes", "Memory of all states", number(s.state_bytes));
+  metrics.gauge("draining", "1: no new sessions", s.draining ? 1 : 0);
+  metrics.counter("requests_total", "Requests that were answered", number(s.requests));
+  metrics.counter("replayed_total", "Answered from the kept reply", number(s.replayed));
+  metrics.counter("refused_total", "Requests that were refused", number(s.refused));
+  MetricFamily& refusals = metrics.add("refusals_total", MetricType::Counter, "Requests that were refused, by code");
+  for (const wire::Refusals& refused : s.refusals) {
+    ClientMetric& metric = refusals.metric.emplace_back();
+    metric.label.push_back({"code", name(static_cast<wire::Code>(refused.code))});
+    metric.counter.value = number(refused.count);
   }
-  return text.text();
+  metrics.counter("node_steps_total", "Steps of single nodes", number(s.node_steps));
+  metrics.counter("messages_received_total", "Messages off the socket", number(s.messages_received));
+  metrics.counter("messages_sent_total", "Answers to the socket", number(s.messages_sent));
+  metrics.counter("answers_undeliverable_total", "Answers whose peer had left or did not read",
+                  number(s.answers_undeliverable));
+  metrics.counter("messages_without_user_total", "Messages dropped: nobody had let their peer in",
+                  number(s.messages_without_user));
+  metrics.counter("connections_admitted_total", "Connections let in", number(s.connections_admitted));
+  metrics.counter("connections_refused_total", "Connections refused", number(s.connections_refused));
+  metrics.gauge("admitting", "1: who decides about connections is there", s.admitting ? 1 : 0);
+  metrics.counter("journal_records_total", "Requests written to the journal", number(s.journal_records));
+  metrics.counter("journal_bytes_total", "Bytes written to the journal", number(s.journal_bytes));
+  metrics.gauge("recovered_requests", "Replayed from the journal at the start", number(s.recovered_requests));
+  metrics.counter("checkpoints_total", "Checkpoints written", number(s.checkpoints));
+  metrics.counter("checkpoints_failed_total", "Checkpoints that could not be written", number(s.checkpoints_failed));
+  metrics.gauge("checkpoint_bytes", "Size of the last checkpoint", number(s.checkpoint_bytes));
+  if (s.checkpoint_age_ns != 0)
+    metrics.gauge("checkpoint_age_seconds", "Since the last checkpoint", seconds(s.checkpoint_age_ns));
+  metrics.gauge("resident_bytes", "Resident memory of the process", number(s.resident_bytes));
+  metrics.gauge("open_files", "Files the process has open, connections among them", number(s.open_files));
+  metrics.gauge("max_open_files", "Files it may open", number(s.max_open_files));
+  for (const Known& known : kHistograms) {
+    std::vector<ClientMetric> found;
+    for (const wire::Histogram& histogram : s.histograms)
+      if (histogram.name == known.name) found.push_back(as_metric(histogram));
+    if (found.empty()) continue;
+    metrics.add(std::string(known.name) + "_seconds", MetricType::Histogram, known.help).metric = std::move(found);
+  }
+  return metrics.text();
 }
 
 }  // namespace shearbus::ctl

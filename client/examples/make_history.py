@@ -52,10 +52,10 @@ def force_driven(file, args):
     start(file, times, np.arange(nodes))
     put(file, "pressure", "Pa", np.full((args.steps, nodes), 11.2e9))
     # The stresses on the far faces of the two masses: none, the plates are free but for the friction between them.
-    put(file, "stress_minus", "Pa", np.zeros((args.steps, nodes)))
-    put(file, "stress_plus", "Pa", np.zeros((args.steps, nodes)))
-    put(file, "mass_minus", "kg m-2", np.full(nodes, MASS_OF_1_MM_ALUMINIUM))
-    put(file, "mass_plus", "kg m-2", np.full(nodes, MASS_OF_1_MM_STEEL))
+    put(file, "stress_soft", "Pa", np.zeros((args.steps, nodes)))
+    put(file, "stress_hard", "Pa", np.zeros((args.steps, nodes)))
+    put(file, "mass_soft", "kg m-2", np.full(nodes, MASS_OF_1_MM_ALUMINIUM))
+    put(file, "mass_hard", "kg m-2", np.full(nodes, MASS_OF_1_MM_STEEL))
     # No /velocity_jump: each answer's new jump is the next step's.
     put(file, "initial_velocity_jump", "m s-1", args.velocity * np.arange(1, nodes + 1) / nodes)
 

@@ -1,12 +1,12 @@
-// shearbus-replay --capsule: a node that had no answer, run again alone.
+// shearbus-replay --capsule: repeats the failed step of one node alone.
 #pragma once
 
 #include <filesystem>
 
 namespace shearbus::replay {
 
-// Prints what the capsule holds, and every column as it was recorded and as it is found now. False where one differs,
-// be it in the last bit. Throws where the file is no capsule.
+// Prints the capsule, and every reply column as recorded and as computed now. Returns false if any column differs in
+// any bit. Throws for a file that is not a capsule.
 bool run_capsule(const std::filesystem::path& file);
 
 }  // namespace shearbus::replay

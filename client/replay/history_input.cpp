@@ -7,55 +7,57 @@
 
 namespace shearbus::replay {
 
-HistoryInput::HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop)
+HistoryInput::HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop)
     : history_(history),
-      force_driven_(scene.strategy == wire::Strategy::kForceDriven),
-      components_(scene.tangential_components) {
+      force_driven_(session.strategy == wire::Strategy::kForceDriven),
+      components_(session.tangential_components) {
   if (closed_loop && !force_driven_)
-    throw Error(
-        {.code = Code::kInvalidValue,
-         .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven", scene.name),
-         .remedy = "Leave --closed-loop out: the history imposes the jump."});
-  need(Field::kPressure, "pressure");
-  if (force_driven_) {
-    need(Field::kStressMinus, "stress_minus");
-    need(Field::kStressPlus, "stress_plus");
-    for (const Column& mass : {Column{Field::kMassMinus, "mass_minus"}, Column{Field::kMassPlus, "mass_plus"}})
-      history_.has(mass.dataset) ? fixed_.push_back(mass) : missing_.push_back(fmt::format("/{} [N]", mass.dataset));
-    choose_jump(closed_loop);
-    take(Field::kSoftPlasticStrainRate, "soft_plastic_strain_rate", scene.interface && scene.interface->plastic_layer,
-         "without interface.plastic_layer there is no plastic strain to set against it");
-  } else {
-    need(Field::kVelocityJump, "velocity_jump");
-    jump_origin_ = "imposed by /velocity_jump";
-    take(Field::kSoftShearRate, "soft_shear_rate", scene.velocity_driven.drive == wire::Drive::kInterfaceSlip,
-         "drive layer_shear takes the jump instead");
-  }
-  refuse_what_is_missing(scene);
-  if (history_.has("initial_temperature")) initial_temperature_ = history_.per_node("initial_temperature");
-}
-
-std::string HistoryInput::second(const std::string& dataset) {
-  return dataset + "_second";
-}
-
-void HistoryInput::need(Field field, const std::string& dataset) {
-  for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? components_ : 1); ++component) {
-    const std::string name = component == 0 ? dataset : second(dataset);
-    if (history_.has(name))
-      rows_.push_back({field, name, component});
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven",
+                                     session.scene_name),
+                 .remedy = "Leave --closed-loop out: the history imposes the jump."});
+  for (const Field field : session.required_columns) {
+    if (field == Field::kVelocityJump && force_driven_)
+      choose_jump(closed_loop);
+    else if (field == Field::kMassSoft || field == Field::kMassHard)
+      require_constant(field);
     else
-      missing_.push_back(fmt::format("/{} [T,N]", name));
+      require_rows(field);
+  }
+  if (!force_driven_) jump_origin_ = "imposed by /velocity_jump";
+  for (const Field field : wire::columns_of(session.strategy).optional) use_optional(field, session);
+  refuse_what_is_missing(session);
+}
+
+void HistoryInput::require_rows(Field field) {
+  for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? components_ : 1); ++component) {
+    const std::string dataset = wire::quantity_of(field, component);
+    if (history_.has(dataset))
+      rows_.push_back({field, component, dataset});
+    else
+      missing_.push_back(fmt::format("/{} [T,N]", dataset));
   }
 }
 
-void HistoryInput::take(Field field, const char* dataset, bool wanted, const char* why_not) {
+void HistoryInput::require_constant(Field field) {
+  const std::string dataset = wire::quantity_of(field);
+  if (history_.has(dataset))
+    constants_.push_back({field, 0, dataset});
+  else
+    missing_.push_back(fmt::format("/{} [N]", dataset));
+}
+
+void HistoryInput::use_optional(Field field, const wire::SessionOpened& session) {
+  const std::string dataset = wire::quantity_of(field);
   if (!history_.has(dataset)) return;
-  if (!wanted) {
-    notes_.push_back(fmt::format("/{} is not used: {}", dataset, why_not));
+  if (std::ranges::find(session.optional_columns, field) == session.optional_columns.end()) {
+    notes_.push_back(fmt::format("/{} is not used: {}", dataset,
+                                 field == Field::kSoftPlasticStrainRate
+                                     ? "without interface.plastic_layer there is no plastic strain to set against it"
+                                     : "drive layer_shear takes the jump instead"));
     return;
   }
-  need(field, dataset);
+  require_rows(field);
   optional_columns_.push_back(field);
 }
 
@@ -68,7 +70,7 @@ void HistoryInput::choose_jump(bool closed_loop) {
   }
   closed_loop_ = closed_loop || !recorded;
   if (!closed_loop_) {
-    need(Field::kVelocityJump, "velocity_jump");
+    require_rows(Field::kVelocityJump);
     jump_origin_ = "as recorded in /velocity_jump";
     if (initial)
       notes_.emplace_back("/initial_velocity_jump is not used: /velocity_jump is there; --closed-loop would use it");
@@ -78,7 +80,7 @@ void HistoryInput::choose_jump(bool closed_loop) {
   jump_origin_ =
       initial ? "closed loop from /initial_velocity_jump" : "closed loop from the first row of /velocity_jump";
   for (std::uint32_t component = 0; component < components_; ++component) {
-    const std::string name = component == 0 ? from : second(from);
+    const std::string name = component == 0 ? from : from + "_second";
     if (!history_.has(name)) {
       missing_.push_back(fmt::format("/{} [{}]", name, initial ? "N" : "T,N"));
     } else if (initial) {
@@ -90,22 +92,22 @@ void HistoryInput::choose_jump(bool closed_loop) {
   }
 }
 
-void HistoryInput::refuse_what_is_missing(const Scene& scene) const {
+void HistoryInput::refuse_what_is_missing(const wire::SessionOpened& session) const {
   if (missing_.empty()) return;
   const char* const other = force_driven_ ? "velocity_driven" : "force_driven";
-  const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_minus")
-                                                  : history_.has("stress_minus") && history_.has("mass_minus");
-  throw Error(
-      {.code = Code::kInvalidValue,
-       .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks", scene.name,
-                           force_driven_ ? "force_driven" : "velocity_driven", fmt::join(missing_, ", ")),
-       .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
-                                      : "See client/replay/README.md for what a history holds.",
-       .field = "strategy"});
+  const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_soft")
+                                                  : history_.has("stress_soft") && history_.has("mass_soft");
+  throw Error({.code = Code::kInvalidValue,
+               .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks",
+                                   session.scene_name, force_driven_ ? "force_driven" : "velocity_driven",
+                                   fmt::join(missing_, ", ")),
+               .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
+                                              : "See client/replay/README.md for what a history holds.",
+               .field = "strategy"});
 }
 
 void HistoryInput::prepare(Batch& request) const {
-  for (const Column& column : fixed_)
+  for (const Column& column : constants_)
     std::ranges::copy(history_.per_node(column.dataset), request.f64(column.field).begin());
   for (std::uint32_t component = 0; closed_loop_ && component < components_; ++component)
     std::ranges::copy(first_jump_[component], request.f64(Field::kVelocityJump, component).begin());
@@ -123,7 +125,7 @@ void HistoryInput::feed_back(const StepResult& result, Batch& request) const {
 
 void HistoryInput::check_all_rows() {
   std::vector<double> row(history_.nodes());
-  for (const Column& column : fixed_) history_.per_node(column.dataset);
+  for (const Column& column : constants_) history_.per_node(column.dataset);
   for (std::size_t step = 0; step < history_.steps(); ++step)
     for (const Column& column : rows_) history_.row(column.dataset, step, row);
 }

@@ -15,17 +15,14 @@ class HistoryInput {
  public:
   // Throws Error{kInvalidValue} that names every dataset the scene's strategy needs and the history lacks.
   // `closed_loop`: force-driven, each reply's new jump is the next input even where the history has /velocity_jump.
-  HistoryInput(wire::HistoryReader& history, const Scene& scene, bool closed_loop);
+  HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
-  std::span<const double> initial_temperature_k() const { return initial_temperature_; }  // empty: the scene's
   bool force_driven() const { return force_driven_; }
   std::uint32_t components() const { return components_; }  // of slip and stress
   bool closed_loop() const { return closed_loop_; }
   const std::string& jump_origin() const { return jump_origin_; }  // for the summary
   const std::vector<std::string>& notes() const { return notes_; }
-
-  static std::string second(const std::string& dataset);  // where the second component of a vector is
 
   void prepare(Batch& request) const;           // what holds for all steps, and the first jump of a closed loop
   void fill(std::size_t step, Batch& request);  // the rows of a step
@@ -35,24 +32,24 @@ class HistoryInput {
  private:
   struct Column {
     Field field;
-    std::string dataset;
     std::uint32_t component = 0;
+    std::string dataset;
   };
-  void need(Field field, const std::string& dataset);
-  void take(Field field, const char* dataset, bool wanted, const char* why_not);  // an optional column
+  void require_rows(Field field);
+  void require_constant(Field field);
+  void use_optional(Field field, const wire::SessionOpened& session);
   void choose_jump(bool closed_loop);
-  void refuse_what_is_missing(const Scene& scene) const;
+  void refuse_what_is_missing(const wire::SessionOpened& session) const;
 
   wire::HistoryReader& history_;
   bool force_driven_;
   std::uint32_t components_;
   bool closed_loop_ = false;
-  std::vector<Column> rows_;   // [T,N]
-  std::vector<Column> fixed_;  // [N]
+  std::vector<Column> rows_;       // [T,N]
+  std::vector<Column> constants_;  // [N]
   std::vector<std::string> missing_;
   std::vector<Field> optional_columns_;
   std::vector<double> first_jump_[2];  // of each component
-  std::vector<double> initial_temperature_;
   std::string jump_origin_;
   std::vector<std::string> notes_;
 };

@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr int kRunError = 1;  // also: the capsule's answer is another one now
+constexpr int kRunError = 1;  // also if the answer of a capsule has changed
 constexpr int kUsageError = 2;
 
 struct KeyFiles {

@@ -10,10 +10,10 @@
 #include "client/include/shearbus/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
+#include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
 
@@ -38,66 +38,38 @@ struct Service {
   Client client;
 };
 
-// What a server refuses in a scene is shown where it stands in the file.
-Session open(Client& client, const wire::SceneFile& scene, const wire::HistoryReader& history,
-             const HistoryInput& input) {
-  try {
-    return client.open(scene.scene, history.node_ids(), {.initial_temperature_k = input.initial_temperature_k()});
-  } catch (const Error& error) {
-    Status status = error.status();
-    if (status.code != Code::kInvalidScene) throw;
-    status.text = fmt::format("{}: {}", scene.where(status.field), status.text);
-    throw Error(status);
-  }
+// What a result holds of each step: every component of every column of the session's replies.
+struct ReplyColumn {
+  Field field;
+  std::uint32_t component;
+};
+
+std::vector<ReplyColumn> reply_columns(const wire::SessionOpened& session) {
+  std::vector<ReplyColumn> columns;
+  for (const Field field : session.reply_columns)
+    for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? session.tangential_components : 1);
+         ++component)
+      columns.push_back({field, component});
+  return columns;
 }
 
-enum Output : std::size_t { kStress, kVelocity, kTemperature, kRegime, kOutcome, kHeat, kJump };
-
-// Vectors whose second component follows the quantities above, in this order.
-std::vector<std::size_t> vectors_of(const HistoryInput& input) {
-  if (input.components() == 1) return {};
-  return input.force_driven() ? std::vector<std::size_t>{kStress, kVelocity, kJump}
-                              : std::vector<std::size_t>{kStress, kVelocity};
-}
-
-std::span<const double> component_of(const StepResult& result, std::size_t vector, std::uint32_t component) {
-  return vector == kStress     ? result.shear_stress_pa(component)
-         : vector == kVelocity ? result.sliding_velocity_m_per_s(component)
-                               : result.velocity_jump_new_m_per_s(component);
-}
-
-std::vector<wire::Quantity> quantities(const HistoryInput& input) {
-  std::vector<wire::Quantity> all = {
-      {.name = "shear_stress", .units = "Pa", .long_name = "shear stress, positive where it holds the soft body back"},
-      {.name = "sliding_velocity", .units = "m s-1", .long_name = "sliding velocity of the interface"},
-      {.name = "interface_temperature", .units = "K", .long_name = "temperature at z = 0"},
-      {.name = "regime", .units = "1", .long_name = "what held the stress in the step", .is_regime = true},
-      {.name = "outcome", .units = "1", .long_name = "flags of the solution", .is_outcome = true},
-      {.name = "friction_heat", .units = "J m-2", .long_name = "friction heat that entered the layer in the step"},
-  };
-  if (input.force_driven())
-    all.push_back({.name = "velocity_jump_new", .units = "m s-1", .long_name = "velocity jump at the end of the step"});
-  for (const std::size_t vector : vectors_of(input)) {
-    wire::Quantity second = all[vector];
-    second.name = HistoryInput::second(second.name);
-    second.long_name += ", second direction";
-    all.push_back(second);
-  }
+std::vector<wire::Quantity> quantities(const wire::SessionOpened& session) {
+  std::vector<wire::Quantity> all;
+  for (const ReplyColumn& column : reply_columns(session))
+    all.push_back(wire::quantity_of_column(column.field, column.component));
   return all;
 }
 
 void write_row(wire::HistoryWriter& writer, const StepResult& result, double time_s, double dt_s,
-               const HistoryInput& input) {
+               std::span<const ReplyColumn> columns) {
   writer.begin_row(time_s, dt_s);
-  writer.set(kStress, result.shear_stress_pa());
-  writer.set(kVelocity, result.sliding_velocity_m_per_s());
-  writer.set(kTemperature, result.interface_temperature_k());
-  writer.set(kRegime, result.regime());
-  writer.set(kOutcome, result.outcome());
-  writer.set(kHeat, result.friction_heat_j_per_m2());
-  std::size_t next = kJump;
-  if (input.force_driven()) writer.set(next++, result.velocity_jump_new_m_per_s());
-  for (const std::size_t vector : vectors_of(input)) writer.set(next++, component_of(result, vector, 1));
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const auto [field, component] = columns[i];
+    if (wire::element_of(field) == wire::Element::kUint8)
+      writer.set(i, result.batch().u8(field, component));
+    else
+      writer.set(i, result.batch().f64(field, component));
+  }
   writer.end_row();
 }
 
@@ -117,6 +89,7 @@ void replay(const Options& options, wire::HistoryReader& history, HistoryInput& 
             wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", history.steps(), options.progress);
   Batch request = session.request(input.optional_columns());
+  const std::vector<ReplyColumn> columns = reply_columns(session.opened());
   input.prepare(request);
   for (std::size_t step = 0; step < history.steps(); ++step) {
     if (wire::interrupted())
@@ -133,7 +106,7 @@ void replay(const Options& options, wire::HistoryReader& history, HistoryInput& 
 
     const auto answered = Clock::now();
     const double dt_s = history.dt_s()[step];
-    write_row(writer, result, history.times_s()[step], dt_s, input);
+    write_row(writer, result, history.times_s()[step], dt_s, columns);
     time.writing += Clock::now() - answered;
     tally.add(result, history.times_s()[step], dt_s);
     input.feed_back(result, request);
@@ -156,23 +129,24 @@ std::string plural(std::size_t count, const char* noun) {
 }  // namespace
 
 void explain(const fs::path& scene) {
-  fmt::print("{}", server::explain(wire::load_scene_file(scene).scene).text());
+  fmt::print("{}", server::explain(scene::load_text(scene), scene.string()).text());
 }
 
 void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
-  const wire::SceneFile scene = wire::load_scene_file(options.scene);
+  const std::string scene = scene::load_text(options.scene);
   wire::HistoryReader history(options.history);
-  HistoryInput input(history, scene.scene, options.closed_loop);
-  if (options.check)
-    input.check_all_rows();
-  else
-    refuse_to_write_over_the_history(options);
+  if (!options.check) refuse_to_write_over_the_history(options);
+  const std::vector<double> initial_temperature =
+      history.has("initial_temperature") ? history.per_node("initial_temperature") : std::vector<double>();
   RunTime time{.reading = Clock::now() - start};
 
   Service service(options.server);
-  Session session = open(service.client, scene, history, input);
+  Session session = service.client.open(scene, options.scene.string(), history.node_ids(),
+                                        {.initial_temperature_k = initial_temperature});
+  HistoryInput input(history, session.opened(), options.closed_loop);
+  if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
   const std::string extent =
@@ -188,12 +162,13 @@ void run(const Options& options) {
   const std::map<std::string, std::string> meta = {
       {"producer", "shearbus-replay " + options.version},
       {"server_version", service.client.welcome().server_version},
-      {"scene", wire::scene_to_toml(session.effective_scene())},
+      {"scene", session.effective_scene()},
       {"input_file", options.history.filename().string()},
       {"input_hash", wire::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
   };
-  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(input), meta, history.start_time_s());
+  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
+                             history.start_time_s());
   Tally tally(history.node_ids());
   replay(options, history, input, session, writer, tally, time);
   const wire::SessionClosed totals = session.close();
@@ -203,12 +178,11 @@ void run(const Options& options) {
   time.total = Clock::now() - start;
 
   fmt::print("{}: {}\n", options.history.string(), extent);
-  fmt::print("  scene                       {} ({})\n", scene.scene.name, options.scene.string());
+  fmt::print("  scene                       {} ({})\n", session.opened().scene_name, options.scene.string());
   fmt::print("  velocity jump               {}\n", input.jump_origin());
   for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
   fmt::print("{}", tally.text(time));
-  for (const auto& [label, value] :
-       server::spared(session.effective_scene(), totals, service.embedded.has_value()).lines)
+  for (const auto& [label, value] : server::omitted_cost(session.effective_scene(), totals).lines())
     fmt::print("  {:<28}{}\n", label, value);
   fmt::print("  result                      {}{}\n", options.out.string(), replaced ? " (replaced)" : "");
   if (tally.failed_node_steps() > 0)

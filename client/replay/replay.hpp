@@ -1,4 +1,4 @@
-// A macroscopic history sent through the service, step by step, and what came back.
+// Sends a macroscopic history through the service step by step and records the answers.
 #pragma once
 
 #include <filesystem>
@@ -19,10 +19,10 @@ struct Options {
   std::string version;  // of this program, for the result's /meta
 };
 
-// Prints what the scene pays for, and replays nothing.
+// Prints the cost of the scene's parts; does not replay.
 void explain(const std::filesystem::path& scene);
 
-// Prints the summary. Throws shearbus::Error; no result is left behind then.
+// Replays the history and prints the summary. Throws shearbus::Error, and then leaves no result file.
 void run(const Options& options);
 
 }  // namespace shearbus::replay

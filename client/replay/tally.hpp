@@ -1,4 +1,4 @@
-// What a person wants to know of a replay without opening its result.
+// Totals of a replay for its printed summary.
 #pragma once
 
 #include <array>

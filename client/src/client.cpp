@@ -50,11 +50,13 @@ const wire::Welcome& Client::welcome() const {
   return welcome_;
 }
 
-Session Client::open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options) {
+Session Client::open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
+                     const OpenOptions& options) {
   wire::Request request;
   request.batch = named_nodes(node_ids, options.initial_temperature_k);
   auto& opening = request.body.emplace<wire::OpenSession>();
-  opening.scene = scene;
+  opening.scene = std::move(scene);
+  opening.scene_file = std::move(scene_file);
   opening.domain = options.domain;
   const std::optional<wire::Request> doubted = std::exchange(connection_->opening_in_doubt, std::nullopt);
   if (doubted) {

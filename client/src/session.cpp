@@ -5,7 +5,7 @@
 #include <chrono>
 #include <random>
 
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus {
 namespace {
@@ -187,9 +187,9 @@ const StepResult& Session::Impl::step(const Batch& columns, const StepOptions& o
 Batch Session::Impl::columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
   std::vector<Field> fields;
   if (with_node_ids) fields.push_back(Field::kNodeId);
-  for (const Field field : wire::columns_of(opened.effective_scene.strategy).required) fields.push_back(field);
+  for (const Field field : opened.required_columns) fields.push_back(field);
   for (const Field field : optional_columns) fields.push_back(field);
-  return Batch::of(fields, count, opened.effective_scene.tangential_components);
+  return Batch::of(fields, count, opened.tangential_components);
 }
 
 Session::Session(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -300,13 +300,16 @@ void Session::want(std::vector<Field> columns) {
   impl_->wanted = std::move(columns);
 }
 void Session::want_energy_ledger() {
-  if (impl_->opened.effective_scene.layer.inertia) return;
-  const auto columns = wire::columns_of(impl_->opened.effective_scene.strategy).reply;
-  impl_->wanted.assign(columns.begin(), columns.end());
+  const std::vector<Field>& offered = impl_->opened.columns_on_request;
+  if (std::ranges::find(offered, wire::kLedgerColumns.front()) == offered.end()) return;
+  impl_->wanted = impl_->opened.reply_columns;
   impl_->wanted.insert(impl_->wanted.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
 }
-const Scene& Session::effective_scene() const {
+const std::string& Session::effective_scene() const {
   return impl_->opened.effective_scene;
+}
+const wire::SessionOpened& Session::opened() const {
+  return impl_->opened;
 }
 const std::vector<std::string>& Session::warnings() const {
   return impl_->opened.warnings;

@@ -1,4 +1,4 @@
-# Every library shearbus links, all from Debian 12 (deploy/packages.txt names their packages).
+# Every library shearbus links, all from Debian 12 (deploy/packages names their packages).
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Protobuf 3.21 REQUIRED)
@@ -7,8 +7,11 @@ find_package(fmt REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(cppzmq REQUIRED)
+find_package(nlohmann_json 3.11 REQUIRED)
+find_package(utf8cpp REQUIRED)
 pkg_check_modules(ZMQ REQUIRED IMPORTED_TARGET libzmq>=4.3.4)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
+pkg_check_modules(PROMETHEUS REQUIRED IMPORTED_TARGET prometheus-cpp-core)
 pkg_check_modules(TOMLPP REQUIRED IMPORTED_TARGET tomlplusplus)
 find_package(HDF5 REQUIRED COMPONENTS C)
 add_library(shearbus_hdf5 INTERFACE)
@@ -18,5 +21,5 @@ if(SHEARBUS_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
 endif()
-# Debian's own interpreter: it is the one the python3-* packages of packages.txt are for.
+# Debian's own interpreter: it is the one the python3-* packages are for.
 find_program(SHEARBUS_PYTHON python3 PATHS /usr/bin NO_DEFAULT_PATH REQUIRED)

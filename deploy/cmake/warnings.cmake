@@ -1,5 +1,5 @@
 # One set of compiler settings for every room.
-#   -ffp-contract=off     an answer must have the same bits on every machine and in every lane (MODEL.md, what must always hold, 4)
+#   -ffp-contract=off     an answer must have the same bits on every machine and in every lane (server/physics/METHODS.md, "Arithmetic")
 #   -fno-math-errno,
 #   -fno-trapping-math    nobody reads errno or traps; without these GCC does not vectorise the lane loops
 add_library(shearbus_settings INTERFACE)

@@ -1,4 +1,4 @@
-// What acts on the outside of a body: walls that guide or push nodes, and given pressures.
+// Boundary conditions of the bodies: walls with a given normal velocity, and given pressures.
 #pragma once
 
 #include <vector>
@@ -7,30 +7,30 @@
 
 namespace shearbus::lagrange {
 
-// Nodes that move along a plane: v . normal = speed. Speed 0 is a plane of symmetry, otherwise a piston. Walls that
-// share nodes must be at right angles.
+// Constrains nodes to v . normal = speed. Speed 0 is a plane of symmetry, otherwise a piston. Walls that share nodes
+// must be at right angles.
 struct Wall {
   std::vector<int> nodes;
   Vec2 normal;         // of length 1
   double speed = 0.0;  // along the normal  [m/s]
 };
 
-// A given pressure on a polyline of boundary nodes, the body on its left.
+// A given pressure on a polyline of boundary nodes with the body on its left.
 struct PressureLoad {
   std::vector<int> nodes;
   double pressure = 0.0;  // [Pa]
 };
 
-// What a boundary gave the mesh since the start.
+// Impulse and work of a boundary on the mesh since the start.
 struct Given {
   Vec2 impulse;       // [kg m/s per metre of depth, or per radian]
   double work = 0.0;  // [J per metre of depth, or per radian]
 };
 
-// The load's force on each of its nodes.
+// Returns the load's force on each of its nodes.
 std::vector<Vec2> pressure_forces(const Mesh& mesh, const PressureLoad& load, const std::vector<Vec2>& position);
 
-// The part of a vector of a node that its walls leave free.
+// Projects vectors of nodes onto the directions that the walls leave free.
 class Guides {
  public:
   Guides(int num_nodes, const std::vector<Wall>& walls);

@@ -10,12 +10,12 @@
 namespace shearbus::lagrange {
 namespace {
 
-// A node that the hard surface covers less than this does not rub: stresses over so small an area mean nothing.
+// Smallest covered share of a node's area for which the law is asked: a stress over a smaller area is not meaningful.
 constexpr double kLeastCovered = 0.05;
-// Pressures below this come from rounding and the foot of a smeared shock: the law is told that the node is open.
+// Smaller pressures come from rounding and from the foot of a smeared shock; such a node counts as open.
 constexpr double kLeastPressure = 1e4;  // [Pa]
 
-// Of a zone's plastic strain rate the share that shears along a surface with tangent t: the flow rule's,
+// Returns the share of a zone's plastic strain rate that shears along a surface with tangent t, by the flow rule
 // sqrt(3) |s_tn| / sigma_eq.
 double shear_share(const State& state, int zone, Vec2 t) {
   const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
@@ -34,7 +34,7 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
       pressing_(weights_.size(), 0.0),
       impulse_(num_nodes) {
   inputs_.zone_plastic_strain.assign(weights_.rubbing(), 0.0);
-  inputs_.zone_plastic_rate.assign(weights_.rubbing(), 0.0);
+  inputs_.soft_plastic_strain_rate.assign(weights_.rubbing(), 0.0);
 }
 
 void Contact::ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
@@ -75,8 +75,8 @@ void Contact::give(int node, Vec2 impulse, const Guides& guides, const State& st
   velocity[node] += (1.0 / state.node_mass[node]) * guides.free_part(node, impulse);
 }
 
-// Projected Gauss-Seidel, forward and back. The matrix is that of one-dimensional mass matrices, so each sweep takes
-// off a fixed share of the error.
+// Projected Gauss-Seidel, forward and backward. The matrix resembles a one-dimensional mass matrix, so each sweep
+// reduces the error by a constant factor.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   constexpr int kMostSweeps = 400;
   constexpr double kTolerance = 1e-13;
@@ -109,8 +109,8 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
   }
 }
 
-// 1/m of the hard side sums what all interface nodes together would move it, as if their stresses were equal: the true
-// coupling of neighbours is never stronger, so sticking converges without ringing.
+// 1/m of the hard side is the sum of the compliances of all interface nodes, as if their stresses were equal. The true
+// coupling of neighbours is never stronger, so sticking converges without oscillation.
 void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                       const std::vector<Vec2>& velocity) {
   const int size = weights_.rubbing();
@@ -124,8 +124,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   inputs_.zone_temperature.assign(size, 0.0);
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
-    inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_minus[i] = inputs_.stress_plus[i] = 0.0;
-    inputs_.mass_minus[i] = inputs_.mass_plus[i] = 1.0;  // where no hard surface is near, nothing depends on them
+    inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
+    inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;  // where no hard surface is near, nothing depends on them
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
     }
@@ -134,20 +134,20 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     const double area = weights_.area(i);
     const double old_jump = jump(i, state.velocity);
     const Vec2 t = weights_.tangent(i);
-    double hard_compliance = 0.0;  // 1/m_plus
+    double hard_compliance = 0.0;  // 1/m_hard
     double hard_change = 0.0;
     for (const RubWeight& w : weights_.rub(i)) {
       hard_compliance += w.weight * hard_area[w.node] / (state.node_mass[w.node] * area);
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // The mean over the node's area, which evens out what unlike meshes make of the p_i.
+    // The mean over the node's area smooths the scatter of the p_i between meshes of different zone widths.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
-    inputs_.mass_minus[i] = state.node_mass[node] / area;
-    inputs_.mass_plus[i] = 1.0 / hard_compliance;
-    inputs_.stress_minus[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_minus[i] / dt;
-    inputs_.stress_plus[i] = -hard_change * inputs_.mass_plus[i] / dt;
+    inputs_.mass_soft[i] = state.node_mass[node] / area;
+    inputs_.mass_hard[i] = 1.0 / hard_compliance;
+    inputs_.stress_soft[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_soft[i] / dt;
+    inputs_.stress_hard[i] = -hard_change * inputs_.mass_hard[i] / dt;
   }
   std::ranges::fill(answer_.shear_stress, 0.0);
   if (law == nullptr || size == 0) return;
@@ -158,7 +158,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   }
 }
 
-// Plastic strain of the zones at each node and its rate over the last step that stood.
+// Sets the plastic strain of the zones at each node and its rate over the last accepted step.
 void Contact::find_plastic_rates(const State& state) {
   const double dt = state.time - plastic_time_;
   plastic_time_ = state.time;
@@ -169,7 +169,7 @@ void Contact::find_plastic_rates(const State& state) {
       share += 0.5 * shear_share(state, zone, weights_.tangent(i));
     }
     const double grown = std::max(0.0, strain - inputs_.zone_plastic_strain[i]);
-    if (dt > 0.0) inputs_.zone_plastic_rate[i] = share * grown / dt;
+    if (dt > 0.0) inputs_.soft_plastic_strain_rate[i] = share * grown / dt;
     inputs_.zone_plastic_strain[i] = strain;
   }
 }

@@ -1,4 +1,4 @@
-// Bodies that press and rub on each other: impulses on slide lines through the nodes' masses.
+// Contact and friction of bodies on slide lines: impulses on the nodes of both surfaces.
 //
 //   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening one (a
 //      linear complementarity problem, by projected Gauss-Seidel)
@@ -23,8 +23,8 @@
 namespace shearbus::lagrange {
 
 struct ContactOptions {
-  bool overlap = true;      // the law answers while zones off the slide lines are computed; the bits are the same
-  double soft_share = 0.5;  // of friction heat, to the soft body
+  bool overlap = true;      // compute zones off the slide lines while the law runs; the results have the same bits
+  double soft_share = 0.5;  // share of the friction heat that enters the soft body
   // Of the gap that is made up in a step, to keep surfaces together that curve under each other (Baumgarte, Comput.
   // Methods Appl. Mech. Eng. 1 (1972) 1).
   double push_out = 0.2;  // bodies that overlap
@@ -36,29 +36,29 @@ class Contact {
   Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes);
 
   // Adds the step's impulses to `velocity_new`, which holds velocities after all other forces; only nodes on slide
-  // lines change. In two halves, between which the law may be at work: steps 1 and the question of 2; the rest. `law`
-  // null: free slip.
+  // lines change. Split in two so that the interface law can run in between: ask() does step 1 and sends the inputs of
+  // step 2, answered() does the rest. `law` null: free slip.
   void ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
            std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
                 std::vector<Vec2>& velocity_new);
 
-  // Once the step stands: gives the lost energy to the zones, and books it.
+  // Called for an accepted step: adds the dissipated energy to the zones and to the totals.
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
                     std::vector<double>& energy);
 
   int size() const { return weights_.rubbing(); }  // nodes of the law: the first of the weights'
   const InterfaceWeights& weights() const { return weights_; }
   const std::vector<Vec2>& impulse() const { return impulse_; }     // of the step, per mesh node  [kg m/s]
-  const hydro::InterfaceInputs& inputs() const { return inputs_; }  // what the law was asked
+  const hydro::InterfaceInputs& inputs() const { return inputs_; }  // inputs of the law in the last step
   const hydro::InterfaceAnswer& answer() const { return answer_; }
-  double friction_heat() const { return heat_[kFriction]; }  // since the start  [J]
+  double friction_heat() const { return heat_[kFriction]; }  // heat since the start  [J]
   double closing_heat() const { return heat_[kClosing]; }
 
-  // What one step hands to the next.
+  // State that is carried from one step to the next.
   std::span<double> heat() { return heat_; }
   std::span<double> plastic_strain() { return inputs_.zone_plastic_strain; }
-  std::span<double> plastic_rate() { return inputs_.zone_plastic_rate; }
+  std::span<double> soft_plastic_strain_rate() { return inputs_.soft_plastic_strain_rate; }
   double& plastic_time() { return plastic_time_; }
 
  private:

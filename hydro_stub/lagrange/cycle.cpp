@@ -89,12 +89,12 @@ void Cycle::advance(double end_time) {
     step_.limit = StepLimit::kRejected;
     unshortened_ = step_;
   }
-  // The last step of a run ends on its time, not a rounding beside it.
+  // The last step of a run ends exactly at the end time.
   state_.time = step_.dt == end_time - state_.time ? end_time : state_.time + step_.dt;
   ++steps_;
 }
 
-// The whole scheme. Nothing of the state is touched before the step is known to be good.
+// The scheme of one step. The state is changed only after the step is accepted.
 bool Cycle::try_step(double dt) {
   // 1. half a step on with the old velocities: places, volumes, weights
   if (!go_to_middle(dt)) return false;
@@ -143,8 +143,8 @@ void Cycle::choose_step(double end_time) {
     throw std::runtime_error(
         fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
   }
-  // The end is reached in one step or two of equal length: a sliver of a step would ask slide lines to close their gaps
-  // in no time.
+  // The end is reached in one step or in two equal steps: in a very short step slide lines would close their gaps at an
+  // unphysical speed.
   const double left = end_time - state_.time;
   if (2.0 * step_.dt > left) step_ = {.dt = step_.dt >= left ? left : 0.5 * left, .limit = StepLimit::kEnd};
 }
@@ -276,7 +276,7 @@ void Cycle::do_work(double dt) {
   }
 }
 
-// What a node's momentum gained beyond the forces of zones, slide lines and loads came from its walls.
+// The walls' impulse is the change of a node's momentum that zones, slide lines and loads do not explain.
 void Cycle::book_boundaries(double dt) {
   std::vector<Vec2> beyond(bodies_.walls.empty() ? 0 : bodies_.mesh.num_nodes());
   for (std::size_t n = 0; n < beyond.size(); ++n) {
@@ -373,7 +373,7 @@ Memory Cycle::memory() {
                       {"work_given", one(work_given_)},
                       {"contact_heat", contact_.heat()},
                       {"contact_plastic_strain", contact_.plastic_strain()},
-                      {"contact_plastic_rate", contact_.plastic_rate()},
+                      {"contact_plastic_rate", contact_.soft_plastic_strain_rate()},
                       {"contact_plastic_time", one(contact_.plastic_time())},
                       {"position", flat(state_.position)},
                       {"velocity", flat(state_.velocity)},

@@ -46,7 +46,7 @@ struct Bodies {
   TimeStepOptions time_step;
 };
 
-// Sums over all bodies. What boundaries gave is since the start.
+// Sums over all bodies. Impulse and work of the boundaries are totals since the start.
 struct Ledger {
   Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
   double kinetic = 0.0;        // [J]
@@ -58,8 +58,8 @@ struct Ledger {
   double total_energy() const { return kinetic + internal; }
 };
 
-// What one step hands to the next and the bodies do not say, by name: copied into a cycle of the same bodies it goes on
-// from there to the bit.
+// The state of a cycle in addition to its bodies, by name. A cycle of the same bodies into which it is copied continues
+// with the same bits.
 struct Memory {
   std::vector<std::pair<const char*, std::span<double>>> numbers;
   std::vector<std::pair<const char*, std::span<std::uint64_t>>> counts;
@@ -67,19 +67,19 @@ struct Memory {
 
 class Cycle {
  public:
-  // `law` acts on all slide lines and must outlive the cycle; none: free slip. Throws std::invalid_argument where the
-  // bodies make no sense.
+  // `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws std::invalid_argument for
+  // inconsistent bodies.
   explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
-  // One step, not beyond `end_time`. A step that turned out too long (a zone turned inside out or changed its volume by
-  // more than twice the limit) is taken back and repeated with a quarter of its length; std::runtime_error names the
-  // zone when that does not help.
+  // Advances by one step, at most to `end_time`. A step that is too long (a zone is inverted or changes its volume by
+  // more than twice the limit) is rejected and repeated with a quarter of its length. Throws std::runtime_error with
+  // the zone if that does not help.
   void advance(double end_time);
   void run_to(double end_time);
 
   const Mesh& mesh() const { return bodies_.mesh; }
   const State& state() const { return state_; }
-  const TimeStep& time_step() const { return step_; }  // the last one taken
+  const TimeStep& time_step() const { return step_; }  // the last accepted step
   std::uint64_t steps() const { return steps_; }
   std::uint64_t rejected_steps() const { return rejected_; }
   const Contact& contact() const { return contact_; }
@@ -111,13 +111,13 @@ class Cycle {
   Contact contact_;
   hydro::InterfaceLaw* law_;
   TimeStep step_;
-  TimeStep unshortened_;  // the same before the end time cut it: what the next may grow from
+  TimeStep unshortened_;  // the last step before the end time shortened it, from which the next may grow
   std::uint64_t steps_ = 0;
   std::uint64_t rejected_ = 0;
   Vec2 impulse_given_;
   double work_given_ = 0.0;
 
-  // Of the step under way.
+  // Work arrays of the present step.
   Geometry middle_;  // at n+1/2
   std::vector<Vec2> middle_position_;
   std::vector<double> middle_density_;

@@ -8,7 +8,7 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Where the Hugoniot's denominator reaches this, compression has all but reached its limit.
+// Smallest denominator of the Hugoniot: below it compression is at its limit.
 constexpr double kLeastDenominator = 0.05;
 
 }  // namespace
@@ -32,7 +32,8 @@ EosPoint eos_from_density_energy(const MieGrueneisen& m, double density, double 
   }
   const double pressure = cold + thermal * energy;
   const double square = (m.density * slope + pressure * thermal) / (density * density);
-  // A zone that has opened into a spall, or is expanded vapour, keeps a tenth of its sound speed: time steps stay sane.
+  // The sound speed of a spalled or vaporised zone is at least a tenth of the reference value, which bounds the time
+  // step.
   const double least = 0.01 * m.sound_speed * m.sound_speed;
   return {std::max(pressure, -m.tension_limit), std::max(square, least)};
 }

@@ -38,13 +38,13 @@ inline EosPoint eos_from_density_energy(const IdealGas& gas, double density, dou
 
 EosPoint eos_from_density_energy(const MieGrueneisen& metal, double density, double energy);
 
-// A material's equation of state, with what it has to tabulate.
+// The equation of state of a material, with its tables.
 class Eos {
  public:
   explicit Eos(const IdealGas& gas);
   explicit Eos(const MieGrueneisen& metal);
 
-  // Of the zones [first, last).
+  // Evaluates the zones [first, last).
   void evaluate(const std::vector<double>& density, const std::vector<double>& energy, int first, int last,
                 std::vector<double>& pressure, std::vector<double>& sound_speed_squared) const;
 

@@ -26,7 +26,7 @@ struct Geometry {
 
   std::vector<Vec2> gradient_weight;  // b_i  [m2 or m3/m per radian: volume per length]
   std::vector<double> hoop_weight;    // h_i; 0 in plane symmetry
-  std::vector<double> area;           // of the zone in the plane  [m2]
+  std::vector<double> area;           // area of the zone in the plane  [m2]
   std::vector<double> volume;         // [m3 per metre of depth, or per radian]
 
  private:
@@ -34,7 +34,7 @@ struct Geometry {
       : gradient_weight(4 * zones), hoop_weight(4 * zones), area(zones), volume(zones) {}
 };
 
-// Velocity gradient of a zone, D_tt beside it.
+// The velocity gradient of a zone in the plane, and the hoop rate D_tt.
 struct Gradient {
   double xx, xy, yx, yy;  // d(first)/d(second)  [1/s]
   double tt;
@@ -43,12 +43,12 @@ struct Gradient {
 
 void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geometry);
 
-// Volumes alone; of some zones not positive where a step was too long.
+// Computes volumes only. If a step was too long, some of them are not positive.
 void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::vector<double>& volume);
 
 Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone);
 
-// integral of N_i r dA: what a corner holds of its zone at uniform density. Fixed with the mass at the start.
+// integral of N_i r dA, the share of a corner in its zone at uniform density. The corner masses are fixed at the start.
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position);
 
 }  // namespace shearbus::lagrange

@@ -17,7 +17,7 @@ void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometr
     const std::array<Vec2, 4> x = {position[n[0]], position[n[1]], position[n[2]], position[n[3]]};
     const Vec2 skew = (x[0] - x[1]) + (x[2] - x[3]);
     const double inverse_area = 1.0 / geometry.area[zone];
-    // The mode less its part that a linear field of the zone's shape has.
+    // The hourglass mode without the part that a linear velocity field contains.
     std::array<double, 4> mode;
     Vec2 rate;
     for (int k = 0; k < 4; ++k) {

@@ -1,4 +1,4 @@
-// Which node belongs to which zone. Zones are quadrilaterals with their nodes counter-clockwise; corner k of zone z is
+// The topology of the mesh. Zones are quadrilaterals with their nodes counter-clockwise; corner k of zone z is
 // number 4 z + k, and so is the edge from node k to node k + 1:
 //
 //      3 ---(2)--- 2
@@ -16,7 +16,7 @@
 
 namespace shearbus::lagrange {
 
-// Loops over fewer nodes or zones are done by one thread: waking the others costs more than it saves.
+// Smaller loops over nodes or zones use one thread, since waking the others costs more than they save.
 inline constexpr int kFewestForThreads = 4000;
 
 enum class Symmetry { kPlane, kAxisymmetric };  // per metre of depth; per radian about the axis x = r = 0
@@ -35,10 +35,10 @@ struct Block {
   int zone(int i, int j) const { return first_zone + j * nx + i; }
   int num_zones() const { return nx * ny; }
   int num_nodes() const { return columns() * (ny + 1); }
-  // Nodes along a side with the block on the left hand, as a boundary is walked counter-clockwise. The bottom and top
-  // of a ring are closed: their first node is repeated at the end.
+  // Returns the nodes along a side, counter-clockwise with the block on the left. The bottom and top of a ring are
+  // closed: their first node is repeated at the end.
   std::vector<int> side(Side side) const;
-  // Zone inside each segment of side().
+  // Returns the zone inside each segment of side().
   std::vector<int> side_zones(Side side) const;
 };
 
@@ -46,21 +46,21 @@ class Mesh {
  public:
   explicit Mesh(Symmetry symmetry) : symmetry_(symmetry) {}
 
-  // A block with its node (i, j) at `place(i, j)`. Throws std::invalid_argument where a zone comes out clockwise or
-  // without area, or, in axisymmetry, at a negative radius.
+  // Makes a block with its node (i, j) at `place(i, j)`. Throws std::invalid_argument for a zone that is clockwise, has
+  // no area or, in axisymmetry, lies at a negative radius.
   const Block& add_block(int nx, int ny, const std::function<Vec2(int, int)>& place, bool ring = false);
 
   Symmetry symmetry() const { return symmetry_; }
   int num_nodes() const { return static_cast<int>(places_.size()); }
   int num_zones() const { return static_cast<int>(zone_nodes_.size() / 4); }
   const std::vector<Block>& blocks() const { return blocks_; }
-  const std::vector<Vec2>& places() const { return places_; }  // of the nodes, at the start
+  const std::vector<Vec2>& places() const { return places_; }  // initial positions of the nodes
 
   const int* zone_nodes(int zone) const { return zone_nodes_.data() + 4 * static_cast<std::size_t>(zone); }
-  // The zone beyond edge k; -1 where there is none.
+  // Returns the zone beyond edge k, or -1.
   int neighbour(int zone, int k) const { return neighbours_[4 * static_cast<std::size_t>(zone) + k]; }
 
-  // Sums a corner quantity onto the nodes; every node adds its corners in the same order at any number of threads.
+  // Sums a corner quantity onto the nodes. Each node adds its corners in the same order for any number of threads.
   void gather(const std::vector<Vec2>& corner, std::vector<Vec2>& node) const;
   void gather(const std::vector<double>& corner, std::vector<double>& node) const;
 

@@ -7,7 +7,7 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Adds to the entry of `key`, or makes one.
+// Adds to the entry of `key`, which is created if missing.
 template <class Entry, class Value>
 void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
   const auto found = std::ranges::find(entries, of, key);
@@ -85,15 +85,15 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
   }
 }
 
-// Interface node at the end of a soft segment; of a closed surface the last is the first.
+// Returns the interface node at the end of a soft segment; on a closed surface the last node is the first.
 int InterfaceWeights::row_after(std::size_t line, int segment) const {
   const std::vector<int>& nodes = lines_[line].soft.nodes;
   const int rows = static_cast<int>(nodes.size()) - (nodes.front() == nodes.back() ? 1 : 0);
   return first_[line] + (segment + 1) % rows;
 }
 
-// What a hard segment p -> q covers of a soft segment a -> b, seen along the soft segment's normal, by two Gauss
-// points: exact for the product of two shape functions and the radius.
+// Integrates over the part of a soft segment a -> b that a hard segment p -> q covers along the soft segment's normal,
+// with two Gauss points: exact for the product of two shape functions and the radius.
 void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::size_t line, int s, int h) {
   const Surface& soft = lines_[line].soft;
   const Surface& hard = lines_[line].hard;

@@ -1,4 +1,5 @@
-// Where two bodies face each other, and with which weights they can push and rub.
+// Slide lines: the parts of two surfaces that face each other, and the weights of pressures and shear stresses on their
+// nodes.
 //
 // A slide line has a soft and a hard surface whose nodes need not match. The soft nodes are the interface nodes: each
 // carries a pressure and a shear stress. Pressure is linear between them, p = sum N_i p_i along the soft surface, and
@@ -21,7 +22,7 @@
 
 namespace shearbus::lagrange {
 
-// A side of a body, walked with the body on the left; zones[s] lies inside segment s.
+// A side of a body, in the direction with the body on the left; zones[s] lies inside segment s.
 struct Surface {
   std::vector<int> nodes;
   std::vector<int> zones;
@@ -38,7 +39,7 @@ struct SlideLine {
 
 struct PushWeight {
   int node;
-  Vec2 weight;  // of the pressure's force on the node  [m2]
+  Vec2 weight;  // force of the pressure on the node, per pressure  [m2]
 };
 struct RowWeight {
   int row;        // another interface node of the line
@@ -46,32 +47,32 @@ struct RowWeight {
 };
 struct RubWeight {
   int node;
-  double weight;  // of the shear stress's force on a hard node  [m2]
+  double weight;  // force of the shear stress on a hard node, per stress  [m2]
 };
 struct ZoneShare {
   int zone;
-  double share;  // of what is dissipated at the node; sums to 1 on each side
+  double share;  // share of the heat dissipated at the node; sums to 1 on each side
 };
 
-// The weights of every interface node of all slide lines, found anew for each place of the nodes.
+// The weights of the interface nodes of all slide lines, computed for given positions of the nodes.
 class InterfaceWeights {
  public:
   InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lines);
 
   void find(const std::vector<Vec2>& position);
 
-  // Interface nodes: those of the lines that rub, in the order of the lines, then the others.
+  // Interface nodes of lines with friction come first, in the order of the lines, then those of the other lines.
   int size() const { return static_cast<int>(node_.size()); }
   int rubbing() const { return rubbing_; }
   int node(int i) const { return node_[i]; }  // the soft node
   int line(int i) const { return line_[i]; }
-  // The soft zones at the node, one or two; at an end of the surface twice the same.
+  // Returns the two soft zones at the node; at an end of the surface both are the same zone.
   std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
-  bool faces(int i) const { return area_[i] > 0.0; }                 // there is a hard surface near
+  bool faces(int i) const { return area_[i] > 0.0; }                 // a hard surface is near
   double area(int i) const { return area_[i]; }                      // A_i  [m2]
   double covered(int i) const { return area_[i] / whole_area_[i]; }  // the hard surface's share of the node's own area
   double gap(int i) const { return gap_[i]; }        // mean over A_i, negative where the bodies overlap  [m]
-  Vec2 tangent(int i) const { return tangent_[i]; }  // along the soft surface as it is walked
+  Vec2 tangent(int i) const { return tangent_[i]; }  // unit tangent in the direction of the soft surface
   std::span<const PushWeight> push(int i) const { return push_[i]; }
   std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }
   std::span<const RubWeight> rub(int i) const { return rub_[i]; }

@@ -1,4 +1,4 @@
-// What the bodies are at one time: arrays over nodes and zones.
+// The state of all bodies at one time: arrays over nodes and zones.
 #pragma once
 
 #include <vector>

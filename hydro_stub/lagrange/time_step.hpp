@@ -1,4 +1,4 @@
-// The next time step, and what holds it back.
+// The next time step and the condition that limits it.
 #pragma once
 
 #include <vector>
@@ -13,7 +13,7 @@ const char* name(StepLimit limit);
 struct TimeStep {
   double dt = 0.0;  // [s]
   StepLimit limit = StepLimit::kFirst;
-  int zone = -1;  // that held it back, of Courant and volume change
+  int zone = -1;  // the limiting zone, if the Courant condition or the volume change limits the step
 };
 
 struct TimeStepOptions {

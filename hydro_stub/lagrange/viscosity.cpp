@@ -6,8 +6,8 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Velocity differences below this part of the sound speed are taken for rounding: a body at rest or in flight as a
-// whole has no viscosity, and no time step limited by it.
+// Velocity differences below this share of the sound speed count as rounding: a body at rest or in rigid flight has no
+// viscosity and no time step limit from it.
 constexpr double kRounding = 1e-10;
 
 struct Compression {

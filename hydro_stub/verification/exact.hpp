@@ -1,4 +1,4 @@
-// Exact solutions that the verification problems are held to.
+// Exact solutions of the verification problems.
 #pragma once
 
 #include <functional>
@@ -7,10 +7,10 @@
 
 namespace shearbus::hydro {
 
-// Root of an increasing function.
+// Returns the root of an increasing function.
 double root(double low, double high, const std::function<double(double)>& f);
 
-// The cold density at a pressure.
+// Returns the density at a pressure and zero energy.
 double density_at(const lagrange::MieGrueneisen& metal, double pressure);
 
 // A hypo-elastic, perfectly plastic metal driven at a velocity: an elastic jump to the Hugoniot elastic limit, where

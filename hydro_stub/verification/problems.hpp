@@ -1,6 +1,6 @@
-// Problems with exact or published answers: what the scenes run is what the tests measure.
+// Problems with exact or published solutions. Scenes and tests run the same problems.
 //
-// A problem is a struct; make_bodies() meshes it, compare() holds a cycle of it, at its present time, to the answers.
+// A problem is a struct; make_bodies() meshes it, compare() compares a cycle at its present time with the solution.
 #pragma once
 
 #include <string>
@@ -8,7 +8,6 @@
 
 #include "hydro_stub/metal.hpp"
 #include "hydro_stub/problem2d.hpp"
-#include "proto/wire/scene.hpp"
 
 namespace shearbus::hydro {
 
@@ -95,16 +94,16 @@ std::vector<Comparison> compare(const NohProblem& problem, const lagrange::Cycle
 std::vector<Comparison> compare(const SedovProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const SaltzmanProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const TaylorProblem& problem, const lagrange::Cycle& cycle);
-// Under constant friction `limit`, 0 and infinity among them. What waves from the plates' ends have reached is not
-// compared.
+// Compares under a constant friction stress `limit`, which may be 0 or infinity, except where waves from the plates'
+// ends have arrived.
 std::vector<Comparison> compare(const PlatesProblem& problem, const lagrange::Cycle& cycle, double limit);
 
 double shear_impedance(const physics::Material& metal);  // sqrt(rho G)  [Pa s/m]
 
-// The implosion is over: the inner surface has come to rest.
+// Returns true once the inner surface has come to rest.
 bool at_rest(const ImplosionProblem& problem, const lagrange::Cycle& cycle);
 
 // The verification problem of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
-Problem2d make_verification(const wire::Scene& scene);
+Problem2d make_verification(const guest::HydroScene& scene);
 
 }  // namespace shearbus::hydro

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <utility>
 
@@ -12,48 +11,6 @@
 
 namespace shearbus::wire {
 namespace {
-
-struct FieldInfo {
-  Field field;
-  Element element;
-  const char* name;
-};
-
-// The one table of columns; names carry their units.
-constexpr std::array kFields = {
-    FieldInfo{Field::kNodeId, Element::kUint64, "node_id"},
-    FieldInfo{Field::kInitialTemperature, Element::kFloat64, "initial_temperature_k"},
-    FieldInfo{Field::kVelocityJump, Element::kFloat64, "velocity_jump_m_per_s"},
-    FieldInfo{Field::kPressure, Element::kFloat64, "pressure_pa"},
-    FieldInfo{Field::kStressMinus, Element::kFloat64, "stress_minus_pa"},
-    FieldInfo{Field::kStressPlus, Element::kFloat64, "stress_plus_pa"},
-    FieldInfo{Field::kMassMinus, Element::kFloat64, "mass_minus_kg_per_m2"},
-    FieldInfo{Field::kMassPlus, Element::kFloat64, "mass_plus_kg_per_m2"},
-    FieldInfo{Field::kSoftShearRate, Element::kFloat64, "soft_shear_rate_per_s"},
-    FieldInfo{Field::kSoftPlasticStrainRate, Element::kFloat64, "soft_plastic_strain_rate_per_s"},
-    FieldInfo{Field::kShearStress, Element::kFloat64, "shear_stress_pa"},
-    FieldInfo{Field::kSlidingVelocity, Element::kFloat64, "sliding_velocity_m_per_s"},
-    FieldInfo{Field::kInterfaceTemperature, Element::kFloat64, "interface_temperature_k"},
-    FieldInfo{Field::kVelocityJumpNew, Element::kFloat64, "velocity_jump_new_m_per_s"},
-    FieldInfo{Field::kRegime, Element::kUint8, "regime"},
-    FieldInfo{Field::kOutcome, Element::kUint8, "outcome"},
-    FieldInfo{Field::kFrictionHeat, Element::kFloat64, "friction_heat_j_per_m2"},
-    FieldInfo{Field::kInterfaceWork, Element::kFloat64, "interface_work_j_per_m2"},
-    FieldInfo{Field::kHeatToSoft, Element::kFloat64, "heat_to_soft_j_per_m2"},
-    FieldInfo{Field::kHeatToHard, Element::kFloat64, "heat_to_hard_j_per_m2"},
-    FieldInfo{Field::kPlasticWork, Element::kFloat64, "plastic_work_j_per_m2"},
-    FieldInfo{Field::kStoredHeatSoft, Element::kFloat64, "stored_heat_soft_j_per_m2"},
-    FieldInfo{Field::kStoredHeatHard, Element::kFloat64, "stored_heat_hard_j_per_m2"},
-    FieldInfo{Field::kElasticEnergy, Element::kFloat64, "elastic_energy_j_per_m2"},
-    FieldInfo{Field::kHeatResidual, Element::kFloat64, "heat_residual_j_per_m2"},
-    FieldInfo{Field::kEnergyResidual, Element::kFloat64, "energy_residual_j_per_m2"},
-    FieldInfo{Field::kErrorEstimate, Element::kFloat64, "error_estimate"},
-};
-
-const FieldInfo* info(Field field) {
-  const auto found = std::find_if(kFields.begin(), kFields.end(), [&](const FieldInfo& f) { return f.field == field; });
-  return found == kFields.end() ? nullptr : &*found;
-}
 
 std::size_t padded(std::size_t bytes) {
   return (bytes + 7) / 8 * 8;
@@ -68,43 +25,6 @@ std::size_t padded(std::size_t bytes) {
 }
 
 }  // namespace
-
-std::size_t size_of(Element element) {
-  switch (element) {
-    case Element::kFloat64:
-    case Element::kUint64:
-      return 8;
-    case Element::kUint8:
-      return 1;
-    case Element::kUnspecified:
-      break;
-  }
-  return 0;
-}
-
-Element element_of(Field field) {
-  const FieldInfo* found = info(field);
-  return found ? found->element : Element::kUnspecified;
-}
-
-const char* name(Field field) {
-  const FieldInfo* found = info(field);
-  return found ? found->name : "?";
-}
-
-bool is_tangential(Field field) {
-  switch (field) {
-    case Field::kVelocityJump:
-    case Field::kStressMinus:
-    case Field::kStressPlus:
-    case Field::kShearStress:
-    case Field::kSlidingVelocity:
-    case Field::kVelocityJumpNew:
-      return true;
-    default:
-      return false;
-  }
-}
 
 Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
   Batch batch;
@@ -127,7 +47,7 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
   std::vector<std::pair<std::uint64_t, std::uint64_t>> extents;
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const Column& column = columns[i];
-    const FieldInfo* known = info(column.field);
+    const ColumnRow* known = find_column(column.field);
     if (!known) refuse(column, "is not a field of this protocol");
     if (column.element != known->element) refuse(column, "has the wrong element type");
     if (column.component > 1) refuse(column, "has a component above 1");

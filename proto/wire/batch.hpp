@@ -6,49 +6,11 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
+#include "proto/wire/columns.hpp"
+
 namespace shearbus::wire {
-
-// Same numbers as shearbus.v1.Field, which gives the meaning of each.
-enum class Field : std::uint32_t {
-  kUnspecified = 0,
-  kNodeId = 1,
-  kInitialTemperature = 2,
-  kVelocityJump = 10,
-  kPressure = 11,
-  kStressMinus = 12,
-  kStressPlus = 13,
-  kMassMinus = 14,
-  kMassPlus = 15,
-  kSoftShearRate = 16,
-  kSoftPlasticStrainRate = 17,
-  kShearStress = 30,
-  kSlidingVelocity = 31,
-  kInterfaceTemperature = 32,
-  kVelocityJumpNew = 33,
-  kRegime = 34,
-  kOutcome = 35,
-  kFrictionHeat = 36,
-  kInterfaceWork = 40,
-  kHeatToSoft = 41,
-  kHeatToHard = 42,
-  kPlasticWork = 43,
-  kStoredHeatSoft = 44,
-  kStoredHeatHard = 45,
-  kElasticEnergy = 46,
-  kHeatResidual = 47,
-  kEnergyResidual = 48,
-  kErrorEstimate = 60,
-};
-
-enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };
-
-std::size_t size_of(Element element);
-Element element_of(Field field);  // every field has one element type
-bool is_tangential(Field field);  // a vector along the interface: has a second component where the scene's slip has one
-const char* name(Field field);    // with unit: "pressure_pa"; "?" for a number that is no field
 
 struct Column {
   Field field = Field::kUnspecified;
@@ -56,6 +18,14 @@ struct Column {
   Element element = Element::kUnspecified;
   std::uint64_t offset_bytes = 0;  // a multiple of 8
   std::uint64_t count = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "field", m.field);
+    v(2, "component", m.component);
+    v(3, "element", m.element);
+    v(4, "offset_bytes", m.offset_bytes);
+    v(5, "count", m.count);
+  }
 };
 
 // Columns over one 8-byte aligned block. Cheap to move, not copyable.

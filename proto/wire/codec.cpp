@@ -1,29 +1,45 @@
 #include "proto/wire/codec.hpp"
 
 #include <fmt/format.h>
-#include <google/protobuf/descriptor.h>
-#include <google/protobuf/stubs/logging.h>
-#include <google/protobuf/unknown_field_set.h>
 #include <xxhash.h>
 
-#include <bit>
-#include <memory>
+#include <algorithm>
+#include <optional>
 #include <type_traits>
 #include <utility>
 
-#include "proto/wire/envelope_message.hpp"
 #include "proto/wire/envelope_scan.hpp"
-#include "proto/wire/with_message.hpp"
-#include "shearbus/v1/envelope.pb.h"
-
-static_assert(std::endian::native == std::endian::little, "columns are sent as they stand in memory");
+#include "proto/wire/field_codec.hpp"
 
 namespace shearbus::wire {
 namespace {
 
-using google::protobuf::FieldDescriptor;
-using google::protobuf::Message;
 using Frames = std::span<const std::span<const std::byte>>;
+
+// What a header says of the payload frame.
+struct Payload {
+  static constexpr std::uint32_t kNumber = 8;
+  std::uint64_t size_bytes = 0;
+  std::uint64_t xxh3 = 0;
+  std::vector<Column> columns;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "size_bytes", m.size_bytes);
+    v(2, "xxh3", fixed(m.xxh3));
+    v(3, "columns", at_most(kMaxColumns, m.columns));
+  }
+};
+
+// The fields of both headers before the payload.
+template <typename Message>
+void envelope_fields(auto&& v, Message& m) {
+  v(2, "protocol_major", m.protocol_major);
+  v(3, "protocol_minor", m.protocol_minor);
+  v(4, "request_id", fixed(m.request_id));
+  v(5, "session_id", m.session_id);
+  v(6, "sequence", m.sequence);
+  v(7, "epoch", fixed(m.epoch));
+}
 
 [[noreturn]] void refuse(Code code, std::string text, std::string remedy = {}, std::string field = {}) {
   throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
@@ -33,122 +49,78 @@ std::uint64_t xxh3(std::span<const std::byte> bytes) {
   return XXH3_64bits(bytes.data(), bytes.size());
 }
 
-void put_payload(const Batch& batch, v1::Payload& to) {
+Payload payload_of(const Batch& batch) {
   if (batch.columns().size() > kMaxColumns)
     refuse(Code::kShape, fmt::format("{} columns, at most {} fit a message", batch.columns().size(), kMaxColumns));
   if (batch.bytes().size() > kMaxPayloadBytes)
     refuse(Code::kLimit,
            fmt::format("payload of {} bytes, at most {} fit a message", batch.bytes().size(), kMaxPayloadBytes),
            "Send the nodes in several batches.");
-  to.set_size_bytes(batch.bytes().size());
-  to.set_xxh3(xxh3(batch.bytes()));
-  for (const Column& column : batch.columns()) {
-    v1::Column& message = *to.add_columns();
-    message.set_field(static_cast<v1::Field>(column.field));
-    message.set_component(column.component);
-    message.set_element(static_cast<v1::Element>(column.element));
-    message.set_offset_bytes(column.offset_bytes);
-    message.set_count(column.count);
-  }
+  return {.size_bytes = batch.bytes().size(), .xxh3 = xxh3(batch.bytes()), .columns = batch.columns()};
 }
 
-template <typename Header, typename Value>
-std::string encode(const Value& value) {
-  thread_local std::unique_ptr<Header> reused;  // its strings and columns keep their memory
-  std::string frame = with_message(reused, [&](Header& header) {
-    to_message(value, header);
-    if (!value.batch.columns().empty()) put_payload(value.batch, *header.mutable_payload());
-    return header.SerializeAsString();
-  });
+// With as many nodes as a peer takes.
+Status shortened(Status status) {
+  status.node_ids.resize(std::min(status.node_ids.size(), kMaxNodesNamed));
+  return status;
+}
+
+template <typename Message>
+std::string encode(const Message& message) {
+  Encoder out;
+  const FieldWriter write(out);
+  out.fixed32(1, kMagic);
+  envelope_fields(write, message);
+  if (!message.batch.columns().empty()) write(Payload::kNumber, "payload", payload_of(message.batch));
+  if constexpr (std::is_same_v<Message, Reply>) {
+    if (message.status.node_ids.size() <= kMaxNodesNamed)
+      write(9, "status", message.status);
+    else
+      write(9, "status", shortened(message.status));
+    write(10, "replayed", message.replayed);
+  }
+  const auto write_body = [&]<typename Body>(const Body& body) {
+    if constexpr (HasRows<const Body>) write(Body::kBody.number, Body::kBody.name, body);
+  };
+  std::visit(write_body, message.body);
+  std::string frame = out.take();
   if (frame.size() > kMaxHeaderBytes)
     refuse(Code::kLimit, fmt::format("header of {} bytes, at most {} fit a message", frame.size(), kMaxHeaderBytes));
   return frame;
 }
 
-// ---- messages to values ----
+// ---- reading ----
 
-// What protobuf lets pass: fields nobody knows (`strict`), enum values nobody knows, text of any length.
-void check_parts(const Message& message, const std::string& path, bool strict) {
-  const auto& reflection = *message.GetReflection();
-  const auto named = [&](const FieldDescriptor* field) {
-    return path.empty() ? field->name() : path + "." + field->name();
-  };
-  if (strict && !reflection.GetUnknownFields(message).empty())
-    refuse(Code::kMalformed,
-           fmt::format("{} has a field number {} that protocol {}.{} does not know", path.empty() ? "the header" : path,
-                       reflection.GetUnknownFields(message).field(0).number(), kProtocolMajor, kProtocolMinor),
-           "A sender with newer fields says so in protocol_minor.", path);
-  std::vector<const FieldDescriptor*> present;
-  reflection.ListFields(message, &present);
-  std::string scratch;
-  for (const FieldDescriptor* field : present) {
-    if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-      if (!field->is_repeated()) check_parts(reflection.GetMessage(message, field), named(field), strict);
-      for (int i = 0; field->is_repeated() && i < reflection.FieldSize(message, field); ++i)
-        check_parts(reflection.GetRepeatedMessage(message, field, i), named(field), strict);
-    } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_ENUM && !field->is_repeated()) {
-      const int number = reflection.GetEnumValue(message, field);
-      if (!field->enum_type()->FindValueByNumber(number))
-        refuse(Code::kMalformed,
-               fmt::format("{} = {} is no value of {}", named(field), number, field->enum_type()->name()), {},
-               named(field));
-    } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
-      const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
-      for (int i = 0; i < count; ++i) {
-        const std::string& text = field->is_repeated()
-                                      ? reflection.GetRepeatedStringReference(message, field, i, &scratch)
-                                      : reflection.GetStringReference(message, field, &scratch);
-        if (text.size() > kMaxTextBytes)
-          refuse(Code::kLimit,
-                 fmt::format("{} has {} bytes, at most {} allowed", named(field), text.size(), kMaxTextBytes), {},
-                 named(field));
-      }
-    }
+// The alternatives of the bodies of a message, which know their rows; the first one is no body.
+template <typename Variant>
+struct Bodies;
+template <typename... Body>
+struct Bodies<std::variant<std::monostate, Body...>> {
+  // Calls use<Body>() for the body of this number; false where there is none.
+  static bool find(std::uint32_t number, const auto& use) {
+    return ((Body::kBody.number == number && (use.template operator()<Body>(), true)) || ...);
   }
-}
-
-template <typename Header>
-bool may_carry_payload(const Header& header) {
-  if constexpr (std::is_same_v<Header, v1::RequestHeader>)
-    return header.has_open_session() || header.has_downscale() || header.has_register_nodes() ||
-           header.has_retire_nodes() || header.has_offer_nodes();
-  else
-    return header.has_upscale() || header.has_session_resumed() || header.has_nodes_changed() ||
-           header.has_rolled_back() || header.has_inspected();
-}
+};
 
 // The payload frame, if there is one, is exactly what the header says of it.
-template <typename Header>
-Batch take_payload(const Header& header, Frames frames) {
-  if (!header.has_payload()) {
+Batch read_payload(const Payload* payload, Frames frames, bool may_have_one) {
+  if (!payload) {
     if (frames.size() == 2) refuse(Code::kBadFraming, "a payload frame arrived that the header does not declare");
     return {};
   }
   if (frames.size() == 1) refuse(Code::kBadFraming, "the header declares a payload, but no payload frame arrived");
-  if (!may_carry_payload(header)) refuse(Code::kShape, "this kind of message carries no payload", {}, "payload");
-  const v1::Payload& payload = header.payload();
+  if (!may_have_one) refuse(Code::kShape, "this kind of message carries no payload", {}, "payload");
   const std::span<const std::byte> bytes = frames[1];
-  const auto count = static_cast<std::size_t>(payload.columns_size());
-  if (count == 0 || count > kMaxColumns)
-    refuse(Code::kShape, fmt::format("payload of {} columns, expected 1 to {}", count, kMaxColumns), {},
-           "payload.columns");
-  if (payload.size_bytes() != bytes.size())
+  if (payload->columns.empty()) refuse(Code::kShape, "the payload has no columns", {}, "payload.columns");
+  if (payload->size_bytes != bytes.size())
     refuse(Code::kChecksum,
-           fmt::format("the payload frame has {} bytes, its header says {}", bytes.size(), payload.size_bytes()),
+           fmt::format("the payload frame has {} bytes, its header says {}", bytes.size(), payload->size_bytes),
            "Send the request again.", "payload.size_bytes");
-  if (const std::uint64_t found = xxh3(bytes); found != payload.xxh3())
+  if (const std::uint64_t found = xxh3(bytes); found != payload->xxh3)
     refuse(Code::kChecksum,
-           fmt::format("the payload frame has XXH3-64 {:016x}, its header says {:016x}", found, payload.xxh3()),
+           fmt::format("the payload frame has XXH3-64 {:016x}, its header says {:016x}", found, payload->xxh3),
            "Send the request again.", "payload.xxh3");
-  std::vector<Column> columns;
-  columns.reserve(count);
-  for (const v1::Column& column : payload.columns())
-    columns.push_back({.field = static_cast<Field>(column.field()),
-                       .component = column.component(),
-                       .element = static_cast<Element>(column.element()),
-                       .offset_bytes = column.offset_bytes(),
-                       .count = column.count()});
-  return Batch::over(std::move(columns), bytes);
+  return Batch::over(payload->columns, bytes);
 }
 
 void check_frames(Frames frames) {
@@ -177,9 +149,52 @@ void check_envelope(const EnvelopeScan& scan) {
   if (!scan.fault.empty()) refuse(Code::kMalformed, scan.fault);
 }
 
-template <typename Header, typename Value>
-void decode_as(Frames frames, Value& message) {
-  message = Value{};
+// Everything behind the envelope, which the scan has found sound.
+template <typename Message>
+void read_header(Frames frames, bool strict, Message& message) {
+  const FieldPath header;
+  const FieldPath payload_path{&header, "payload"};
+  std::optional<Payload> payload;
+  bool may_have_payload = false;
+  bool has_status = false;
+  Decoder in(frames[0]);
+  EncodedField found;
+  while (in.next(found)) {
+    if (found.number < Payload::kNumber) continue;
+    const bool is_body = Bodies<decltype(message.body)>::find(found.number, [&]<typename Body>() {
+      may_have_payload = Body::kBody.payload;
+      read_message(message.body.template emplace<Body>(), found.bytes, {&header, Body::kBody.name}, strict);
+    });
+    if (is_body) continue;
+    if (found.number == Payload::kNumber) {
+      read_message(payload.emplace(), found.bytes, payload_path, strict);
+      continue;
+    }
+    if constexpr (std::is_same_v<Message, Reply>) {
+      FieldReader reader(found, header, strict);
+      reader(9, "status", message.status);
+      reader(10, "replayed", message.replayed);
+      has_status = has_status || found.number == 9;
+      if (reader.known()) continue;
+    }
+    if (strict) refuse_unknown(found.number, header);
+  }
+  const bool has_body = message.body.index() != 0;
+  if constexpr (std::is_same_v<Message, Reply>) {
+    if (!has_status) refuse(Code::kMalformed, "the reply has no status", {}, "status");
+    if (has_body != message.status.ok())
+      refuse(Code::kMalformed,
+             fmt::format("reply of status {} has {} body", name(message.status.code), has_body ? "a" : "no"), {},
+             "body");
+  } else if (!has_body) {
+    refuse(Code::kMalformed, "the request has no body: nothing is asked", {}, "body");
+  }
+  message.batch = read_payload(payload ? &*payload : nullptr, frames, may_have_payload);
+}
+
+template <typename Message>
+void decode_as(Frames frames, Message& message) {
+  message = Message{};
   check_frames(frames);
   const EnvelopeScan scan = scan_envelope(frames[0]);
   message.protocol_major = scan.protocol_major;
@@ -187,38 +202,30 @@ void decode_as(Frames frames, Value& message) {
   message.request_id = scan.request_id;
   message.sequence = scan.sequence;
   message.epoch = scan.epoch;
-  if (scan.session_id.size() == kSessionIdBytes) message.session_id = id_from(scan.session_id, "session_id");
+  const FieldPath session_id{nullptr, "session_id"};
+  if (scan.session_id.size() == kSessionIdBytes) message.session_id = read_id(scan.session_id, session_id);
   check_envelope(scan);
-  id_from(scan.session_id, "session_id");
-  if (scan.body != 0 && !Header::descriptor()->FindFieldByNumber(static_cast<int>(scan.body)))
+  read_id(scan.session_id, session_id);
+  if (scan.body != 0 && !Bodies<decltype(message.body)>::find(scan.body, []<typename Body>() {}))
     refuse(Code::kUnsupported,
            fmt::format("body {} is not one of protocol {}.{}", scan.body, kProtocolMajor, kProtocolMinor));
-
-  thread_local std::unique_ptr<Header> reused;
-  const google::protobuf::LogSilencer quiet;  // a stranger's bytes are no reason to write to stderr
-  with_message(reused, [&](Header& header) {
-    if (!header.ParseFromArray(frames[0].data(), static_cast<int>(frames[0].size())))
-      refuse(Code::kMalformed, "the header frame does not parse");
-    check_parts(header, "", scan.protocol_minor <= kProtocolMinor);
-    from_message(header, message);
-    message.batch = take_payload(header, frames);
-  });
+  read_header(frames, scan.protocol_minor <= kProtocolMinor, message);
 }
 
 }  // namespace
 
 std::string encode_header(const Request& request) {
-  return encode<v1::RequestHeader>(request);
+  return encode(request);
 }
 std::string encode_header(const Reply& reply) {
-  return encode<v1::ReplyHeader>(reply);
+  return encode(reply);
 }
 
 void decode(Frames frames, Request& message) {
-  decode_as<v1::RequestHeader>(frames, message);
+  decode_as(frames, message);
 }
 void decode(Frames frames, Reply& message) {
-  decode_as<v1::ReplyHeader>(frames, message);
+  decode_as(frames, message);
 }
 
 bool declares_payload(std::span<const std::byte> header_frame) {

@@ -38,11 +38,4 @@ std::vector<std::pair<std::string, std::string>> EnergyTotals::lines() const {
            fmt::format("heat {:.1e}, energy {:.1e} J/m2", mean(Field::kHeatResidual), mean(Field::kEnergyResidual))}};
 }
 
-std::string EnergyTotals::json() const {
-  std::string out;
-  for (const Field term : kLedgerColumns)
-    out += fmt::format("{}\"{}\": {}", out.empty() ? "" : ", ", name(term), mean(term));
-  return "{" + out + "}";
-}
-
 }  // namespace shearbus::wire

@@ -1,4 +1,4 @@
-// Sums of the energy ledger that replies bring, and what the summaries of the clients say of them.
+// Sums of the energy ledger over the replies of a run, and their lines in the summaries of the clients.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/batch.hpp"
 
 namespace shearbus::wire {
 
@@ -23,7 +23,6 @@ class EnergyTotals {
 
   // Lines of a summary: label and text.
   std::vector<std::pair<std::string, std::string>> lines() const;
-  std::string json() const;  // an object of the means
 
   // All there is to keep: for restart dumps.
   std::span<double> numbers() { return numbers_; }

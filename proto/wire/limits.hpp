@@ -21,14 +21,13 @@ inline constexpr std::size_t kMaxNameBytes = 128;  // of a mark or a domain
 inline constexpr std::size_t kMaxOffers = 256;     // of a session, that wait to be accepted
 inline constexpr std::size_t kMaxTopNodes = 1'024;
 inline constexpr std::size_t kMaxSessionsListed = 128;  // in one reply
-inline constexpr std::size_t kMaxHeaderBytes = std::size_t{64} * 1024;
+inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
-inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;  // any string of a header
-inline constexpr std::uint32_t kMaxInertiaCells = 1'000;             // across a layer with inertia
-inline constexpr std::uint32_t kMaxSleepCells = 900;                 // across both bodies, where nodes sleep
-inline constexpr std::size_t kMaxSceneFileBytes = std::size_t{8} * 1024 * 1024;
+inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any other string of a header
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, and what is said about it
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);
+static_assert(kMaxSceneBytes + 16 * kMaxTextBytes <= kMaxHeaderBytes);
 
 }  // namespace shearbus::wire

@@ -1,20 +1,23 @@
 // Requests and replies as values. codec.hpp turns them into frames and back; batch.hpp holds their columns.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <variant>
 #include <vector>
 
 #include "proto/wire/batch.hpp"
+#include "proto/wire/columns.hpp"
+#include "proto/wire/field_rows.hpp"
 #include "proto/wire/limits.hpp"
-#include "proto/wire/scene.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::wire {
 
-using SessionId = std::array<std::uint8_t, kSessionIdBytes>;  // all zero: none
+using SessionId = Id;
+using ResumeToken = Id;
+using TransferId = Id;
+static_assert(sizeof(Id) == kSessionIdBytes);
 
 // Same numbers as shearbus.v1.Regime and Outcome, where they are explained.
 enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
@@ -32,18 +35,35 @@ enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
 enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified is kAccept
 
 struct Hello {
+  static constexpr BodyRow kBody = {16, "hello"};
   std::uint32_t oldest_major = kProtocolMajor;
   std::uint32_t newest_major = kProtocolMajor;
   std::string client_name;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "oldest_major", m.oldest_major);
+    v(2, "newest_major", m.newest_major);
+    v(3, "client_name", m.client_name);
+  }
 };
-using ResumeToken = std::array<std::uint8_t, 16>;  // all zero: none
 struct OpenSession {
-  Scene scene;
+  static constexpr BodyRow kBody = {17, "open_session", true};
+  std::string scene;       // TOML text
+  std::string scene_file;  // its name, for messages about it
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: none
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "scene", scene_text(m.scene));
+    v(2, "session_id", m.session_id);
+    v(3, "resume_token", m.resume_token);
+    v(4, "domain", m.domain);
+    v(5, "scene_file", m.scene_file);
+  }
 };
 struct Downscale {
+  static constexpr BodyRow kBody = {18, "downscale", true};
   double dt_s = 0.0;
   double time_s = 0.0;
   std::uint64_t step = 0;
@@ -52,41 +72,98 @@ struct Downscale {
   bool commit_previous = false;
   std::vector<Field> wanted;  // empty: all of the strategy's
   Policy policy = Policy::kUnspecified;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "dt_s", m.dt_s);
+    v(2, "time_s", m.time_s);
+    v(3, "step", m.step);
+    v(4, "attempt", m.attempt);
+    v(5, "mode", required(m.mode));
+    v(6, "commit_previous", m.commit_previous);
+    v(7, "wanted", at_most(kMaxColumns, m.wanted));
+    v(8, "policy", m.policy);
+  }
 };
-struct Commit {};
+struct Commit {
+  static constexpr BodyRow kBody = {19, "commit"};
+  static void fields(auto&&, auto&) {}
+};
 struct Rollback {
+  static constexpr BodyRow kBody = {20, "rollback"};
   std::string to_mark;  // empty: the standing trial is forgotten
+
+  static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
 };
 struct Mark {
+  static constexpr BodyRow kBody = {24, "mark"};
   std::string name;
+
+  static void fields(auto&& v, auto& m) { v(1, "name", m.name); }
 };
-struct RegisterNodes {};
-struct RetireNodes {};
-using TransferId = std::array<std::uint8_t, 16>;
+struct RegisterNodes {
+  static constexpr BodyRow kBody = {25, "register_nodes", true};
+  static void fields(auto&&, auto&) {}
+};
+struct RetireNodes {
+  static constexpr BodyRow kBody = {26, "retire_nodes", true};
+  static void fields(auto&&, auto&) {}
+};
 struct OfferNodes {
+  static constexpr BodyRow kBody = {27, "offer_nodes", true};
   TransferId transfer_id{};
+
+  static void fields(auto&& v, auto& m) { v(1, "transfer_id", m.transfer_id); }
 };
 struct AcceptNodes {
+  static constexpr BodyRow kBody = {28, "accept_nodes"};
   TransferId transfer_id{};
+
+  static void fields(auto&& v, auto& m) { v(1, "transfer_id", m.transfer_id); }
 };
 struct CloseSession {
+  static constexpr BodyRow kBody = {21, "close_session"};
   std::string reason;
+
+  static void fields(auto&& v, auto& m) { v(1, "reason", m.reason); }
 };
-struct ServerStatusQuery {};
-struct Checkpoint {};
+struct ServerStatusQuery {
+  static constexpr BodyRow kBody = {22, "server_status"};
+  static void fields(auto&&, auto&) {}
+};
+struct Checkpoint {
+  static constexpr BodyRow kBody = {29, "checkpoint"};
+  static void fields(auto&&, auto&) {}
+};
 struct Drain {
+  static constexpr BodyRow kBody = {30, "drain"};
   bool exit = false;
+
+  static void fields(auto&& v, auto& m) { v(1, "exit", m.exit); }
 };
 enum class Top { kUnspecified = 0, kHottest = 1, kFastest = 2, kMolten = 3 };
 struct Inspect {
+  static constexpr BodyRow kBody = {31, "inspect"};
   SessionId after{};
   Top top = Top::kUnspecified;
   std::uint32_t count = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "after", m.after);
+    v(2, "top", m.top);
+    v(3, "count", m.count);
+  }
 };
 struct ResumeSession {
+  static constexpr BodyRow kBody = {23, "resume_session"};
   ResumeToken resume_token{};
   std::uint64_t claim = 0;
   std::uint64_t claimant = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "resume_token", m.resume_token);
+    v(2, "claim", m.claim);
+    v(3, "claimant", fixed(m.claimant));
+  }
 };
 
 struct Request {
@@ -110,8 +187,19 @@ struct Limits {
   std::uint64_t max_marks = kMaxMarks;
   std::uint64_t max_frames = kMaxFrames;
   std::uint64_t max_state_bytes = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "max_header_bytes", m.max_header_bytes);
+    v(2, "max_payload_bytes", m.max_payload_bytes);
+    v(3, "max_nodes_per_session", m.max_nodes_per_session);
+    v(4, "max_sessions", m.max_sessions);
+    v(5, "max_marks", m.max_marks);
+    v(20, "max_frames", m.max_frames);
+    v(21, "max_state_bytes", m.max_state_bytes);
+  }
 };
 struct Welcome {
+  static constexpr BodyRow kBody = {16, "welcome"};
   std::uint32_t protocol_major = kProtocolMajor;
   std::uint32_t protocol_minor = kProtocolMinor;
   std::string server_version;
@@ -119,66 +207,157 @@ struct Welcome {
   std::vector<std::string> capabilities;
   std::string durability = "none";
   std::string access;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "protocol_major", m.protocol_major);
+    v(2, "protocol_minor", m.protocol_minor);
+    v(3, "server_version", m.server_version);
+    v(4, "limits", m.limits);
+    v(5, "capabilities", m.capabilities);
+    v(6, "durability", m.durability);
+    v(20, "access", m.access);
+  }
 };
 struct SessionOpened {
-  Scene effective_scene;
+  static constexpr BodyRow kBody = {17, "session_opened"};
+  std::string effective_scene;  // canonical TOML text
   std::uint64_t bytes_per_node = 0;
   std::vector<std::string> warnings;
+  Strategy strategy = Strategy::kUnspecified;
+  std::uint32_t tangential_components = 1;
+  std::vector<Field> required_columns;    // of a step, besides the optional node_id
+  std::vector<Field> optional_columns;    // of a step
+  std::vector<Field> reply_columns;       // where the request names none
+  std::vector<Field> columns_on_request;  // where the request names them
+  std::string scene_name;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "effective_scene", scene_text(m.effective_scene));
+    v(2, "bytes_per_node", m.bytes_per_node);
+    v(3, "warnings", m.warnings);
+    v(4, "strategy", m.strategy);
+    v(5, "tangential_components", m.tangential_components);
+    v(6, "required_columns", known_only(m.required_columns));
+    v(7, "optional_columns", known_only(m.optional_columns));
+    v(8, "reply_columns", known_only(m.reply_columns));
+    v(9, "columns_on_request", known_only(m.columns_on_request));
+    v(10, "scene_name", m.scene_name);
+  }
 };
 struct SessionResumed {
+  static constexpr BodyRow kBody = {23, "session_resumed", true};
   SessionOpened session;
   std::uint64_t last_sequence = 0;
   std::uint64_t state_version = 0;
   bool trial_stands = false;
   std::uint64_t claim = 0;
-  std::vector<std::array<std::uint8_t, 16>> offers;  // TransferId, oldest first
+  std::vector<TransferId> offers;  // oldest first
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "session", m.session);
+    v(2, "last_sequence", m.last_sequence);
+    v(3, "state_version", m.state_version);
+    v(4, "trial_stands", m.trial_stands);
+    v(5, "claim", m.claim);
+    v(6, "offers", at_most(kMaxOffers, m.offers));
+  }
 };
 struct Upscale {
+  static constexpr BodyRow kBody = {18, "upscale", true};
   std::uint64_t nodes = 0;
   std::uint64_t state_version = 0;
   std::uint64_t solver_ns = 0;
   std::uint64_t service_ns = 0;
   std::uint64_t flagged_nodes = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "nodes", m.nodes);
+    v(2, "state_version", m.state_version);
+    v(3, "solver_ns", m.solver_ns);
+    v(4, "service_ns", m.service_ns);
+    v(5, "flagged_nodes", m.flagged_nodes);
+  }
 };
 struct Committed {
+  static constexpr BodyRow kBody = {19, "committed"};
   std::uint64_t state_version = 0;
+
+  static void fields(auto&& v, auto& m) { v(1, "state_version", m.state_version); }
 };
 struct RolledBack {
+  static constexpr BodyRow kBody = {20, "rolled_back", true};
   std::uint64_t state_version = 0;
+
+  static void fields(auto&& v, auto& m) { v(1, "state_version", m.state_version); }
 };
 struct Marked {
+  static constexpr BodyRow kBody = {24, "marked"};
   std::uint64_t state_version = 0;
   std::vector<std::string> names;  // oldest first
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "state_version", m.state_version);
+    v(2, "names", m.names);
+  }
 };
 struct NodesChanged {
+  static constexpr BodyRow kBody = {25, "nodes_changed", true};
   std::uint64_t nodes = 0;
+
+  static void fields(auto&& v, auto& m) { v(1, "nodes", m.nodes); }
 };
 struct SessionClosed {
+  static constexpr BodyRow kBody = {21, "session_closed"};
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
   std::uint64_t asleep_node_steps = 0;
-  std::uint64_t shadowed_node_steps = 0;
-  double shadow_temperature_error_k = 0.0;
-  double shadow_stress_error_pa = 0.0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "requests", m.requests);
+    v(2, "node_steps", m.node_steps);
+    v(3, "solver_ns", m.solver_ns);
+    v(6, "asleep_node_steps", m.asleep_node_steps);
+  }
 };
 struct Histogram {
   std::string name;
   std::string verb;
   std::vector<std::uint64_t> counts;
   std::uint64_t sum_ns = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "name", m.name);
+    v(2, "verb", m.verb);
+    v(3, "counts", m.counts);
+    v(4, "sum_ns", m.sum_ns);
+  }
 };
 inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // counts[i] were shorter than this times 2^i
 struct Refusals {
   std::uint32_t code = 0;
   std::uint64_t count = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "code", m.code);
+    v(2, "count", m.count);
+  }
 };
 struct Checkpointed {
+  static constexpr BodyRow kBody = {29, "checkpointed"};
   std::uint64_t bytes = 0;
   std::uint64_t duration_ns = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "bytes", m.bytes);
+    v(2, "duration_ns", m.duration_ns);
+  }
 };
 struct Draining {
+  static constexpr BodyRow kBody = {30, "draining"};
   std::uint64_t sessions = 0;
+
+  static void fields(auto&& v, auto& m) { v(1, "sessions", m.sessions); }
 };
 struct SessionInfo {
   SessionId session_id{};
@@ -194,13 +373,37 @@ struct SessionInfo {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "session_id", m.session_id);
+    v(2, "name", m.name);
+    v(3, "identity", m.identity);
+    v(4, "nodes", m.nodes);
+    v(5, "last_sequence", m.last_sequence);
+    v(6, "state_version", m.state_version);
+    v(7, "trial_stands", m.trial_stands);
+    v(8, "age_ns", m.age_ns);
+    v(9, "idle_ns", m.idle_ns);
+    v(10, "state_bytes", m.state_bytes);
+    v(11, "requests", m.requests);
+    v(12, "node_steps", m.node_steps);
+    v(13, "solver_ns", m.solver_ns);
+  }
 };
 struct Inspected {
+  static constexpr BodyRow kBody = {31, "inspected", true};
   std::vector<SessionInfo> sessions;
   bool more = false;
   std::uint64_t matching = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "sessions", m.sessions);
+    v(2, "more", m.more);
+    v(3, "matching", m.matching);
+  }
 };
 struct ServerStatus {
+  static constexpr BodyRow kBody = {22, "server_status"};
   std::uint64_t sessions = 0;
   std::uint64_t nodes = 0;
   std::uint64_t requests = 0;
@@ -232,6 +435,40 @@ struct ServerStatus {
   std::uint64_t resident_bytes = 0;
   std::uint64_t open_files = 0;
   std::uint64_t max_open_files = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "sessions", m.sessions);
+    v(2, "nodes", m.nodes);
+    v(3, "requests", m.requests);
+    v(4, "refused", m.refused);
+    v(5, "replayed", m.replayed);
+    v(6, "node_steps", m.node_steps);
+    v(7, "solver_ns", m.solver_ns);
+    v(8, "state_bytes", m.state_bytes);
+    v(9, "uptime_ns", m.uptime_ns);
+    v(10, "threads", m.threads);
+    v(11, "server_version", m.server_version);
+    v(20, "histograms", m.histograms);
+    v(21, "refusals", m.refusals);
+    v(22, "journal_records", m.journal_records);
+    v(23, "journal_bytes", m.journal_bytes);
+    v(24, "recovered_requests", m.recovered_requests);
+    v(25, "checkpoints", m.checkpoints);
+    v(26, "checkpoints_failed", m.checkpoints_failed);
+    v(27, "checkpoint_bytes", m.checkpoint_bytes);
+    v(28, "checkpoint_age_ns", m.checkpoint_age_ns);
+    v(29, "messages_received", m.messages_received);
+    v(30, "messages_sent", m.messages_sent);
+    v(31, "answers_undeliverable", m.answers_undeliverable);
+    v(32, "messages_without_user", m.messages_without_user);
+    v(33, "connections_admitted", m.connections_admitted);
+    v(34, "connections_refused", m.connections_refused);
+    v(35, "admitting", m.admitting);
+    v(36, "draining", m.draining);
+    v(37, "resident_bytes", m.resident_bytes);
+    v(38, "open_files", m.open_files);
+    v(39, "max_open_files", m.max_open_files);
+  }
 };
 
 struct Reply {

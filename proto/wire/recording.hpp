@@ -17,6 +17,8 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/wire/columns.hpp"
+
 namespace shearbus::wire {
 
 struct Quantity {
@@ -26,6 +28,9 @@ struct Quantity {
   bool is_regime = false;   // uint8 with the enum legend of Regime instead of float64
   bool is_outcome = false;  // uint8 with the bits of Outcome instead of float64
 };
+
+// A component of a column of a payload as a dataset; `long_name` replaces the column's own meaning.
+Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std::string& long_name = {});
 
 class HistoryWriter {
  public:

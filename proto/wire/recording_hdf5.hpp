@@ -1,78 +1,22 @@
-// HDF5 handles that close themselves, HDF5 errors as one line, files that are whole or not there. Private to the
-// sources that write and read HDF5.
+// HDF5 errors as wire::Error, and files that appear under their name only once they are complete. Private to the
+// sources of this room that write and read HDF5.
 #pragma once
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <hdf5.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <filesystem>
 #include <string>
 #include <system_error>
-#include <utility>
 
+#include "proto/wire/hdf5.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::wire::hdf5 {
 
-template <herr_t (*kClose)(hid_t)>
-class Handle {
- public:
-  Handle() = default;
-  explicit Handle(hid_t id) : id_(id) {}
-  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, H5I_INVALID_HID)) {}
-  Handle& operator=(Handle&& other) noexcept {
-    std::swap(id_, other.id_);
-    return *this;
-  }
-  ~Handle() { close(); }
-
-  operator hid_t() const { return id_; }
-  herr_t close() { return id_ >= 0 ? kClose(std::exchange(id_, H5I_INVALID_HID)) : 0; }
-
- private:
-  hid_t id_ = H5I_INVALID_HID;
-};
-
-using File = Handle<H5Fclose>;
-using Group = Handle<H5Gclose>;
-using Dataset = Handle<H5Dclose>;
-using Space = Handle<H5Sclose>;
-using Type = Handle<H5Tclose>;
-using Attribute = Handle<H5Aclose>;
-using Properties = Handle<H5Pclose>;
-using Object = Handle<H5Oclose>;
-
-// While it lives HDF5 keeps its error stack to itself instead of printing it.
-class Quiet {
- public:
-  Quiet() {
-    H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  }
-  ~Quiet() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
-  Quiet(const Quiet&) = delete;
-  Quiet& operator=(const Quiet&) = delete;
-
- private:
-  H5E_auto2_t function_ = nullptr;
-  void* data_ = nullptr;
-};
-
-// The innermost entry of HDF5's error stack: the one that says what happened rather than who noticed.
-inline std::string reason() {
-  std::string text;
-  H5Ewalk2(
-      H5E_DEFAULT, H5E_WALK_UPWARD,
-      [](unsigned depth, const H5E_error2_t* entry, void* out) -> herr_t {
-        if (depth == 0 && entry->desc) *static_cast<std::string*>(out) = entry->desc;
-        return 0;
-      },
-      &text);
-  return text.empty() ? "HDF5 gives no reason" : text;
-}
+using namespace shearbus::hdf5;  // NOLINT(google-build-using-namespace)
 
 [[noreturn]] inline void refuse(const std::filesystem::path& file, const std::string& what,
                                 const std::string& remedy = {}, const std::string& dataset = {}) {

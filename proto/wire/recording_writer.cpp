@@ -210,6 +210,15 @@ HistoryWriter::Impl::Series& HistoryWriter::Impl::in_open_row(std::size_t quanti
   return one;
 }
 
+Quantity quantity_of_column(Field field, std::uint32_t component, const std::string& long_name) {
+  const ColumnRow& row = column_row(field);
+  return {.name = quantity_of(field, component),
+          .units = units_in_files(row),
+          .long_name = (long_name.empty() ? row.meaning : long_name) + (component == 0 ? "" : ", second direction"),
+          .is_regime = field == Field::kRegime,
+          .is_outcome = field == Field::kOutcome};
+}
+
 HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
                              const std::map<std::string, std::string>& meta, double start_time_s)
     : impl_(std::make_unique<Impl>()) {

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/field_rows.hpp"
+
 namespace shearbus::wire {
 
 // Stable numbers, the same as shearbus.v1.Code. Hundreds are classes: 1 the message, 2 the session, 3 the content, 4
@@ -53,6 +55,8 @@ enum class Code : std::uint16_t {
 // The name users see, e.g. "SEQUENCE_GAP".
 const char* name(Code code);
 
+inline constexpr std::size_t kMaxNodesNamed = 16;
+
 struct Status {
   Code code = Code::kOk;
   std::string text;                     // expected and found
@@ -62,9 +66,16 @@ struct Status {
   std::uint64_t last_sequence = 0;      // with the sequence codes
 
   bool ok() const { return code == Code::kOk; }
-};
 
-inline constexpr std::size_t kMaxNodesNamed = 16;
+  static void fields(auto&& v, auto& m) {
+    v(1, "code", required(m.code));
+    v(2, "text", long_text(m.text));
+    v(3, "remedy", m.remedy);
+    v(4, "field", m.field);
+    v(5, "node_ids", at_most_fixed(kMaxNodesNamed, m.node_ids));
+    v(6, "last_sequence", m.last_sequence);
+  }
+};
 
 // One line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
 std::string describe(const Status& status);

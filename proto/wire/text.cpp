@@ -1,40 +1,14 @@
 #include "proto/wire/text.hpp"
 
-#include <fmt/format.h>
+#include <utf8.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 namespace shearbus::wire {
 namespace {
-
-// Bytes of the valid UTF-8 character at the front of `text`; 0 where there is none (overlong forms, surrogates and
-// numbers above U+10FFFF are not characters).
-std::size_t character_length(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<std::uint8_t>(text[i]); };
-  const std::uint8_t lead = byte(0);
-  if (lead < 0x80) return 1;
-  std::size_t length = 0;
-  std::uint32_t value = 0;
-  std::uint32_t smallest = 0;
-  if ((lead & 0xE0) == 0xC0) {
-    length = 2, value = lead & 0x1F, smallest = 0x80;
-  } else if ((lead & 0xF0) == 0xE0) {
-    length = 3, value = lead & 0x0F, smallest = 0x800;
-  } else if ((lead & 0xF8) == 0xF0) {
-    length = 4, value = lead & 0x07, smallest = 0x10000;
-  } else {
-    return 0;
-  }
-  if (text.size() < length) return 0;
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(i) & 0xC0) != 0x80) return 0;
-    value = value << 6 | (byte(i) & 0x3F);
-  }
-  const bool surrogate = value >= 0xD800 && value <= 0xDFFF;
-  return value < smallest || value > 0x10FFFF || surrogate ? 0 : length;
-}
 
 // Damerau-Levenshtein distance (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
@@ -55,43 +29,21 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }  // namespace
 
 bool is_utf8(std::string_view text) {
-  while (!text.empty()) {
-    const std::size_t length = character_length(text);
-    if (length == 0) return false;
-    text.remove_prefix(length);
-  }
-  return true;
+  return utf8::is_valid(text.begin(), text.end());
 }
 
 std::string as_utf8(std::string_view text, std::size_t max_bytes) {
   constexpr std::string_view kCut = "...";
-  std::string out;
-  std::size_t last_fit = 0;  // where to cut so that kCut still fits
-  while (!text.empty()) {
-    const std::size_t length = character_length(text);
-    const std::string_view character = length == 0 ? std::string_view("?") : text.substr(0, length);
-    if (out.size() + character.size() > max_bytes) {
-      out.resize(last_fit);
-      return out.append(kCut.substr(0, max_bytes - last_fit));
-    }
-    out += character;
-    if (out.size() + kCut.size() <= max_bytes) last_fit = out.size();
-    text.remove_prefix(std::max<std::size_t>(length, 1));
+  std::string out(text.substr(0, max_bytes));
+  auto invalid = utf8::find_invalid(out.begin(), out.end());
+  while (invalid != out.end()) {
+    *invalid = '?';
+    invalid = utf8::find_invalid(invalid, out.end());
   }
-  return out;
-}
-
-std::string json_string(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) < 0x20) {
-      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
+  if (text.size() <= max_bytes) return out;
+  const auto room = out.begin() + static_cast<std::ptrdiff_t>(max_bytes - std::min(max_bytes, kCut.size()));
+  out.erase(utf8::find_invalid(out.begin(), room), out.end());  // where a character would be cut, before it
+  return out.append(kCut.substr(0, max_bytes - out.size()));
 }
 
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates) {

@@ -10,12 +10,9 @@ namespace shearbus::wire {
 
 bool is_utf8(std::string_view text);
 
-// `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes` ("..." tells that
-// it was).
+// `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes`; a text that was
+// cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
-
-// `text` in quotes, as JSON writes it.
-std::string json_string(std::string_view text);
 
 // The candidate a typist may have meant: smallest edit distance (a swap of neighbours counts once), at most a third of
 // the longer word and at least one letter in common; empty where none is near.

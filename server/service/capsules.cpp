@@ -3,7 +3,6 @@
 
 #include <exception>
 
-#include "proto/wire/scene_file.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
@@ -40,7 +39,7 @@ void Service::leave_capsules(const Member& member, const wire::Downscale& step, 
     const std::string file = store_->leave_capsule({.server_version = options_.server_version,
                                                     .session = member.id,
                                                     .sequence = arrival.request.sequence,
-                                                    .scene = wire::scene_to_toml(member.scene),
+                                                    .scene = member.scene,
                                                     .node_id = node,
                                                     .dt_s = step.dt_s,
                                                     .time_s = step.time_s,

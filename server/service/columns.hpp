@@ -1,50 +1,44 @@
-// The columns of a step as a shard takes and gives them.
+// The columns of a session's steps: those that a model has, and those of a request and its reply as a shard moves them.
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "proto/wire/batch.hpp"
-#include "proto/wire/strategy_columns.hpp"
-#include "server/shard/shard.hpp"
+#include "proto/wire/columns.hpp"
+#include "proto/wire/status.hpp"
+#include "server/physics/solver/model.hpp"
+#include "server/shard/step_columns.hpp"
 
 namespace shearbus::service {
 
-// What a capsule calls a column: its field's name, of the second tangential component with an ending.
-inline std::string name_of(const wire::Column& column) {
-  return std::string(wire::name(column.field)) + std::string(column.component == 0 ? "" : "_second");
-}
+// The name of a column in a capsule: its field's name, with an ending for the second tangential component.
+std::string name_of(const wire::Column& column);
 
-inline shard::StepInputs inputs_of(const wire::Batch& batch) {
-  using wire::Field;
-  return {.velocity_jump = batch.f64(Field::kVelocityJump),
-          .second_velocity_jump = batch.f64(Field::kVelocityJump, 1),
-          .pressure = batch.f64(Field::kPressure),
-          .soft_shear_rate = batch.f64(Field::kSoftShearRate),
-          .stress_minus = batch.f64(Field::kStressMinus),
-          .second_stress_minus = batch.f64(Field::kStressMinus, 1),
-          .stress_plus = batch.f64(Field::kStressPlus),
-          .second_stress_plus = batch.f64(Field::kStressPlus, 1),
-          .mass_minus = batch.f64(Field::kMassMinus),
-          .mass_plus = batch.f64(Field::kMassPlus),
-          .soft_plastic_rate = batch.f64(Field::kSoftPlasticStrainRate)};
-}
+wire::Strategy strategy_of(const physics::ModelOptions& options);
 
-inline shard::StepOutputs outputs_of(wire::Batch& batch) {
-  using wire::Field;
-  shard::StepOutputs outputs{.shear_stress = batch.f64(Field::kShearStress),
-                             .second_shear_stress = batch.f64(Field::kShearStress, 1),
-                             .sliding_velocity = batch.f64(Field::kSlidingVelocity),
-                             .second_sliding_velocity = batch.f64(Field::kSlidingVelocity, 1),
-                             .interface_temperature = batch.f64(Field::kInterfaceTemperature),
-                             .velocity_jump_new = batch.f64(Field::kVelocityJumpNew),
-                             .second_velocity_jump_new = batch.f64(Field::kVelocityJumpNew, 1),
-                             .friction_heat = batch.f64(Field::kFrictionHeat),
-                             .regime = batch.u8(Field::kRegime),
-                             .outcome = batch.u8(Field::kOutcome),
-                             .error_estimate = batch.f64(Field::kErrorEstimate)};
-  static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
-  for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) outputs.ledger[i] = batch.f64(wire::kLedgerColumns[i]);
-  return outputs;
-}
+// Why a model lacks a column of its strategy.
+struct ColumnCondition {
+  wire::Field field;  // kUnspecified: every column of the kind
+  wire::Kind kind;
+  bool (*holds)(const physics::ModelOptions&);  // the model has the column
+  wire::Code code;
+  const char* fault;  // behind the column's name
+  const char* remedy;
+};
+// Null where the model has the column, or no model of its strategy has it.
+const ColumnCondition* unmet_condition(wire::Field field, const physics::ModelOptions& options);
+
+// The columns of the model's strategy whose conditions the model meets.
+struct ModelColumns {
+  std::vector<wire::Field> required;
+  std::vector<wire::Field> optional;
+  std::vector<wire::Field> reply;
+  std::vector<wire::Field> on_request;
+};
+ModelColumns columns_of(const physics::ModelOptions& options);
+
+// The columns that a request holds and a reply has room for. The batches must outlive them.
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply);
 
 }  // namespace shearbus::service

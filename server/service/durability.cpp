@@ -9,7 +9,6 @@
 #include <variant>
 
 #include "proto/wire/codec.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/service.hpp"
@@ -118,8 +117,9 @@ void Service::restore(const store::Snapshot& snapshot) {
     if (!image.open) {
       closed_.push_back(image.id);
     } else {
-      SceneModel made = scene_model(wire::parse_scene(image.scene, "the checkpoint's scene").scene);
+      SceneModel made = scene_model(image.scene, "the checkpoint's scene");
       physics::Model model(made.options);
+      member->scene_name = std::move(made.name);
       member->scene = std::move(made.effective);
       member->shard = make_shard(std::move(model), image.node_ids);
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
@@ -182,7 +182,7 @@ store::Snapshot Service::snapshot() const {
                               .solver_ns = member.totals.solver_ns};
     if (member.shard) {
       image.domain = member.domain;
-      image.scene = wire::scene_to_toml(member.scene);
+      image.scene = member.scene;
       image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();
       image.committed = member.shard->committed_states();

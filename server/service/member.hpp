@@ -19,8 +19,9 @@ struct Service::Member {
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null once closed
   std::string domain;                   // empty: none
-  wire::Scene scene;                    // effective
-  std::uint64_t opened_ns = 0;          // by the service's clock; a recovered session: when it was taken up
+  std::string scene_name;
+  std::string scene;            // effective, as canonical text
+  std::uint64_t opened_ns = 0;  // by the service's clock; a recovered session: when it was taken up
   std::uint64_t last_request_ns = 0;
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;

@@ -1,5 +1,5 @@
-// Where the service's time goes, and why it refuses. Counting is a bit scan and two additions, without allocation; the
-// thread that counts also reads.
+// Histograms of the service's run time and counters of its refusals. Adding a time is a bit scan and two additions,
+// without allocation. The thread that counts is the thread that reads.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace shearbus::service {
 
 class Histogram {
  public:
-  static constexpr std::size_t kBuckets = 28;  // the last begins at 69 s
+  static constexpr std::size_t kBuckets = 28;  // lower bound of the last bucket: 69 s
 
   void add(std::uint64_t ns) {
     const auto bucket = static_cast<std::size_t>(std::bit_width(ns / wire::kHistogramBaseNs));
@@ -26,7 +26,7 @@ class Histogram {
   bool empty() const {
     return std::all_of(counts_.begin(), counts_.end(), [](std::uint64_t count) { return count == 0; });
   }
-  wire::Histogram told(const char* name, const char* verb = "") const {
+  wire::Histogram on_wire(const char* name, const char* verb = "") const {
     return {.name = name, .verb = verb, .counts = {counts_.begin(), counts_.end()}, .sum_ns = sum_ns_};
   }
 
@@ -39,17 +39,17 @@ struct Metrics {
   static constexpr std::size_t kVerbs = std::variant_size_v<decltype(wire::Request::body)>;
   static constexpr std::size_t kCodes = 500;  // of the classes a server answers with
 
-  std::array<Histogram, kVerbs> requests;  // from arrival to answer, by place of the body in wire::Request
+  std::array<Histogram, kVerbs> requests;  // time from arrival to answer, by index of the body in wire::Request
   Histogram solver;
   Histogram journal_append;
   Histogram journal_sync;
   Histogram checkpoint;
-  std::array<std::uint64_t, kCodes> refusals{};  // by code
+  std::array<std::uint64_t, kCodes> refusals{};  // number of refusals, by code
 
   void put_into(wire::ServerStatus& status) const;
 };
 
-// Runs `act` and adds its time, also where it throws.
+// Runs `act` and adds its time to the histogram, also if it throws.
 template <typename Clock, typename Act>
 auto timed(const Clock& now_ns, Histogram& histogram, Act act) {
   struct Lap {

@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "proto/wire/limits.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "server/service/member.hpp"
+#include "server/service/scene_model.hpp"
 #include "server/service/service.hpp"
 #include "server/service/validate.hpp"
 
@@ -36,13 +36,6 @@ std::vector<std::uint64_t> common_to(std::span<const std::uint64_t> sorted_ids, 
   std::vector<std::uint64_t> common;
   std::ranges::set_intersection(sorted_ids, sorted(ids), std::back_inserter(common));
   return common;
-}
-
-// What must be equal for states of one session to be states of another: everything of the scene but its names.
-std::string layers_of(wire::Scene scene) {
-  scene.name.clear();
-  scene.source.clear();
-  return wire::scene_to_toml(scene);
 }
 
 void check_no_trial(const shard::Shard& shard) {
@@ -112,7 +105,7 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   for (const auto& [id, other] : members_) {
     if (!other->shard || other.get() == self || other->domain_it_is_in() != domain) continue;
     if (auto owned = other->shard->nodes().common(ids); !owned.empty())
-      refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene.name)),
+      refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene_name)),
              "Its holder retires it or offers it; or give the node another id, or the session another domain.");
   }
   for (const auto& [id, transfer] : transfers_) {
@@ -125,9 +118,9 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
 }
 
 // The change that was made ready; from here on nothing fails.
-void Service::take(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
+void Service::apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
   metrics_.state_bytes -= member.shard->state_bytes();
-  member.shard->take(std::move(change));
+  member.shard->apply(std::move(change));
   metrics_.state_bytes += member.shard->state_bytes();
   reply.body = wire::NodesChanged{.nodes = member.shard->nodes().size()};
 }
@@ -139,12 +132,12 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   const auto ids = check_new_nodes(batch, shard.nodes());
   check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
   const physics::Model& model = shard.model();
-  const auto temperatures = check_initial_temperatures(batch, member.scene, model.options().soft.melting_temperature);
+  const auto temperatures = check_initial_temperatures(batch, model.options());
   const std::size_t after = shard.nodes().size() + ids.size();
   check_memory(shard::Shard::bytes_for(model, after) - shard.state_bytes(), after);
   auto change = shard.adding(ids, temperatures);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.nodes += ids.size();
 }
 
@@ -154,7 +147,7 @@ void Service::retire_nodes(Member& member, const Arrival& arrival, wire::Reply& 
   const shard::Rows rows = check_leaving_nodes(arrival.request.batch, shard.nodes());
   auto change = shard.removing(rows.slots);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.nodes -= rows.slots.size();
 }
 
@@ -182,12 +175,12 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                                                        .sequence = arrival.request.sequence,
                                                        .identity = member.identity,
                                                        .domain = member.domain,
-                                                       .layers = layers_of(member.scene),
+                                                       .layers = std::string(layers_of(member.scene)),
                                                        .node_ids = {ids.begin(), ids.end()},
                                                        .states = shard.states_of(rows.slots, false)});
   auto change = shard.removing(rows.slots);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.state_bytes += kept_bytes(made.begin()->second.states);
   transfers_.merge(made);
 }
@@ -222,7 +215,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
   auto change = shard.adding(transfer.node_ids, initial, &transfer.states);
   reply.batch = node_column(transfer.node_ids);
   keep(arrival, member.id, &member);
-  take(member, std::move(change), reply);
+  apply(member, std::move(change), reply);
   metrics_.state_bytes -= freed;
   transfers_.erase(found);
 }

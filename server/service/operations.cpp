@@ -79,7 +79,7 @@ wire::SessionInfo Service::info_of(const Member& member) const {
   const shard::Shard& shard = *member.shard;
   const std::uint64_t now_ns = options_.now_ns();
   return {.session_id = member.id,
-          .name = member.scene.name,
+          .name = member.scene_name,
           .identity = member.identity,
           .nodes = shard.nodes().size(),
           .last_sequence = member.conversation.last_sequence(),

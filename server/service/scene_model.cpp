@@ -1,185 +1,205 @@
 #include "server/service/scene_model.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
 
-#include "proto/wire/limits.hpp"
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/with_message.hpp"
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/parts.hpp"
 
 namespace shearbus::service {
 namespace {
 
-physics::FlowLawProperties properties_of(const physics::Material& m) {
-  return physics::properties_of(m.flow_law);
+// Thrown by the conversion: faults by their keys, which the caller places in the text.
+struct Refused {
+  std::vector<scene::Fault> faults;
+  std::string remedy;
+};
+
+[[noreturn]] void refuse(std::string key, std::string text, std::string remedy) {
+  throw Refused{{{std::move(key), std::move(text), {}}}, std::move(remedy)};
 }
 
-physics::Material material_of(const wire::Body& body, const std::string& table) {
-  physics::MaterialResult made =
-      physics::make_material(body.material, body.given, physics::FlowLaws::numbered(static_cast<int>(body.flow_law)));
+physics::Material material_of(const v1::Body& body, const std::string& table) {
+  physics::MaterialResult made = physics::make_material(body.material(), scene::numbers_of(body),
+                                                        physics::FlowLaws::numbered(static_cast<int>(body.flow_law())));
   if (!made.fault.empty())
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
-                       .remedy = "Name a material of the catalog, or give every constant.",
-                       .field = table + "." + made.fault_field});
-  if (body.melting_curve == wire::MeltingCurve::kLindemann)
+    refuse(table + "." + made.fault_field, fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
+           "Name a material of the catalog, or give every constant.");
+  if (body.melting_curve() == v1::MELTING_CURVE_LINDEMANN)
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
-  if (body.pressure_term == wire::PressureTerm::kCompressed)
+  if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  if (body.pressure_term == wire::PressureTerm::kCompressed && !properties_of(made.material).has_pressure_term)
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{}.pressure_term = \"compressed\" changes a pressure term that flow_law = "
-                                           "\"{}\" does not have",
-                                           table, physics::FlowLaws::name_of(made.material.flow_law)),
-                       .remedy = "Leave it out, or take flow_law = \"steinberg_cochran_guinan\".",
-                       .field = table + ".pressure_term"});
   if (const std::string_view missing = physics::constant_missing_for_options(made.material); !missing.empty())
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = "
-                                           "\"compressed\" need the compression at a pressure",
-                                           table, missing),
-                       .remedy = "Give it, or leave both options at their defaults.",
-                       .field = fmt::format("{}.{}", table, missing)});
+    refuse(fmt::format("{}.{}", table, missing),
+           fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                       "compression at a pressure",
+                       table, missing),
+           "Give it, or leave both options at their defaults.");
   return made.material;
 }
 
-physics::FarBoundary far_boundary_of(wire::FarBoundary boundary) {
-  return boundary == wire::FarBoundary::kHalfSpace ? physics::FarBoundary::kHalfSpace
-                                                   : physics::FarBoundary::kInsulated;
+physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
+  return boundary == v1::FAR_BOUNDARY_HALF_SPACE ? physics::FarBoundary::kHalfSpace : physics::FarBoundary::kInsulated;
 }
 
-// What [hard_layer] leaves open is as in [layer] (beside a tolerance, its cells too), its thickness scaled to the depth
-// heat reaches in the hard body.
-wire::HardLayer filled(wire::HardLayer hard, const wire::Scene& scene, const physics::ModelOptions& options) {
-  if (!hard.thickness_m)
-    hard.thickness_m = scene.layer.thickness_m * std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
-  if (!hard.cells && !scene.tolerance) hard.cells = scene.layer.cells;
-  if (!hard.grading && !scene.tolerance) hard.grading = scene.layer.grading;
-  if (hard.far_boundary == wire::FarBoundary::kUnspecified) hard.far_boundary = scene.layer.far_boundary;
-  return hard;
+// A key that [hard_layer] lacks is as in [layer] (with a tolerance the server chooses the cells), its thickness scaled to the depth that heat
+// reaches in the hard body.
+void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
+  const v1::Layer& layer = scene.layer();
+  v1::HardLayer& hard = *scene.mutable_hard_layer();
+  if (!hard.has_thickness_m())
+    hard.set_thickness_m(layer.thickness_m() * std::sqrt(options.hard.diffusivity / options.soft.diffusivity));
+  if (!hard.has_cells() && layer.has_cells()) hard.set_cells(layer.cells());
+  if (!hard.has_grading() && layer.has_grading()) hard.set_grading(layer.grading());
+  if (hard.far_boundary() == v1::FAR_BOUNDARY_UNSPECIFIED) hard.set_far_boundary(layer.far_boundary());
 }
 
 // Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
-wire::Junctions filled(wire::Junctions junctions, const physics::Material& soft) {
+void fill_junctions(v1::Junctions& junctions, const physics::Material& soft) {
   const bool soft_hardens_as_junctions =
       physics::has_constant(soft.flow_law, &physics::Material::hardening_coefficient);
-  if (!soft_hardens_as_junctions && !(junctions.hardening_coefficient && junctions.hardening_exponent))
-    throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: "
-                                           "the soft body's flow law {} has none",
-                                           physics::FlowLaws::name_of(soft.flow_law)),
-                       .field = "junctions.hardening_coefficient"});
-  if (!junctions.yield_strength_max_pa && std::isfinite(soft.yield_strength_max))
-    junctions.yield_strength_max_pa = soft.yield_strength_max;
-  if (!junctions.hardening_coefficient) junctions.hardening_coefficient = soft.hardening_coefficient;
-  if (!junctions.hardening_exponent) junctions.hardening_exponent = soft.hardening_exponent;
-  return junctions;
+  if (!soft_hardens_as_junctions && !(junctions.has_hardening_coefficient() && junctions.has_hardening_exponent()))
+    refuse("junctions.hardening_coefficient",
+           fmt::format("[junctions] needs hardening_coefficient and hardening_exponent of its own: the soft body's "
+                       "flow law {} has none",
+                       physics::FlowLaws::name_of(soft.flow_law)),
+           "Give both.");
+  if (!junctions.has_yield_strength_max_pa() && std::isfinite(soft.yield_strength_max))
+    junctions.set_yield_strength_max_pa(soft.yield_strength_max);
+  if (!junctions.has_hardening_coefficient()) junctions.set_hardening_coefficient(soft.hardening_coefficient);
+  if (!junctions.has_hardening_exponent()) junctions.set_hardening_exponent(soft.hardening_exponent);
 }
 
-physics::JunctionOptions junctions_of(const wire::Junctions& junctions, const physics::ModelOptions& options) {
+physics::JunctionOptions junctions_of(const v1::Junctions& junctions, const physics::ModelOptions& options) {
   physics::Material metal = options.soft;
   metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();  // DLP (52-53)
   metal.yield_strength = options.interface.yield_strength;
-  metal.yield_strength_max = junctions.yield_strength_max_pa.value_or(std::numeric_limits<double>::infinity());
-  metal.hardening_coefficient = *junctions.hardening_coefficient;
-  metal.hardening_exponent = *junctions.hardening_exponent;
-  return {.contact_fraction = junctions.contact_fraction, .height = junctions.height_m, .metal = metal};
+  metal.yield_strength_max = junctions.has_yield_strength_max_pa() ? junctions.yield_strength_max_pa()
+                                                                   : std::numeric_limits<double>::infinity();
+  metal.hardening_coefficient = junctions.hardening_coefficient();
+  metal.hardening_exponent = junctions.hardening_exponent();
+  return {.contact_fraction = junctions.contact_fraction(), .height = junctions.height_m(), .metal = metal};
 }
 
-physics::GridOptions hard_grid_of(const wire::HardLayer& hard) {
-  return {.thickness = *hard.thickness_m,
-          .cells = static_cast<int>(hard.cells.value_or(1)),
-          .grading = hard.grading.value_or(1.0),
-          .far_boundary = far_boundary_of(hard.far_boundary)};
+// Without cells of its own (a tolerance) one cell of grading 1 stands until the server has chosen.
+template <typename Table>
+physics::GridOptions grid_of(const Table& table) {
+  return {.thickness = table.thickness_m(),
+          .cells = table.has_cells() ? static_cast<int>(table.cells()) : 1,
+          .grading = table.has_grading() ? table.grading() : 1.0,
+          .far_boundary = far_boundary_of(table.far_boundary())};
 }
 
-physics::Drive drive_of(wire::Drive drive) {
-  return drive == wire::Drive::kInterfaceSlip ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
-}
-
-physics::InterfaceOptions interface_of(const wire::Interface& law) {
-  return {.friction_coefficient = law.friction_coefficient,
-          .yield_strength = law.yield_strength_pa,
+physics::InterfaceOptions interface_of(const v1::Interface& law) {
+  return {.friction_coefficient = law.friction_coefficient(),
+          .yield_strength = law.yield_strength_pa(),
           .friction_law =
-              physics::FrictionLaws::numbered(static_cast<int>(law.friction_law)).value_or(physics::FrictionLaw{}),
-          .friction_coefficient_fast = law.friction_coefficient_fast,
-          .velocity_decay = law.velocity_decay_s_per_m};
+              physics::FrictionLaws::numbered(static_cast<int>(law.friction_law())).value_or(physics::FrictionLaw{}),
+          .friction_coefficient_fast = law.friction_coefficient_fast(),
+          .velocity_decay = law.velocity_decay_s_per_m(),
+          .friction_reference_temperature = law.friction_reference_temperature_k(),
+          .friction_softening_exponent = law.friction_softening_exponent()};
 }
-static_assert(wire::kMaxInertiaCells == physics::kMaxInertiaCells);
-// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
-static_assert(wire::kMaxSleepCells + 2 * 50 <= physics::kMaxBasisVertices);
+
+void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
+  options.grid = grid_of(layer);
+  options.initial_temperature = layer.initial_temperature_k();
+  options.inertia = layer.inertia();
+  options.sleep = layer.sleep();
+  if (layer.time_integrator() == v1::TIME_INTEGRATOR_SDIRK2) options.time_integrator = physics::TimeIntegrator::kSdirk2;
+  if (layer.heat() == v1::HEAT_MODES)
+    options.modes = physics::ModesOptions{.accuracy = layer.modes().accuracy(),
+                                          .shortest_step = layer.modes().shortest_step_s(),
+                                          .longest_time = layer.modes().longest_time_s()};
+}
+
+// By the table of server/physics/solver/parts.cpp.
+void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
+  std::vector<scene::Fault> faults;
+  for (physics::Refusal& refusal : physics::refusals(options))
+    faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
+  if (!faults.empty()) throw Refused{std::move(faults), "Leave out one of the two."};
+}
+
+// A checked scene with its defaults. Fills in the constants that the scene leaves to the server.
+SceneModel convert(v1::Scene& scene) {
+  SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
+  physics::ModelOptions& options = made.options;
+  options.soft = material_of(scene.soft(), "soft");
+  options.hard = material_of(scene.hard(), "hard");
+  options.strategy = scene.strategy() == v1::STRATEGY_FORCE_DRIVEN ? physics::Strategy::kForceDriven
+                                                                   : physics::Strategy::kVelocityDriven;
+  options.tangential_components = static_cast<int>(scene.tangential_components());
+  set_layer(scene.layer(), options);
+  const v1::VelocityDriven& driven = scene.velocity_driven();
+  options.drive =
+      driven.drive() == v1::DRIVE_INTERFACE_SLIP ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
+  if (driven.has_friction_coefficient()) options.friction_coefficient = driven.friction_coefficient();
+  if (driven.has_taylor_quinney_factor()) options.taylor_quinney_factor = driven.taylor_quinney_factor();
+  if (scene.has_interface()) options.interface = interface_of(scene.interface());
+  options.plastic_layer = scene.interface().plastic_layer();
+  if (scene.has_hard_layer()) {
+    fill_hard_layer(scene, options);
+    options.hard_grid = grid_of(scene.hard_layer());
+  }
+  if (scene.has_junctions()) {
+    fill_junctions(*scene.mutable_junctions(), options.soft);
+    options.junctions = junctions_of(scene.junctions(), options);
+  }
+  if (scene.has_tolerance()) options = physics::discretised(options, scene.tolerance());
+  refuse_what_excludes_each_other(options);
+  scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
+  scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
+  made.effective = scene::to_toml(scene);
+  return made;
+}
 
 }  // namespace
 
-SceneModel scene_model(const wire::Scene& scene) {
-  if (const wire::Status status = wire::check_scene(scene); !status.ok()) throw wire::Error(status);
+SceneModel scene_model(std::string_view text, const std::string& file) {
+  return wire::with_message<v1::Scene>([&](v1::Scene& message) {
+    const scene::Document document = scene::read(text, file, message);
+    try {
+      return convert(message);
+    } catch (const Refused& refused) {
+      document.refuse(refused.faults, refused.remedy);
+    }
+  });
+}
 
-  SceneModel made;
-  made.options.soft = material_of(scene.soft, "soft");
-  made.options.hard = material_of(scene.hard, "hard");
-  made.options.strategy = scene.strategy == wire::Strategy::kForceDriven ? physics::Strategy::kForceDriven
-                                                                         : physics::Strategy::kVelocityDriven;
-  made.options.grid = {.thickness = scene.layer.thickness_m,
-                       .cells = static_cast<int>(scene.layer.cells),
-                       .grading = scene.layer.grading,
-                       .far_boundary = far_boundary_of(scene.layer.far_boundary)};
-  made.options.inertia = scene.layer.inertia;
-  if (scene.layer.inertia && !properties_of(made.options.soft).has_wave_return)
+SceneModel scene_model(const v1::Scene& given) {
+  return wire::with_message<v1::Scene>([&](v1::Scene& message) {
+    message = given;
+    Refused refused{scene::faults_of(message), {}};
+    try {
+      if (refused.faults.empty()) return convert(message);
+    } catch (Refused& found) {
+      refused = std::move(found);
+    }
+    std::vector<std::string> lines;
+    for (const scene::Fault& fault : refused.faults) lines.push_back(fault.text);
     throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("layer.inertia works with flow law {}, the soft body has {}: its waves' "
-                                           "return to the yield stress is that law's",
-                                           physics::SteinbergCochranGuinan::kName,
-                                           physics::FlowLaws::name_of(made.options.soft.flow_law)),
-                       .remedy = "leave out layer.inertia, or choose another soft body",
-                       .field = "layer.inertia"});
-  made.options.tangential_components = static_cast<int>(scene.tangential_components);
-  made.options.sleep = scene.layer.sleep;
-  made.options.shadow_share = scene.layer.shadow_share;
-  if (scene.layer.time_integrator == wire::TimeIntegrator::kSdirk2) {
-    made.options.time_integrator = physics::TimeIntegrator::kSdirk2;
-    if (properties_of(made.options.soft).first_order_in_time)
-      throw wire::Error({.code = wire::Code::kInvalidScene,
-                         .text = fmt::format("layer.time_integrator = \"sdirk2\" works with flow law {}, the soft body "
-                                             "has {}: its stress follows the rate of a step, to first order",
-                                             physics::SteinbergCochranGuinan::kName,
-                                             physics::FlowLaws::name_of(made.options.soft.flow_law)),
-                         .remedy = "leave out layer.time_integrator, or choose another soft body",
-                         .field = "layer.time_integrator"});
-  }
-  if (scene.layer.heat == wire::Heat::kModes) {
-    const wire::HeatModes modes = scene.layer.modes.value_or(wire::HeatModes{});
-    made.options.modes = physics::ModesOptions{
-        .accuracy = modes.accuracy, .shortest_step = modes.shortest_step_s, .longest_time = modes.longest_time_s};
-  }
-  made.options.initial_temperature = scene.layer.initial_temperature_k;
-  made.options.drive = drive_of(scene.velocity_driven.drive);
-  made.options.friction_coefficient = scene.velocity_driven.friction_coefficient;
-  made.options.taylor_quinney_factor = scene.velocity_driven.taylor_quinney_factor;
-  if (scene.interface) made.options.interface = interface_of(*scene.interface);
-  made.options.plastic_layer = scene.interface && scene.interface->plastic_layer;
+                       .text = fmt::format("{}", fmt::join(lines, "\n")),
+                       .remedy = refused.remedy,
+                       .field = refused.faults.front().path});
+  });
+}
 
-  made.effective = scene;
-  if (scene.layer.heat == wire::Heat::kModes && !scene.layer.modes) made.effective.layer.modes.emplace();
-  if (scene.hard_layer) {
-    made.effective.hard_layer = filled(*scene.hard_layer, scene, made.options);
-    made.options.hard_grid = hard_grid_of(*made.effective.hard_layer);
-  }
-  if (scene.junctions) {
-    made.effective.junctions = filled(*scene.junctions, made.options.soft);
-    made.options.junctions = junctions_of(*made.effective.junctions, made.options);
-  }
-  if (scene.tolerance) made.options = physics::discretised(made.options, *scene.tolerance);
-  made.effective.hydro.reset();
-  made.effective.soft.given = physics::constants_of(made.options.soft);
-  made.effective.hard.given = physics::constants_of(made.options.hard);
-  return made;
+std::string_view layers_of(std::string_view effective) {
+  for (const std::string_view key : {"name = ", "source = "})
+    if (effective.starts_with(key)) effective.remove_prefix(effective.find('\n') + 1);
+  return effective;
 }
 
 }  // namespace shearbus::service

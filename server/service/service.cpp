@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "proto/wire/codec.hpp"
+#include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
@@ -196,6 +196,23 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   reply.body = std::move(welcome);
 }
 
+// Refuses a new session whatever its scene and nodes are.
+void Service::check_may_open(const wire::Request& request) const {
+  check_epoch(request, nullptr);
+  if (request.sequence != 0)
+    throw Error({.code = Code::kSequenceGap,
+                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
+                 .remedy = "Send it with sequence 0."});
+  if (draining_ && !replaying_)
+    throw Error({.code = Code::kDraining,
+                 .text = "the server takes no new sessions: it will end when those it has are closed",
+                 .remedy = "Open the session on another server."});
+  if (metrics_.sessions >= options_.max_sessions)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
+                 .remedy = "Close sessions that are no longer used."});
+}
+
 Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   reply->session_id = open.session_id;
@@ -212,25 +229,11 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
     return repeat(*known->second);
   }
-  check_epoch(request, nullptr);
-  if (request.sequence != 0)
-    throw Error({.code = Code::kSequenceGap,
-                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
-                 .remedy = "Send it with sequence 0."});
-  if (draining_ && !replaying_)
-    throw Error({.code = Code::kDraining,
-                 .text = "the server takes no new sessions: it will end when those it has are closed",
-                 .remedy = "Open the session on another server."});
-  if (metrics_.sessions >= options_.max_sessions)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
-                 .remedy = "Close sessions that are no longer used."});
-
+  check_may_open(request);
   const auto node_ids = check_opening_nodes(request.batch, open.domain);
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
-  SceneModel made = scene_model(open.scene);
-  const std::vector<double> temperatures =
-      check_initial_temperatures(request.batch, made.effective, made.options.soft.melting_temperature);
+  SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
+  const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
   physics::Model model(made.options);
   check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
 
@@ -240,6 +243,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->opened_ns = member->last_request_ns = arrival.started_ns;
   member->resume_token = open.resume_token;
   member->domain = open.domain;
+  member->scene_name = std::move(made.name);
   member->scene = std::move(made.effective);
   member->shard = std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
                                                  shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
@@ -248,7 +252,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   const shard::Shard& shard = *member->shard;
   const std::string line =
       fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
-                  member->identity, printable(member->scene.name), open.domain.empty() ? "" : ", domain ",
+                  member->identity, printable(member->scene_name), open.domain.empty() ? "" : ", domain ",
                   printable(open.domain), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
@@ -271,12 +275,19 @@ std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model,
 
 wire::SessionOpened Service::opened(const Member& member) const {
   const physics::Model& model = member.shard->model();
+  ModelColumns columns = columns_of(model.options());
   std::uint64_t reply_row = 0;
-  for (const Field field : wire::columns_of(member.scene.strategy).reply)
-    reply_row += wire::size_of(wire::element_of(field));
+  for (const Field field : columns.reply) reply_row += wire::size_of(wire::element_of(field));
   return {.effective_scene = member.scene,
           .bytes_per_node = shard::Shard::bytes_per_node(model) + reply_row,
-          .warnings = model.warnings()};
+          .warnings = model.warnings(),
+          .strategy = strategy_of(model.options()),
+          .tangential_components = static_cast<std::uint32_t>(model.options().tangential_components),
+          .required_columns = std::move(columns.required),
+          .optional_columns = std::move(columns.optional),
+          .reply_columns = std::move(columns.reply),
+          .columns_on_request = std::move(columns.on_request),
+          .scene_name = member.scene_name};
 }
 
 void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
@@ -343,29 +354,33 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
   // 1. everything that can fail: checks, factorisation, memory, the journal
-  const std::vector<Field> wanted = check_wanted(step, member.scene);
-  const shard::Rows rows = check_step(step, request.batch, member.scene, shard.nodes());
+  const physics::ModelOptions& options = shard.model().options();
+  const std::vector<Field> wanted = check_wanted(step, options);
+  const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
     throw Error({.code = Code::kNothingToCommit,
                  .text = "commit_previous is set, and no trial is standing",
                  .remedy = "Set it only after a trial that was neither committed nor rolled back."});
   const auto operators = shard.operators(step.dt_s);
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows, member.scene.tangential_components);
+  reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   auto& upscale = reply->body.emplace<wire::Upscale>();
-  const shard::StepInputs inputs = inputs_of(request.batch);
-  shard::StepOutputs outputs = outputs_of(reply->batch);
-  std::vector<std::uint8_t> outcomes(outputs.outcome.empty() ? num_rows : 0);  // where the host does not want them
-  if (outputs.outcome.empty()) outputs.outcome = outcomes;
+  shard::StepColumns columns = step_columns(request.batch, reply->batch);
+  std::vector<std::uint8_t> unasked(reply->batch.has(Field::kOutcome) ? 0
+                                                                      : num_rows);  // outcomes, for the server alone
+  if (!unasked.empty())
+    columns.outputs.emplace_back(shard::AnswerColumn{&physics::TileOutputs::outcome, std::span(unasked)});
+  const std::span<const std::uint8_t> outcomes =
+      unasked.empty() ? reply->batch.u8(Field::kOutcome) : std::span(unasked);
   std::uint64_t solver_started_ns = 0;
   shard::StepCount count;
   std::optional<shard::Shard::Attempt> attempt;
   if (step.policy == wire::Policy::kAllOrNothing) {
     solver_started_ns = options_.now_ns();
-    attempt = shard.attempt(rows, *operators, inputs, outputs, step.commit_previous);
+    attempt = shard.attempt(rows, *operators, columns, step.commit_previous);
     if (attempt->count.failed != 0) {
-      leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, step.commit_previous});
-      refuse_failed_step(request.batch, shard.nodes(), outputs.outcome);
+      leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, step.commit_previous});
+      refuse_failed_step(request.batch, shard.nodes(), outcomes);
     }
   }
   keep(arrival, member.id, &member);
@@ -373,12 +388,12 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
   if (step.commit_previous) shard.commit();
   if (attempt) {
-    shard.take(*attempt);
+    shard.adopt(*attempt);
     count = attempt->count;
   } else {
     solver_started_ns = options_.now_ns();
-    count = shard.step(rows, *operators, inputs, outputs);
-    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outputs.outcome, false});
+    count = shard.step(rows, *operators, columns);
+    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, false});
   }
   const std::uint64_t ended_ns = options_.now_ns();
   if (step.mode == wire::Mode::kAdvance) shard.commit();
@@ -393,10 +408,6 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.totals.node_steps += num_rows;
   member.totals.solver_ns += upscale.solver_ns;
   member.totals.asleep_node_steps += count.asleep;
-  member.totals.shadowed_node_steps += count.shadowed;
-  member.totals.shadow_temperature_error_k =
-      std::max(member.totals.shadow_temperature_error_k, count.shadow_temperature_error);
-  member.totals.shadow_stress_error_pa = std::max(member.totals.shadow_stress_error_pa, count.shadow_stress_error);
   metrics_.node_steps += num_rows;
   metrics_.solver_ns += upscale.solver_ns;
   times_.solver.add(upscale.solver_ns);

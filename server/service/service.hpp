@@ -107,6 +107,7 @@ class Service : private store::Recovery {
   void top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const;
   wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
+  void check_may_open(const wire::Request& request) const;
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
@@ -131,7 +132,7 @@ class Service : private store::Recovery {
   void retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
   void offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply);
   void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
-  void take(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
+  void apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
   std::vector<wire::TransferId> offers_of(const Member& member) const;  // oldest first
   void forget_transfers_of(const Domain& domain);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);

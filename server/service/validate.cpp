@@ -9,9 +9,10 @@
 #include <string>
 #include <utility>
 
+#include "proto/wire/columns.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "server/service/columns.hpp"
 #include "server/shard/shard.hpp"
 
 namespace shearbus::service {
@@ -21,20 +22,6 @@ using wire::Field;
 
 namespace {
 
-// What a column may hold. The bounds are far outside physics on purpose: they catch wrong units and unset memory, no
-// model.
-struct Range {
-  Field field;
-  double lowest;
-  double highest;
-  const char* unit;
-};
-constexpr std::array kRanges = {
-    Range{Field::kVelocityJump, -1e5, 1e5, "m/s"},    Range{Field::kPressure, -1e12, 1e12, "Pa"},
-    Range{Field::kStressMinus, -1e12, 1e12, "Pa"},    Range{Field::kStressPlus, -1e12, 1e12, "Pa"},
-    Range{Field::kMassMinus, 1e-9, 1e9, "kg/m2"},     Range{Field::kMassPlus, 1e-9, 1e9, "kg/m2"},
-    Range{Field::kSoftShearRate, -1e15, 1e15, "1/s"}, Range{Field::kSoftPlasticStrainRate, 0.0, 1e15, "1/s"},
-};
 constexpr double kShortestStep = 1e-18;  // [s]
 constexpr double kLongestStep = 1.0;     // [s]
 
@@ -94,31 +81,54 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
                              : "Send it with component 0 only.");
 }
 
-void check_columns_of_step(const wire::Batch& batch, const wire::Scene& scene) {
-  const wire::StrategyColumns columns = wire::columns_of(scene.strategy);
-  check_components(batch, scene.tangential_components);
+// Refuses a column of the model's strategy that this model does not have; `named_in` is the field of the fault.
+void check_condition(Field field, const physics::ModelOptions& options, const char* named_in) {
+  if (const ColumnCondition* unmet = unmet_condition(field, options))
+    refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);
+}
+
+void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions& options) {
+  const wire::StrategyColumns& columns = wire::columns_of(strategy_of(options));
+  check_components(batch, static_cast<std::uint32_t>(options.tangential_components));
   for (const Field field : columns.required) {
     if (!batch.has(field))
       refuse(Code::kShape, wire::name(field), fmt::format("column {} is missing", wire::name(field)),
              "A step of this scene needs " + join_names(std::array{columns.required}) + ".");
-    if (scene.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
+    if (options.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
       refuse(Code::kShape, wire::name(field), fmt::format("component 1 of column {} is missing", wire::name(field)),
              "The scene has tangential_components = 2: send both components of every tangential column.");
   }
-  for (const wire::Column& column : batch.columns())
+  for (const wire::Column& column : batch.columns()) {
     if (column.field != Field::kNodeId && !contains(columns.required, column.field) &&
         !contains(columns.optional, column.field))
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
              "Send " + join_names(std::array{columns.required, columns.optional}) + " and nothing else.");
-  if (batch.has(Field::kSoftPlasticStrainRate) && !(scene.interface && scene.interface->plastic_layer))
-    refuse(Code::kUnsupported, wire::name(Field::kSoftPlasticStrainRate),
-           "a force-driven layer without interface.plastic_layer has no plastic strain to set against the host's",
-           "Leave the column out, or set interface.plastic_layer = true.");
-  if (batch.has(Field::kSoftShearRate) && scene.velocity_driven.drive != wire::Drive::kInterfaceSlip)
-    refuse(Code::kShape, wire::name(Field::kSoftShearRate),
-           "soft_shear_rate_per_s drives the layer only with velocity_driven.drive = \"interface_slip\"",
-           "Leave the column out, or change the drive.");
+    check_condition(column.field, options, wire::name(column.field));
+  }
+}
+
+// The length and end of a step, which the model's heat conduction and tolerance bound too.
+void check_times(const wire::Downscale& step, const physics::ModelOptions& options) {
+  if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
+    refuse(Code::kInvalidValue, "dt_s",
+           fmt::format("dt_s is {}; expected from {} to {} s", step.dt_s, kShortestStep, kLongestStep),
+           "Nothing was changed; correct it and send the step again.");
+  if (options.modes && !options.tolerance && step.dt_s < options.modes->shortest_step)
+    refuse(
+        Code::kInvalidValue, "dt_s",
+        fmt::format("dt_s is {}; expected at least layer.modes.shortest_step_s = {} s, down to which this scene's sum "
+                    "of exponentials was made",
+                    step.dt_s, options.modes->shortest_step),
+        "Nothing was changed; open the session with a shorter layer.modes.shortest_step_s.");
+  if (options.tolerance && step.dt_s < physics::kShortestControlledStep)
+    refuse(Code::kInvalidValue, "dt_s",
+           fmt::format("dt_s is {}; expected at least {} s in a scene with a tolerance", step.dt_s,
+                       physics::kShortestControlledStep),
+           "Nothing was changed; open the session with cells and grading in place of the tolerance.");
+  if (!std::isfinite(step.time_s))
+    refuse(Code::kInvalidValue, "time_s", fmt::format("time_s is {}; expected a finite time", step.time_s),
+           "Nothing was changed; correct it and send the step again.");
 }
 
 shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes) {
@@ -225,12 +235,12 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
          std::move(ids));
 }
 
-std::vector<double> check_initial_temperatures(const wire::Batch& batch, const wire::Scene& effective,
-                                               double melting_temperature) {
+std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options) {
+  const double melting_temperature = options.soft.melting_temperature;
   const auto solid = [&](double value) { return value > 0.0 && value < melting_temperature; };
   const auto ids = batch.u64(Field::kNodeId);
   if (!batch.has(Field::kInitialTemperature)) {
-    const double value = effective.layer.initial_temperature_k;
+    const double value = options.initial_temperature;
     if (!solid(value))
       refuse(
           Code::kInvalidScene, "layer.initial_temperature_k",
@@ -251,59 +261,34 @@ std::vector<double> check_initial_temperatures(const wire::Batch& batch, const w
   return {given.begin(), given.end()};
 }
 
-shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const wire::Scene& effective,
+shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes) {
-  if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
-    refuse(Code::kInvalidValue, "dt_s",
-           fmt::format("dt_s is {}; expected from {} to {} s", step.dt_s, kShortestStep, kLongestStep),
-           "Nothing was changed; correct it and send the step again.");
-  if (effective.layer.modes && step.dt_s < effective.layer.modes->shortest_step_s)
-    refuse(
-        Code::kInvalidValue, "dt_s",
-        fmt::format("dt_s is {}; expected at least layer.modes.shortest_step_s = {} s, down to which this scene's sum "
-                    "of exponentials was made",
-                    step.dt_s, effective.layer.modes->shortest_step_s),
-        "Nothing was changed; open the session with a shorter layer.modes.shortest_step_s.");
-  if (effective.tolerance && step.dt_s < physics::kShortestControlledStep)
-    refuse(Code::kInvalidValue, "dt_s",
-           fmt::format("dt_s is {}; expected at least {} s in a scene with a tolerance", step.dt_s,
-                       physics::kShortestControlledStep),
-           "Nothing was changed; open the session with cells and grading in place of the tolerance.");
-  if (!std::isfinite(step.time_s))
-    refuse(Code::kInvalidValue, "time_s", fmt::format("time_s is {}; expected a finite time", step.time_s),
-           "Nothing was changed; correct it and send the step again.");
-  check_columns_of_step(batch, effective);
+  check_times(step, options);
+  check_columns_of_step(batch, options);
   shard::Rows rows = locate_rows(batch, nodes);
   const auto row_ids = batch.u64(Field::kNodeId);
-  for (const Range& range : kRanges)
-    for (const std::uint32_t component : {0U, 1U})
+  for (const wire::ColumnRow& row : wire::column_rows())
+    for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)
       check_values(
-          range.field, batch.f64(range.field, component),
-          fmt::format("a number from {:g} to {:g} {}", range.lowest, range.highest, range.unit),
-          [&](double value) { return value >= range.lowest && value <= range.highest; },
-          [&](std::size_t row) { return rows.all ? nodes.ids()[row] : row_ids[row]; });
+          row.field, batch.f64(row.field, component),
+          fmt::format("a number from {:g} to {:g} {}", row.lowest, row.highest, row.unit),
+          [&](double value) { return value >= row.lowest && value <= row.highest; },
+          [&](std::size_t at) { return rows.all ? nodes.ids()[at] : row_ids[at]; });
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, const wire::Scene& scene) {
-  const auto all = wire::columns_of(scene.strategy).reply;
+std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options) {
+  const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
+  const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
   if (step.wanted.empty()) return {all.begin(), all.end()};
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
-    if (!contains(all, field) && !contains(std::span(wire::kColumnsOnRequest), field))
+    if (!contains(all, field) && !contains(on_request, field))
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all, std::span<const Field>(wire::kColumnsOnRequest)}) + ".");
-    if (scene.layer.inertia && contains(std::span(wire::kLedgerColumns), field))
-      refuse(Code::kUnsupported, "wanted",
-             fmt::format("{} is of layers with one stress, and with layer.inertia it varies", wire::name(field)),
-             "Leave out the columns of the energy ledger.");
-    if (field == Field::kErrorEstimate && !scene.tolerance)
-      refuse(Code::kUnsupported, "wanted",
-             fmt::format("{} is of scenes with a tolerance, and this one has none: its steps are not controlled",
-                         wire::name(field)),
-             "Leave it out, or open the session with a tolerance in place of cells and grading.");
+             "Choose from " + join_names(std::array{all, on_request}) + ".");
+    check_condition(field, options, "wanted");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

@@ -9,8 +9,8 @@
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/messages.hpp"
-#include "proto/wire/scene.hpp"
 #include "server/shard/node_table.hpp"
+#include "server/shard/shard.hpp"
 
 namespace shearbus::service {
 
@@ -33,15 +33,14 @@ void check_name(const std::string& name, const std::string& field);
 [[noreturn]] void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
                                      std::span<const std::uint8_t> outcomes);
 
-// The initial temperature of each node, solid and above 0 K: the payload's column where there is one, else the scene's.
-std::vector<double> check_initial_temperatures(const wire::Batch& batch, const wire::Scene& effective,
-                                               double melting_temperature);
+// The initial temperature of each node, solid and above 0 K: the payload's column where there is one, else the model's.
+std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options);
 
 // A step's options and columns; returns where its rows belong.
-shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const wire::Scene& effective,
+shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);
 
 // The reply's columns: those wanted, or all of the strategy's.
-std::vector<wire::Field> check_wanted(const wire::Downscale& step, const wire::Scene& scene);
+std::vector<wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options);
 
 }  // namespace shearbus::service

@@ -1,8 +1,8 @@
-// The memory of one session's conversation: which request comes next, and the reply to the last one. It decides whether
-// a request is run, answered again from memory, or refused; it knows nothing of what requests do.
+// The request history of one session: the next sequence number and the reply to the last request. It decides whether a
+// request is executed, answered with the kept reply, or refused. It does not interpret requests.
 //
-// A client has one request in flight. It numbers them 1, 2, 3, ... (0 is the opening) and repeats one, byte for byte,
-// until it has the answer. So one kept reply is enough for every request to run at most once, however often it arrives:
+// A client has one request in flight. It numbers its requests 1, 2, 3, ... (0 opens the session) and repeats a request,
+// byte for byte, until it has the answer. One kept reply therefore suffices to execute each request at most once:
 //
 //   sequence == last + 1              process
 //   sequence == last, same bytes      resend the kept reply
@@ -10,7 +10,7 @@
 //   sequence <  last                  reject, STALE_SEQUENCE
 //   sequence >  last + 1              reject, SEQUENCE_GAP
 //
-// A refused request does not count: its sequence is free for the corrected one.
+// A refused request does not use up its sequence number: the corrected request has the same number.
 #pragma once
 
 #include <cstdint>
@@ -25,14 +25,14 @@ enum class Triage { kProcess, kResend, kReject };
 
 struct Verdict {
   Triage triage = Triage::kProcess;
-  wire::Status status;  // of kReject
+  wire::Status status;  // reason of kReject
 };
 
 class Session {
  public:
   Verdict triage(std::uint64_t sequence, std::uint64_t hash) const;
 
-  // Called when a request has changed the state: from here on its repetition is answered with `reply`.
+  // Must be called when a request has changed the state; repetitions of the request are then answered with `reply`.
   void complete(std::uint64_t sequence, std::uint64_t hash, std::shared_ptr<wire::Reply> reply);
 
   std::uint64_t last_sequence() const { return last_sequence_; }

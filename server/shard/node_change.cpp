@@ -87,11 +87,6 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
       initial[lane] = temperature[slot - before];
     }
     model_.initialise(fresh.data(), initial);
-    if (const std::size_t shadowed = model_.layout().shadowed; shadowed != physics::TileLayout::kAbsent)
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const std::size_t slot = std::clamp(tile * kLanes + lane, before, after - 1);
-        fresh[shadowed + lane] = is_shadowed(node_ids[slot - before]) ? 1.0 : 0.0;
-      }
     for (std::size_t lane = tile * kLanes < before ? before % kLanes : 0; lane < kLanes; ++lane)
       copy_lane(fresh.data(), tile_at(tile), doubles, lane, lane);
   }
@@ -101,15 +96,6 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
       return tile_at(slot / kLanes) + slot % kLanes;
     });
   return change;
-}
-
-// A draw that a node's id alone decides: the same in any batch, on any shard (the mixing of SplitMix64).
-bool Shard::is_shadowed(std::uint64_t node_id) const {
-  std::uint64_t mixed = node_id + 0x9e3779b97f4a7c15;
-  mixed = (mixed ^ (mixed >> 30)) * 0xbf58476d1ce4e5b9;
-  mixed = (mixed ^ (mixed >> 27)) * 0x94d049bb133111eb;
-  mixed ^= mixed >> 31;
-  return static_cast<double>(mixed >> 11) * 0x1p-53 < model_.options().shadow_share;
 }
 
 Shard::NodeChange Shard::removing(std::span<const std::uint32_t> slots) const {
@@ -126,7 +112,7 @@ Shard::NodeChange Shard::removing(std::span<const std::uint32_t> slots) const {
   return change;
 }
 
-void Shard::take(NodeChange&& change) {
+void Shard::apply(NodeChange&& change) {
   const std::size_t doubles = model_.layout().doubles;
   for (const auto& [from, to] : change.moves_)
     copy_lane(committed(from / kLanes), committed(to / kLanes), doubles, from % kLanes, to % kLanes);

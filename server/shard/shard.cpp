@@ -21,16 +21,23 @@ struct LaneRows {
 };
 
 void gather(std::span<const double> column, const LaneRows& lanes, double* values) {
-  if (column.empty()) return;
   for (int lane = 0; lane < kLanes; ++lane)
     if (lanes.has(lane)) values[lane] = column[lanes.row[lane]];
 }
 
 template <typename From, typename To>
 void scatter(const From* values, const LaneRows& lanes, std::span<To> column) {
-  if (column.empty()) return;
   for (int lane = 0; lane < kLanes; ++lane)
     if (lanes.has(lane)) column[lanes.row[lane]] = static_cast<To>(values[lane]);
+}
+
+template <typename Lane, typename Value>
+const Lane* values_of(const AnswerColumn<Lane, Value>& column, const physics::TileOutputs& out,
+                      const physics::TileLedger&) {
+  return out.*column.member;
+}
+const double* values_of(const LedgerColumn& column, const physics::TileOutputs&, const physics::TileLedger& ledger) {
+  return ledger.term[static_cast<std::size_t>(column.term)];
 }
 
 }  // namespace
@@ -54,7 +61,7 @@ Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std:
       pool_(pool),
       options_(options),
       tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {
-  take(adding(node_ids, initial_temperature));
+  apply(adding(node_ids, initial_temperature));
 }
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
@@ -91,8 +98,8 @@ struct Shard::StepOf {
   std::size_t num_rows;
   bool rows_are_slots;
   const physics::StepOperators& operators;
-  const StepInputs& inputs;
-  const StepOutputs& outputs;
+  const StepColumns& columns;
+  bool has_ledger;
 };
 
 // The tiles that hold a requested node; enters their rows in row_of_slot_ where it is not the slot.
@@ -139,12 +146,11 @@ StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>
   return count;
 }
 
-StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
-                      const StepOutputs& outputs) {
+StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) {
   rollback();
   find_tiles(rows, touched_);
   const StepOf step{rows.all ? nodes_.size() : rows.slots.size(), rows.all && nodes_.slots_are_rows(), operators,
-                    inputs, outputs};
+                    columns, columns.has_ledger()};
   const StepCount count = step_tiles(
       step, touched_, [&](std::size_t i) { return committed(touched_[i]); },
       [&](std::size_t i) { return buffer(touched_[i], 1U - committed_[touched_[i]]); });
@@ -152,10 +158,10 @@ StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators,
   return count;
 }
 
-Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
-                              const StepOutputs& outputs, bool from_trial) {
+Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
+                              bool from_trial) {
   const StepOf step{rows.all ? nodes_.size() : rows.slots.size(), rows.all && nodes_.slots_are_rows(), operators,
-                    inputs, outputs};
+                    columns, columns.has_ledger()};
   const std::size_t doubles = model_.layout().doubles;
   Attempt attempt;
   attempt.tiles_.reserve(std::max(num_tiles(), rows.slots.size()));
@@ -170,7 +176,7 @@ Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& op
   return attempt;
 }
 
-void Shard::take(const Attempt& attempt) {
+void Shard::adopt(const Attempt& attempt) {
   rollback();
   const std::size_t doubles = model_.layout().doubles;
   for (std::size_t i = 0; i < attempt.tiles_.size(); ++i) {
@@ -193,62 +199,23 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
 
   physics::TileInputs in;
   in.active = lanes.active;
-  gather(step.inputs.velocity_jump, lanes, in.velocity_jump);
-  gather(step.inputs.pressure, lanes, in.pressure);
-  gather(step.inputs.soft_shear_rate, lanes, in.soft_shear_rate);
-  gather(step.inputs.stress_minus, lanes, in.stress_minus);
-  gather(step.inputs.stress_plus, lanes, in.stress_plus);
-  gather(step.inputs.mass_minus, lanes, in.mass_minus);
-  gather(step.inputs.mass_plus, lanes, in.mass_plus);
-  gather(step.inputs.soft_plastic_rate, lanes, in.soft_plastic_rate);
+  for (const InputColumn& column : step.columns.inputs) gather(column.values, lanes, in.*column.member);
 
   physics::TileOutputs out;
-  const auto book = [&](const physics::SecondInputs* second, const physics::SecondOutputs* second_out) {
-    if (!step.outputs.wants_ledger()) return;
-    physics::TileLedger ledger;
-    model_.book(step.operators, in, out, from, to, ledger, second, second_out);
-    for (std::size_t i = 0; i < physics::kLedgerTerms; ++i) scatter(ledger.term[i], lanes, step.outputs.ledger[i]);
-  };
-  if (model_.options().tangential_components == 1) {
-    model_.advance(step.operators, in, from, to, out);
-    book(nullptr, nullptr);
-  } else {
-    physics::SecondInputs second;
-    gather(step.inputs.second_velocity_jump, lanes, second.velocity_jump);
-    gather(step.inputs.second_stress_minus, lanes, second.stress_minus);
-    gather(step.inputs.second_stress_plus, lanes, second.stress_plus);
-    physics::SecondOutputs second_out;
-    model_.advance(step.operators, in, second, from, to, out, second_out);
-    scatter(second_out.shear_stress, lanes, step.outputs.second_shear_stress);
-    scatter(second_out.sliding_velocity, lanes, step.outputs.second_sliding_velocity);
-    scatter(second_out.velocity_jump_new, lanes, step.outputs.second_velocity_jump_new);
-    book(&second, &second_out);
-  }
-
-  scatter(out.shear_stress, lanes, step.outputs.shear_stress);
-  scatter(out.sliding_velocity, lanes, step.outputs.sliding_velocity);
-  scatter(out.interface_temperature, lanes, step.outputs.interface_temperature);
-  scatter(out.velocity_jump_new, lanes, step.outputs.velocity_jump_new);
-  scatter(out.friction_heat, lanes, step.outputs.friction_heat);
-  scatter(out.regime, lanes, step.outputs.regime);
-  scatter(out.outcome, lanes, step.outputs.outcome);
-  scatter(out.error_estimate, lanes, step.outputs.error_estimate);
-
-  return count_of(out, lanes.active, to);
+  physics::TileLedger ledger;
+  model_.advance(step.operators, in, from, to, out);
+  if (step.has_ledger) model_.record_energy(step.operators, in, out, from, to, ledger);
+  for (const OutputColumn& column : step.columns.outputs)
+    std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), lanes, answer.values); }, column);
+  return count_of(out, lanes.active);
 }
 
-StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active, const double* state) const {
-  const std::size_t shadowed = model_.layout().shadowed;
+StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active) {
   StepCount count;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if ((active >> lane & 1U) == 0) continue;
+  for (const int lane : physics::lanes_of(active)) {
     if ((out.outcome[lane] & ~physics::kAsleep) != 0) ++count.flagged;
     if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
     if ((out.outcome[lane] & physics::kAsleep) != 0) ++count.asleep;
-    if (shadowed == physics::TileLayout::kAbsent || state[shadowed + lane] == 0.0) continue;
-    ++count.shadowed;
-    count.shadow_temperature_error = std::max(count.shadow_temperature_error, out.shadow_temperature_error[lane]);
-    count.shadow_stress_error = std::max(count.shadow_stress_error, out.shadow_stress_error[lane]);
   }
   return count;
 }
@@ -257,9 +224,6 @@ StepCount& StepCount::operator+=(const StepCount& other) {
   flagged += other.flagged;
   failed += other.failed;
   asleep += other.asleep;
-  shadowed += other.shadowed;
-  shadow_temperature_error = std::max(shadow_temperature_error, other.shadow_temperature_error);
-  shadow_stress_error = std::max(shadow_stress_error, other.shadow_stress_error);
   return *this;
 }
 

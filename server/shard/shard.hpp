@@ -2,8 +2,6 @@
 // it knows no bytes, no sessions and no clock.
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -15,53 +13,16 @@
 #include "server/physics/solver/tile.hpp"
 #include "server/shard/node_table.hpp"
 #include "server/shard/states.hpp"
+#include "server/shard/step_columns.hpp"
 #include "server/shard/task_pool.hpp"
 
 namespace shearbus::shard {
 
-// One value per row of the request; an empty column is zero. `second_` of a vector is its second tangential component.
-struct StepInputs {
-  std::span<const double> velocity_jump;           // [m/s]
-  std::span<const double> second_velocity_jump{};  // [m/s]
-  std::span<const double> pressure;                // [Pa]
-  std::span<const double> soft_shear_rate;         // [1/s]
-  std::span<const double> stress_minus;            // [Pa]
-  std::span<const double> second_stress_minus{};   // [Pa]
-  std::span<const double> stress_plus;             // [Pa]
-  std::span<const double> second_stress_plus{};    // [Pa]
-  std::span<const double> mass_minus;              // [kg/m2]
-  std::span<const double> mass_plus;               // [kg/m2]
-  std::span<const double> soft_plastic_rate{};     // [1/s]
-};
-
-// One value per row of the request; an empty column is not wanted.
-struct StepOutputs {
-  std::span<double> shear_stress;                // [Pa]
-  std::span<double> second_shear_stress{};       // [Pa]
-  std::span<double> sliding_velocity;            // [m/s]
-  std::span<double> second_sliding_velocity{};   // [m/s]
-  std::span<double> interface_temperature;       // [K]
-  std::span<double> velocity_jump_new;           // [m/s]
-  std::span<double> second_velocity_jump_new{};  // [m/s]
-  std::span<double> friction_heat;               // [J/m2]
-  std::span<std::uint8_t> regime;
-  std::span<std::uint8_t> outcome;
-  std::span<double> error_estimate{};                             // [1], of models with a tolerance
-  std::array<std::span<double>, physics::kLedgerTerms> ledger{};  // [J/m2], in the order of physics::LedgerTerm
-
-  bool wants_ledger() const {
-    return std::any_of(ledger.begin(), ledger.end(), [](const auto& column) { return !column.empty(); });
-  }
-};
-
 // Nodes of a step.
 struct StepCount {
-  std::uint64_t flagged = 0;              // whose outcome is neither 0 nor asleep
-  std::uint64_t failed = 0;               // of those: without an answer
-  std::uint64_t asleep = 0;               // at rest, not solved
-  std::uint64_t shadowed = 0;             // solved in full beside, and apart by at most
-  double shadow_temperature_error = 0.0;  // [K]
-  double shadow_stress_error = 0.0;       // [Pa]
+  std::uint64_t flagged = 0;  // whose outcome is neither 0 nor asleep
+  std::uint64_t failed = 0;   // of those: without an answer
+  std::uint64_t asleep = 0;   // at rest, not solved
 
   StepCount& operator+=(const StepCount& other);
 };
@@ -99,15 +60,14 @@ class Shard {
 
   // Steps the nodes of `rows` from their committed states and leaves the answer as the trial, in place of any trial
   // before it. Nodes that are not in `rows` keep their states, and so do those without an answer. Throws nothing.
-  StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
-                 const StepOutputs& outputs);
+  StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
   // The same kept aside, from the standing trial where `from_trial`: the shard is as before until it is taken, which
   // leaves it as the trial and cannot fail. The trial it was made from must have been committed by then.
   class Attempt;
-  Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepInputs& inputs,
-                  const StepOutputs& outputs, bool from_trial);
-  void take(const Attempt& attempt);
+  Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
+                  bool from_trial);
+  void adopt(const Attempt& attempt);
 
   bool has_trial() const { return has_trial_; }
   void commit();    // the trial becomes the committed states
@@ -126,7 +86,7 @@ class Shard {
   NodeChange adding(std::span<const std::uint64_t> node_ids, std::span<const double> temperature,
                     const States* states = nullptr) const;
   NodeChange removing(std::span<const std::uint32_t> slots) const;
-  void take(NodeChange&& change);
+  void apply(NodeChange&& change);
 
   States committed_states() const;  // of every node
   // Of the nodes in these slots, as rows 0, 1, ...; `of_trial`: those of the trial where it has any.
@@ -154,7 +114,6 @@ class Shard {
   double* buffer(std::size_t tile, unsigned which) const;
   double* committed(std::size_t tile) const { return buffer(tile, committed_[tile]); }
   static std::uint32_t tile_of(std::uint32_t slot);
-  bool is_shadowed(std::uint64_t node_id) const;
   void size_lists(std::size_t nodes, NodeChange& change) const;
   States states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const;
   void check_states(const States& states, std::size_t nodes) const;
@@ -164,7 +123,7 @@ class Shard {
   template <typename From, typename To>
   StepCount step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from, const To& to);
   StepCount step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const;
-  StepCount count_of(const physics::TileOutputs& out, std::uint32_t active, const double* state) const;
+  static StepCount count_of(const physics::TileOutputs& out, std::uint32_t active);
 
   static constexpr std::uint32_t kNoRow = 0xffffffff;
 

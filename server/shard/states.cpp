@@ -11,57 +11,21 @@ namespace shearbus::shard {
 
 using physics::kLanes;
 
-std::vector<StatePart> state_parts(const physics::Model& model) {
-  const physics::TileLayout& layout = model.layout();
-  const auto second_row = [](std::size_t offset) {
-    return offset == physics::TileLayout::kAbsent ? offset : offset + kLanes;
-  };
-  const StatePart known[] = {{"hard_temperature_k", "K", layout.hard_temperature, layout.num_hard_vertices},
-                             {"heat_modes_k", "K", layout.heat_modes, layout.num_heat_modes},
-                             {"temperature_k", "K", layout.temperature, layout.num_vertices},
-                             {"plastic_strain", "1", layout.plastic_strain, layout.num_strain_vertices},
-                             {"heat_shape", "1", layout.heat_shape, layout.num_strain_vertices},
-                             {"shear_stress_pa", "Pa", layout.shear_stress, layout.num_stress_vertices},
-                             {"second_shear_stress_pa", "Pa", layout.second_stress, 1},
-                             {"layer_velocity_m_per_s", "m s-1", layout.layer_velocity, layout.num_velocity_cells},
-                             {"regime", "1", layout.regime, 1},
-                             {"sticking", "1", layout.sticking, 1},
-                             {"junction_strain", "1", layout.junction_strain, 1},
-                             {"resting", "1", layout.resting, 2},
-                             {"hottest_at_rest_k", "K", layout.weakest, 1},
-                             {"least_strain_at_rest", "1", second_row(layout.weakest), 1},
-                             {"shadowed", "1", layout.shadowed, 1}};
-  std::vector<StatePart> parts;
-  std::size_t doubles = 0;
-  for (const StatePart& part : known) {
-    if (part.offset == physics::TileLayout::kAbsent) continue;
-    parts.push_back(part);
-    doubles += part.width * kLanes;
-  }
-  if (const physics::Model* full = model.full()) {
-    for (const StatePart& part : state_parts(*full))
-      parts.push_back({"shadow_" + part.name, part.units, layout.shadow + part.offset, part.width});
-    doubles += full->layout().doubles;
-  }
-  if (doubles != layout.doubles) throw std::logic_error("a tile has parts that no state column names");
-  return parts;
-}
-
 std::uint32_t Shard::tile_of(std::uint32_t slot) {
   return slot / kLanes;
 }
 
 States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const {
   States states{.rows = std::move(rows), .columns = {}};
-  for (const StatePart& part : state_parts(model_)) {
-    StateColumn column{.name = part.name, .units = part.units, .width = part.width, .values = {}};
-    column.values.reserve(slots.size() * part.width);
+  for (const physics::State& state : model_.layout().states()) {
+    StateColumn column{.name = state.name, .units = state.unit, .width = state.width, .values = {}};
+    column.values.reserve(slots.size() * state.width);
     for (const std::uint32_t slot : slots) {
       const std::uint32_t tile = tile_of(slot);
       const bool in_trial = of_trial && std::binary_search(touched_.begin(), touched_.end(), tile);
       const double* from =
-          buffer(tile, in_trial ? 1U - committed_[tile] : committed_[tile]) + part.offset + slot % kLanes;
-      for (std::size_t i = 0; i < part.width; ++i) column.values.push_back(from[i * kLanes]);
+          buffer(tile, in_trial ? 1U - committed_[tile] : committed_[tile]) + state.offset + slot % kLanes;
+      for (std::size_t i = 0; i < state.width; ++i) column.values.push_back(from[i * kLanes]);
     }
     states.columns.push_back(std::move(column));
   }
@@ -93,18 +57,18 @@ States Shard::trial_states() const {
 }
 
 void Shard::check_states(const States& states, std::size_t nodes) const {
-  const std::vector<StatePart> parts = state_parts(model_);
-  if (states.columns.size() != parts.size())
+  const std::span<const physics::State> known = model_.layout().states();
+  if (states.columns.size() != known.size())
     throw std::invalid_argument("states of " + std::to_string(states.columns.size()) + " columns; the model has " +
-                                std::to_string(parts.size()));
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    const StatePart& part = parts[i];
+                                std::to_string(known.size()));
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    const physics::State& state = known[i];
     const StateColumn& column = states.columns[i];
-    if (column.name != part.name || column.width != part.width ||
-        column.values.size() != states.rows.size() * part.width)
+    if (column.name != state.name || column.width != state.width ||
+        column.values.size() != states.rows.size() * state.width)
       throw std::invalid_argument("state column " + column.name + " [" + std::to_string(column.values.size()) +
-                                  " values] is not the model's " + part.name + " [" +
-                                  std::to_string(states.rows.size()) + "][" + std::to_string(part.width) + "]");
+                                  " values] is not the model's " + state.name + " [" +
+                                  std::to_string(states.rows.size()) + "][" + std::to_string(state.width) + "]");
   }
   for (const std::uint32_t row : states.rows)
     if (row >= nodes) throw std::invalid_argument("states of row " + std::to_string(row) + ", which does not exist");

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,7 +12,7 @@
 
 namespace shearbus::shard {
 
-// One part of the state: `width` values per node, [node][width].
+// One state of the nodes: `width` values per node, [node][width].
 struct StateColumn {
   std::string name;   // "temperature_k"
   std::string units;  // "K"
@@ -24,27 +25,16 @@ struct States {
   std::vector<StateColumn> columns;
 };
 
-// A part of a tile that is a column of its states.
-struct StatePart {
-  std::string name;
-  const char* units;
-  std::size_t offset;  // in the tile
-  std::size_t width;
-};
-
-// The parts of this model's tiles, which together are all of them.
-std::vector<StatePart> state_parts(const physics::Model& model);
-
-// Writes the rows of `states`, which has the parts of this model; `state_of(i)` points at the lane of row i in its
+// Writes the rows of `states`, whose columns are the states of this model; `state_of(i)` points at the lane of row i in its
 // tile.
 template <typename StateOf>
 void write_states(const States& states, const physics::Model& model, const StateOf& state_of) {
-  const std::vector<StatePart> parts = state_parts(model);
-  for (std::size_t part = 0; part < parts.size(); ++part)
+  const std::span<const physics::State> known = model.layout().states();
+  for (std::size_t state = 0; state < known.size(); ++state)
     for (std::size_t row = 0; row < states.rows.size(); ++row) {
-      const std::size_t width = parts[part].width;
-      const double* from = states.columns[part].values.data() + row * width;
-      double* to = state_of(row) + parts[part].offset;
+      const std::size_t width = known[state].width;
+      const double* from = states.columns[state].values.data() + row * width;
+      double* to = state_of(row) + known[state].offset;
       for (std::size_t i = 0; i < width; ++i) to[i * physics::kLanes] = from[i];
     }
 }

@@ -54,21 +54,21 @@ std::vector<std::string> words_of(const std::string& text) {
   return words;
 }
 
-void put_states(const Handle& parent, const std::string& name, const shard::States& states) {
-  const Handle group = make_group(parent, name);
+void put_states(hid_t parent, const std::string& name, const shard::States& states) {
+  const hdf5::Group group = make_group(parent, name);
   put_numbers(group, "slot", states.rows, states.rows.size());
-  // A list of the columns: a group alone would give them back in the order of their names.
+  // The attribute keeps the order of the columns: HDF5 lists the members of a group by name.
   std::string names;
   for (const shard::StateColumn& column : states.columns) {
     names += (names.empty() ? "" : " ") + column.name;
-    const Handle dataset = put_numbers(group, column.name, column.values, states.rows.size(), column.width);
+    const hdf5::Dataset dataset = put_numbers(group, column.name, column.values, states.rows.size(), column.width);
     put_text(dataset, "units", column.units);
   }
   put_text(group, "columns", names);
 }
 
-shard::States states_of(const Handle& parent, const std::string& name) {
-  const Handle group = open_group(parent, name);
+shard::States states_of(hid_t parent, const std::string& name) {
+  const hdf5::Group group = open_group(parent, name);
   shard::States states{.rows = numbers_of<std::uint32_t>(group, "slot"), .columns = {}};
   for (const std::string& name_of_column : words_of(text_of(group, "columns"))) {
     shard::StateColumn column{.name = name_of_column, .units = {}, .width = 0, .values = {}};
@@ -83,16 +83,16 @@ std::string mark_name(std::uint64_t number) {
   return "mark_" + std::to_string(number);
 }
 
-void put_ids(const Handle& group, const std::vector<std::uint64_t>& node_ids) {
+void put_ids(hid_t group, const std::vector<std::uint64_t>& node_ids) {
   put_numbers(group, "node_id", node_ids, node_ids.size());
 }
 
-std::vector<std::uint64_t> ids_of(const Handle& group) {
+std::vector<std::uint64_t> ids_of(hid_t group) {
   return numbers_of<std::uint64_t>(group, "node_id");
 }
 
-void put_session(const Handle& parent, const SessionImage& session, std::uint64_t order) {
-  const Handle group = make_group(parent, hexadecimal(session.id));
+void put_session(hid_t parent, const SessionImage& session, std::uint64_t order) {
+  const hdf5::Group group = make_group(parent, hexadecimal(session.id));
   put_number(group, "order", order);
   put_number(group, "open", session.open ? 1 : 0);
   put_number(group, "last_sequence", session.last_sequence);
@@ -107,13 +107,13 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
   put_number(group, "state_version", session.state_version);
-  put_text_dataset(group, "scene_toml", session.scene);  // an attribute could hold 64 kB only
+  put_text_dataset(group, "scene_toml", session.scene);  // an attribute holds at most 64 kB
   put_ids(group, session.node_ids);
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);
   put_number(group, "marks", session.marks.size());
   for (std::size_t i = 0; i < session.marks.size(); ++i) {
-    const Handle mark = make_group(group, mark_name(i));
+    const hdf5::Group mark = make_group(group, mark_name(i));
     put_text(mark, "name", session.marks[i].name);
     put_number(mark, "sequence", session.marks[i].sequence);
     put_number(mark, "state_version", session.marks[i].state_version);
@@ -122,8 +122,8 @@ void put_session(const Handle& parent, const SessionImage& session, std::uint64_
   }
 }
 
-SessionImage session_of(const Handle& parent, const std::string& name, std::uint64_t& order) {
-  const Handle group = open_group(parent, name);
+SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& order) {
+  const hdf5::Group group = open_group(parent, name);
   SessionImage session;
   session.id = key_from(name);
   order = number_of(group, "order");
@@ -145,7 +145,7 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   session.committed = states_of(group, "committed");
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");
   for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
-    const Handle mark = open_group(group, mark_name(i));
+    const hdf5::Group mark = open_group(group, mark_name(i));
     session.marks.push_back({.name = text_of(mark, "name"),
                              .sequence = number_of(mark, "sequence"),
                              .state_version = number_of(mark, "state_version"),
@@ -155,8 +155,8 @@ SessionImage session_of(const Handle& parent, const std::string& name, std::uint
   return session;
 }
 
-void put_transfer(const Handle& parent, const TransferImage& transfer) {
-  const Handle group = make_group(parent, hexadecimal(transfer.id));
+void put_transfer(hid_t parent, const TransferImage& transfer) {
+  const hdf5::Group group = make_group(parent, hexadecimal(transfer.id));
   put_text(group, "giver", hexadecimal(transfer.giver));
   put_number(group, "sequence", transfer.sequence);
   put_text(group, "identity", transfer.identity);
@@ -166,8 +166,8 @@ void put_transfer(const Handle& parent, const TransferImage& transfer) {
   put_states(group, "states", transfer.states);
 }
 
-TransferImage transfer_of(const Handle& parent, const std::string& name) {
-  const Handle group = open_group(parent, name);
+TransferImage transfer_of(hid_t parent, const std::string& name) {
+  const hdf5::Group group = open_group(parent, name);
   return {.id = key_from(name),
           .giver = key_from(text_of(group, "giver")),
           .sequence = number_of(group, "sequence"),
@@ -181,7 +181,7 @@ TransferImage transfer_of(const Handle& parent, const std::string& name) {
 }  // namespace
 
 std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t generation) {
-  const Handle file = new_image();
+  const hdf5::File file = new_image();
   put_text(file, "format", kFormat);
   put_number(file, "format_version", kCheckpointVersion);
   put_text(file, "server_version", snapshot.server_version);
@@ -189,9 +189,9 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
   put_number(file, "generation", generation);
   put_number(file, "next_index", snapshot.next_index);
   {
-    const Handle sessions = make_group(file, "sessions");
+    const hdf5::Group sessions = make_group(file, "sessions");
     for (std::size_t i = 0; i < snapshot.sessions.size(); ++i) put_session(sessions, snapshot.sessions[i], i);
-    const Handle transfers = make_group(file, "transfers");
+    const hdf5::Group transfers = make_group(file, "transfers");
     for (const TransferImage& transfer : snapshot.transfers) put_transfer(transfers, transfer);
   }
   std::vector<std::byte> bytes = bytes_of_image(file);
@@ -224,13 +224,13 @@ Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generati
 Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t generation) {
   const Bytes image = verified_image(file, name, generation);
   try {
-    const Handle opened = open_image(image);
+    const hdf5::File opened = open_image(image);
     Snapshot snapshot;
     if (text_of(opened, "format") != kFormat || number_of(opened, "format_version") != kCheckpointVersion)
       throw Hdf5Error("find the format it was written for");
     snapshot.server_version = text_of(opened, "server_version");
     snapshot.next_index = number_of(opened, "next_index");
-    const Handle sessions = open_group(opened, "sessions");
+    const hdf5::Group sessions = open_group(opened, "sessions");
     const auto names = children_of(sessions);
     snapshot.sessions.resize(names.size());
     for (const std::string& child : names) {
@@ -239,7 +239,7 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
       if (order >= names.size()) throw Hdf5Error("order the sessions");
       snapshot.sessions[order] = std::move(session);
     }
-    const Handle transfers = open_group(opened, "transfers");
+    const hdf5::Group transfers = open_group(opened, "transfers");
     for (const std::string& child : children_of(transfers)) snapshot.transfers.push_back(transfer_of(transfers, child));
     return snapshot;
   } catch (const Hdf5Error& fault) {
@@ -251,8 +251,8 @@ namespace {
 
 constexpr const char* kCapsuleFormat = "shearbus failure capsule";
 
-void put_values(const Handle& parent, const std::string& name, const std::vector<CapsuleValue>& values) {
-  const Handle group = make_group(parent, name);
+void put_values(hid_t parent, const std::string& name, const std::vector<CapsuleValue>& values) {
+  const hdf5::Group group = make_group(parent, name);
   std::string names;
   for (const CapsuleValue& value : values) {
     names += (names.empty() ? "" : " ") + value.name;
@@ -261,8 +261,8 @@ void put_values(const Handle& parent, const std::string& name, const std::vector
   put_text(group, "columns", names);
 }
 
-std::vector<CapsuleValue> values_of(const Handle& parent, const std::string& name) {
-  const Handle group = open_group(parent, name);
+std::vector<CapsuleValue> values_of(hid_t parent, const std::string& name) {
+  const hdf5::Group group = open_group(parent, name);
   std::vector<CapsuleValue> values;
   for (const std::string& column : words_of(text_of(group, "columns"))) {
     const auto numbers = numbers_of<double>(group, column);
@@ -272,7 +272,7 @@ std::vector<CapsuleValue> values_of(const Handle& parent, const std::string& nam
   return values;
 }
 
-double double_of(const Handle& group, const std::string& name) {
+double double_of(hid_t group, const std::string& name) {
   const auto numbers = numbers_of<double>(group, name);
   if (numbers.size() != 1) throw Hdf5Error("find one number in " + name);
   return numbers.front();
@@ -281,7 +281,7 @@ double double_of(const Handle& group, const std::string& name) {
 }  // namespace
 
 std::vector<std::byte> capsule_bytes(const Capsule& capsule) {
-  const Handle file = new_image();
+  const hdf5::File file = new_image();
   put_text(file, "format", kCapsuleFormat);
   put_number(file, "format_version", kCapsuleVersion);
   put_text(file, "server_version", capsule.server_version);
@@ -301,7 +301,7 @@ std::vector<std::byte> capsule_bytes(const Capsule& capsule) {
 }
 
 Capsule read_capsule(Bytes file, const std::string& name) try {
-  const Handle opened = open_image(file);
+  const hdf5::File opened = open_image(file);
   if (text_of(opened, "format") != kCapsuleFormat || number_of(opened, "format_version") != kCapsuleVersion)
     throw Hdf5Error("find the format \"" + std::string(kCapsuleFormat) + "\", version " +
                     std::to_string(kCapsuleVersion));

@@ -1,5 +1,5 @@
-// A snapshot as the bytes of a checkpoint file and back: an HDF5 image built in memory, and a footer with its hash.
-// HDF5 is never asked to write to a disk, and never shown bytes whose hash is wrong. FORMAT.md tells the layout.
+// Converts a snapshot to the bytes of a checkpoint file and back: an HDF5 image built in memory, and a footer with its
+// hash. HDF5 never writes to a disk and never reads bytes whose hash is wrong. FORMAT.md describes the layout.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +14,10 @@ namespace shearbus::store {
 
 std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t generation);
 
-// The bytes of the image, after everything about the file was checked. Throws DamagedFile.
+// Checks footer, lengths and hashes of the file and returns the bytes of its image. Throws DamagedFile.
 Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generation);
 
-// A capsule as an HDF5 file, and back; throws DamagedFile.
+// Convert a capsule to an HDF5 file and back. Reading throws DamagedFile.
 std::vector<std::byte> capsule_bytes(const Capsule& capsule);
 Capsule read_capsule(Bytes file, const std::string& name);
 

@@ -21,7 +21,7 @@ Snapshot read(const std::filesystem::path& path) {
   file.seekg(0);
   file.read(reinterpret_cast<char*>(bytes.data()), size);
   if (!file) throw std::runtime_error(path.string() + ": cannot be read");
-  // A copy may have any name; the footer's own word for its generation is as good here.
+  // The generation is read from the footer, since a copy of a checkpoint may have any name.
   CheckpointFooter footer;
   if (bytes.size() >= sizeof footer) std::memcpy(&footer, bytes.data() + bytes.size() - sizeof footer, sizeof footer);
   return read_checkpoint(bytes, path.string(), footer.generation);
@@ -29,7 +29,8 @@ Snapshot read(const std::filesystem::path& path) {
 
 std::string number(double value) {
   std::array<char, 32> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};  // all its digits
+  // The shortest text that reads back to the same bits.
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 std::string number(std::uint64_t value) {
   return std::to_string(value);
@@ -54,7 +55,7 @@ std::string difference(const std::string& where, const shard::States& a, const s
                        const std::vector<std::uint64_t>& node_ids) {
   if (a.rows != b.rows) return where + ": states of other nodes";
   if (a.columns.size() != b.columns.size()) return where + ": other quantities";
-  // Node by node, as an error spreads; the first quantity of the first node that differs is told.
+  // Report the first quantity of the first node that differs: nodes in the outer loop, quantities in the inner one.
   for (std::size_t row = 0; row < a.rows.size(); ++row)
     for (std::size_t c = 0; c < a.columns.size(); ++c) {
       const shard::StateColumn &x = a.columns[c], &y = b.columns[c];
@@ -98,7 +99,7 @@ std::string difference(const SessionImage& a, const SessionImage& b) {
   return text.empty() ? difference_of_marks(where, a, b) : text;
 }
 
-// Offers that no session has accepted yet, in the order of their ids.
+// Compares the offers that no session has accepted yet, in the order of their ids.
 std::string difference_of_transfers(const Snapshot& a, const Snapshot& b) {
   const std::string where = "nodes offered";
   if (std::string text = difference<std::uint64_t>(where + ", offers", a.transfers.size(), b.transfers.size());

@@ -1,4 +1,4 @@
-// Two checkpoints, state by state: which session, node and quantity is the first that differs.
+// Compares two checkpoints state by state and names the first session, node and quantity that differ.
 #pragma once
 
 #include <filesystem>
@@ -6,9 +6,10 @@
 
 namespace shearbus::store {
 
-// Empty: the sessions are the same to the last bit, times and identities apart. Sessions are paired by their ids; one
-// whose id the other file does not have, with the first that has its scene and nodes. Throws std::runtime_error for
-// files that cannot be read, DamagedFile for those that are no sound checkpoints.
+// Returns an empty text if all sessions agree to the last bit; times and identities are not compared. Sessions are
+// paired by id. A session whose id is missing in the other file is paired with the first session that has the same
+// scene and nodes. Throws std::runtime_error for a file that cannot be read, DamagedFile for a file that is not a sound
+// checkpoint.
 std::string first_difference(const std::filesystem::path& a, const std::filesystem::path& b);
 
 }  // namespace shearbus::store

@@ -1,5 +1,5 @@
-// The bytes of the store's files: FORMAT.md in code. Little-endian; every length and sum is checked before it is
-// believed.
+// Structures of the store's files, as FORMAT.md describes them. Little-endian. Every length and every sum is checked
+// before it is used.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace shearbus::store {
 
 static_assert(std::endian::native == std::endian::little, "files are written as they stand in memory");
 
-// A file that is not what a server wrote: which, where, what was expected and found.
+// A file that no server can have written. The text names the file, the place, the expected and the found value.
 class DamagedFile : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -27,38 +27,38 @@ inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K'
 
 using SessionKey = std::array<std::uint8_t, 16>;
 
-// First in every journal segment.
+// Header at the start of every journal segment.
 struct SegmentHeader {
   std::array<char, 8> magic = kJournalMagic;
   std::uint32_t version = kJournalVersion;
   std::uint32_t header_bytes = 48;
-  std::uint64_t number = 0;       // of the segment, as in its name
-  std::uint64_t epoch = 0;        // of the server that wrote it: stands in the replies to these requests
-  std::uint64_t first_index = 0;  // of its first record
+  std::uint64_t number = 0;       // number of the segment, as in its file name
+  std::uint64_t epoch = 0;        // epoch of the server that wrote it, as in the replies to these requests
+  std::uint64_t first_index = 0;  // index of its first record
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
 };
 static_assert(sizeof(SegmentHeader) == 48);
 
-// Before the bytes of every record; XXH3-64 of header and bytes follows them.
+// Header before the bytes of every record. The XXH3-64 of header and bytes follows the bytes.
 struct RecordHeader {
-  std::uint64_t index = 0;  // records are numbered through all segments, without gaps
+  std::uint64_t index = 0;  // records are numbered across all segments, without gaps
   SessionKey session{};
-  std::uint64_t sequence = 0;        // of the request in its session
-  std::uint64_t previous_reply = 0;  // XXH3-64 of the reply the session kept until then: what replay must arrive at
+  std::uint64_t sequence = 0;        // sequence of the request in its session
+  std::uint64_t previous_reply = 0;  // XXH3-64 of the reply kept before this request; a replay must produce the same
   std::uint32_t header_frame_bytes = 0;
   std::uint32_t payload_frame_bytes = 0;
   std::uint32_t identity_bytes = 0;
   std::uint32_t reserved = 0;
-  std::uint64_t sum = 0;  // XXH3-64 of the fields above, so that the lengths can be believed
+  std::uint64_t sum = 0;  // XXH3-64 of the fields above: checked before the lengths are used
 };
 static_assert(sizeof(RecordHeader) == 64);
 inline constexpr std::size_t kRecordSumBytes = 8;
-inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // no frame of any protocol version is larger
+inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // bound of a frame in every protocol version
 
-// Last in every checkpoint, after the HDF5 image.
+// Footer of every checkpoint, after the HDF5 image.
 struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
-  std::uint64_t generation = 0;              // as in the file's name
+  std::uint64_t generation = 0;              // generation, as in the file name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
   std::uint32_t version = kCheckpointVersion;
   std::uint32_t reserved = 0;

@@ -9,7 +9,7 @@
 namespace shearbus::store {
 namespace {
 
-// 0 is what a disk shows where nothing was written, so no sum is 0.
+// Unwritten parts of a file read as 0, so a sum is never 0.
 std::uint64_t never_zero(std::uint64_t sum) {
   return sum != 0 ? sum : 1;
 }
@@ -20,7 +20,7 @@ std::uint64_t sum_of_header(const Header& header) {
   return never_zero(XXH3_64bits(&header, offsetof(Header, sum)));
 }
 
-// Each part's sum is the seed of the next.
+// The sum of each part is the seed of the next part's sum.
 std::uint64_t sum_of_record(const RecordHeader& header, Bytes identity, Bytes header_frame, Bytes payload_frame) {
   std::uint64_t sum = XXH3_64bits(&header, sizeof header);
   for (const Bytes part : {identity, header_frame, payload_frame})
@@ -48,7 +48,7 @@ bool all_zero(Bytes bytes) {
   throw DamagedFile(name + ", byte " + std::to_string(offset) + ": " + what);
 }
 
-// False where the file ends before the header does.
+// Returns false if the file ends before the header does.
 bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment) {
   if (bytes.size() < sizeof(SegmentHeader) || all_zero(bytes)) return false;
   const auto header = value_at<SegmentHeader>(bytes, 0);
@@ -65,7 +65,7 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
   return true;
 }
 
-// Takes the record at segment.sound_bytes; false at the end and where the record is not whole.
+// Reads the record at segment.sound_bytes. Returns false at the end of the file and for an incomplete record.
 bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
   const std::uint64_t offset = segment.sound_bytes;
   const Bytes rest = bytes.subspan(offset);
@@ -83,7 +83,7 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
   const std::uint64_t length = frames_at + header.header_frame_bytes + header.payload_frame_bytes;
   if (rest.size() < length + kRecordSumBytes) return false;
   const auto sum = value_at<std::uint64_t>(rest, length);
-  // A file that was made longer before its data reached the disk ends in zeros, and a sum is never zero.
+  // A file whose length reached the disk before its data ends in zeros; a sum is never zero.
   if (sum == 0 && rest.size() == length + kRecordSumBytes) return false;
   const Bytes identity = rest.subspan(sizeof header, header.identity_bytes);
   const Bytes header_frame = rest.subspan(frames_at, header.header_frame_bytes);
@@ -139,7 +139,7 @@ void JournalWriter::append(const Record& record) {
   } catch (const StorageError& fault) {
     broken_ = true;
     if (!fault.no_space()) throw;
-    file_->truncate(bytes_);  // a part of the record may have found room
+    file_->truncate(bytes_);  // remove the part of the record that was written
     broken_ = false;
     throw;
   }

@@ -1,5 +1,6 @@
-// The journal: every request that changed a session, in the order they were run, one record each. Replaying it on the
-// same states gives the same states and replies, so it is the truth between two checkpoints. FORMAT.md tells the bytes.
+// The journal holds one record for each request that changed a session, in the order of execution. Replaying it from
+// the same states gives the same states and replies, so the journal defines the states between two checkpoints.
+// FORMAT.md describes the bytes.
 #pragma once
 
 #include <cstdint>
@@ -13,27 +14,27 @@
 
 namespace shearbus::store {
 
-// A request as it arrived. Where it was read from a file it points into the file's bytes.
+// A request as it arrived. A record read from a file points into the bytes of the file.
 struct Record {
   SessionKey session{};
   std::uint64_t sequence = 0;
   std::uint64_t previous_reply = 0;
   Bytes header_frame;
-  Bytes payload_frame;        // empty: there was none
-  std::string_view identity;  // of an opening: who the session belongs to
-  std::uint64_t index = 0;    // given by the journal
+  Bytes payload_frame;        // empty: the request has none
+  std::string_view identity;  // open_session only: the owner of the session
+  std::uint64_t index = 0;    // assigned by the journal
 };
 
-// The segment being written.
+// Appends records to the current segment.
 class JournalWriter {
  public:
-  // Makes the file; with `durable` its name and header have reached the disk when this returns.
+  // Creates the file. With `durable` the name and the header are on the disk when the constructor returns.
   JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable);
 
-  // Throws StorageError: where it says no_space(), the file is as before and the call may be made again; any other
-  // failure leaves the journal broken.
+  // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
+  // failure the journal must not be used.
   void append(const Record& record);
-  void sync();  // as File::sync; does nothing where nothing was appended since
+  void sync();  // as File::sync, if anything was appended since the last call
 
   std::uint64_t number() const { return number_; }
   std::uint64_t next_index() const { return next_index_; }
@@ -51,19 +52,19 @@ class JournalWriter {
   bool broken_ = false;
 };
 
-// A segment as found. `records` point into the bytes it was read from.
+// The contents of a segment. `records` point into the bytes that the segment was read from.
 struct Segment {
   std::uint64_t number = 0;
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
   std::vector<Record> records;
-  std::uint64_t sound_bytes = 0;  // up to the end of the last whole record; 0: not even the segment's header is whole
-  bool torn = false;              // a record was begun and not finished: its request was never answered
+  std::uint64_t sound_bytes = 0;  // up to the end of the last complete record; 0: not even the header is complete
+  bool torn = false;              // the last record is incomplete, so its request was never answered
 
   std::uint64_t next_index() const { return first_index + records.size(); }
 };
 
-// Throws DamagedFile for anything a writer that died while appending cannot have left.
+// Throws DamagedFile for every content that a writer which died during an append cannot have left.
 Segment read_segment(Bytes bytes, const std::string& name);
 
 }  // namespace shearbus::store

@@ -56,7 +56,7 @@ class PosixFile final : public File {
       throw StorageError("cannot shorten " + name_, errno);
   }
   void sync() override {
-    // Not retried on anything: after a failure the kernel may call the lost pages clean.
+    // A failed fsync is never retried: the kernel may have marked the lost pages as clean.
     if (::fdatasync(file_) < 0) throw StorageError("cannot bring " + name_ + " to the disk", errno);
   }
 

@@ -1,4 +1,4 @@
-// A directory of the file system as Storage, held by one process at a time.
+// Storage in a directory of the file system, locked by one process at a time.
 #pragma once
 
 #include <filesystem>
@@ -9,9 +9,9 @@ namespace shearbus::store {
 
 class PosixStorage final : public Storage {
  public:
-  // Makes the directory (mode 0700) where it does not exist, and locks it. Throws std::runtime_error where another
-  // process holds it, or where it belongs to somebody else or can be written by others: whoever writes here chooses the
-  // states.
+  // Creates the directory (mode 0700) if it does not exist, and locks it. Throws std::runtime_error if another process
+  // holds the lock, or if another user owns the directory or can write to it: write access to the directory is control
+  // over the states.
   explicit PosixStorage(const std::filesystem::path& directory);
   PosixStorage(const PosixStorage&) = delete;
   PosixStorage& operator=(const PosixStorage&) = delete;

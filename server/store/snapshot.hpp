@@ -1,4 +1,4 @@
-// Everything a server holds, as values: what a checkpoint keeps.
+// The contents of a checkpoint: all sessions and offers of a server, as plain values.
 #pragma once
 
 #include <cstdint>
@@ -11,42 +11,42 @@
 
 namespace shearbus::store {
 
-// States kept under a name.
+// States that a client saved under a name (wire::Mark).
 struct MarkImage {
   std::string name;
-  std::uint64_t sequence = 0;  // of the request that made it
+  std::uint64_t sequence = 0;  // sequence of the request that created the mark
   std::uint64_t state_version = 0;
   std::vector<std::uint64_t> node_ids;
   shard::States states;
 };
 
-// Nodes on their way from one session to another.
+// Nodes that one session has offered and no other has accepted yet.
 struct TransferImage {
   SessionKey id{};
   SessionKey giver{};
-  std::uint64_t sequence = 0;  // of the giver's request
-  std::string identity;        // whose domain it is
+  std::uint64_t sequence = 0;  // sequence of the giver's request
+  std::string identity;        // owner of the domain
   std::string domain;
-  std::string layers;  // what a session's scene must be to take them
+  std::string layers;  // layers that the accepting session must have, as TOML
   std::vector<std::uint64_t> node_ids;
   shard::States states;
 };
 
 struct SessionImage {
   SessionKey id{};
-  bool open = true;           // a closed session keeps its conversation only
-  std::string identity;       // who the session belongs to
+  bool open = true;           // a closed session keeps only its last request and reply
+  std::string identity;       // owner of the session
   SessionKey resume_token{};  // all zero: none
   std::string domain;         // empty: none
   std::uint64_t last_sequence = 0;
-  std::uint64_t last_hash = 0;           // of the last request's bytes
-  std::vector<std::byte> reply_header;   // the kept reply's frames
+  std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes
+  std::vector<std::byte> reply_header;   // frames of the kept reply
   std::vector<std::byte> reply_payload;  // empty: none
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
 
-  // Of an open session.
+  // The members below are set for open sessions only.
   std::string scene;  // effective, as TOML
   std::vector<std::uint64_t> node_ids;
   std::uint64_t state_version = 0;
@@ -55,9 +55,9 @@ struct SessionImage {
   std::vector<MarkImage> marks;  // oldest first
 };
 
-// A node's step that failed, with all that is needed to run it again alone.
+// A node's step that failed, with all inputs needed to repeat it for this node alone.
 struct CapsuleValue {
-  std::string name;  // with its unit: "pressure_pa"
+  std::string name;  // name with unit: "pressure_pa"
   double value = 0.0;
 };
 struct Capsule {
@@ -70,15 +70,15 @@ struct Capsule {
   double time_s = 0.0;
   std::uint64_t step = 0;
   std::uint64_t attempt = 0;
-  shard::States state;  // that it started from, one row
+  shard::States state;  // state before the step, one row
   std::vector<CapsuleValue> inputs;
-  std::vector<CapsuleValue> answer;  // what the host was, or would have been, told
+  std::vector<CapsuleValue> answer;  // reply columns of the failed step
 };
 
 struct Snapshot {
-  std::uint64_t next_index = 0;        // of the journal: the first record these states have not seen
-  std::string server_version;          // that wrote it
-  std::vector<SessionImage> sessions;  // closed ones in the order of their closing
+  std::uint64_t next_index = 0;        // index of the first journal record that is not in these states
+  std::string server_version;          // version of the server that wrote the checkpoint
+  std::vector<SessionImage> sessions;  // closed sessions in the order in which they were closed
   std::vector<TransferImage> transfers;
 };
 

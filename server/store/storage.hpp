@@ -1,5 +1,5 @@
-// The few things the store asks of a disk: one flat directory of append-only files. An interface, so that tests can put
-// a disk in its place that fails or dies at any call.
+// What the store needs of a disk: one flat directory of append-only files. It is an interface so that tests can
+// substitute a disk that fails or loses power at any call.
 #pragma once
 
 #include <cerrno>
@@ -15,7 +15,7 @@ namespace shearbus::store {
 
 using Bytes = std::span<const std::byte>;
 
-// A call of the disk that failed.
+// A failed call of the disk.
 class StorageError : public std::runtime_error {
  public:
   StorageError(const std::string& doing, int code);
@@ -26,28 +26,28 @@ class StorageError : public std::runtime_error {
   int code_;
 };
 
-// An open file; it grows at its end only.
+// An open file, which can only be appended to or truncated.
 class File {
  public:
   virtual ~File() = default;
-  // All of the parts, one after the other. Where it throws, any part of them may have been written.
+  // Appends all parts in order. If it throws, any prefix of the bytes may have been written.
   virtual void append(std::span<const Bytes> parts) = 0;
   virtual void truncate(std::uint64_t size) = 0;
-  // What was written survives the loss of power from here on. A failure is final: what was written before may be gone,
-  // and the next call may succeed all the same.
+  // After the call the written bytes survive a loss of power. A failure is final: earlier bytes may be lost, although a
+  // further call may succeed.
   virtual void sync() = 0;
 };
 
 class Storage {
  public:
   virtual ~Storage() = default;
-  virtual std::vector<std::string> list() = 0;                              // names, in no order
-  virtual std::vector<std::byte> read(const std::string& name) = 0;         // all of it
-  virtual std::unique_ptr<File> create(const std::string& name) = 0;        // fails where the name exists
-  virtual std::unique_ptr<File> open(const std::string& name) = 0;          // to append; fails where it does not exist
-  virtual void rename(const std::string& from, const std::string& to) = 0;  // replaces `to`
+  virtual std::vector<std::string> list() = 0;                        // names, in any order
+  virtual std::vector<std::byte> read(const std::string& name) = 0;   // the whole content
+  virtual std::unique_ptr<File> create(const std::string& name) = 0;  // fails if the name exists
+  virtual std::unique_ptr<File> open(const std::string& name) = 0;    // for appending; fails if the name does not exist
+  virtual void rename(const std::string& from, const std::string& to) = 0;  // replaces an existing `to`
   virtual void remove(const std::string& name) = 0;
-  virtual void sync_directory() = 0;  // names survive the loss of power
+  virtual void sync_directory() = 0;  // after the call the names survive a loss of power
 };
 
 }  // namespace shearbus::store

@@ -18,7 +18,7 @@ constexpr std::string_view kUnfinished = ".tmp";
 constexpr std::string_view kSetAside = ".unused";
 constexpr std::size_t kGenerationsKept = 2;
 
-// The number of a file of this kind; nothing for other names.
+// Returns the number in a file name of this kind, or nothing for another name.
 std::optional<std::uint64_t> number_in(std::string_view name, std::string_view prefix, std::string_view suffix) {
   if (!name.starts_with(prefix) || !name.ends_with(suffix) || name.size() <= prefix.size() + suffix.size()) return {};
   name.remove_prefix(prefix.size());
@@ -43,7 +43,7 @@ const char* name(Durability durability) {
   return "?";
 }
 
-// The files of the directory by kind, numbers ascending.
+// Lists the files of the directory by kind, with ascending numbers.
 struct Store::Found {
   std::vector<std::uint64_t> checkpoints;
   std::vector<std::uint64_t> segments;
@@ -91,7 +91,7 @@ void Store::recover_from(const Found& found, Recovery& recovery) {
   replay_segments(found, restore_newest(found, recovery), recovery);
 }
 
-// Returns the index of the first record that is not in what was restored.
+// Returns the index of the first record that is not part of the restored checkpoint.
 std::uint64_t Store::restore_newest(const Found& found, Recovery& recovery) {
   std::string faults;
   std::optional<Snapshot> newest;
@@ -120,7 +120,7 @@ std::uint64_t Store::restore_newest(const Found& found, Recovery& recovery) {
 
 void Store::replay_segments(const Found& found, std::uint64_t base, Recovery& recovery) {
   next_index_ = base;
-  std::string torn;  // the segment whose last record is not whole
+  std::string torn;  // name of the segment whose last record is incomplete
   for (const std::uint64_t number : found.segments) {
     const std::string file = segment_name(number);
     const std::vector<std::byte> bytes = storage_.read(file);
@@ -128,7 +128,7 @@ void Store::replay_segments(const Found& found, std::uint64_t base, Recovery& re
     if (!torn.empty() && !segment.records.empty())
       throw DamagedFile(torn + ": it ends in the middle of a record, and " + file + " goes on");
     if (segment.sound_bytes == 0) {
-      storage_.remove(file);  // its making was cut short: it never held a record
+      storage_.remove(file);  // an incomplete header: the segment never held a record
       continue;
     }
     if (segment.number != number)
@@ -172,7 +172,7 @@ void Store::set_aside(const Found& found) {
 }
 
 void Store::start_segment() {
-  const std::uint64_t number = next_segment_++;  // also where it fails: a file of that name may exist then
+  const std::uint64_t number = next_segment_++;  // even if the creation fails, since the file may exist afterwards
   journal_ = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
                                              options_.durability == Durability::kPower);
   segments_.push_back({number, next_index_});
@@ -217,7 +217,7 @@ bool Store::checkpoint(Snapshot snapshot) {
     write_checkpoint(snapshot);
   } catch (const std::exception& fault) {
     ++counters_.checkpoints_failed;
-    // A generation's name may stand on disk with unknown contents: it is not used again.
+    // After a failure a file with this generation may exist with unknown contents, so the number is not reused.
     ++next_generation_;
     retry_at_bytes_ = bytes_since_checkpoint_ + options_.checkpoint_bytes / 8 + 1;
     log(std::string("the checkpoint could not be written: ") + fault.what() +
@@ -277,9 +277,9 @@ std::string Store::leave_capsule(const Capsule& capsule) {
   return file;
 }
 
-// The newest checkpoints stay, and every segment with a record the older of them has not seen. What else stands on disk
-// from before - damaged, or written by an attempt that failed after its rename - goes first, and for good: once the
-// segments are gone, an older checkpoint is one that cannot be used.
+// Keeps the newest checkpoints and every segment with a record later than the oldest of them. All other checkpoints,
+// damaged ones and those of attempts that failed after the rename, are removed before the segments and durably: without
+// the segments an older checkpoint cannot be used.
 void Store::prune() {
   if (checkpoints_.size() > kGenerationsKept)
     checkpoints_.erase(checkpoints_.begin(), checkpoints_.end() - kGenerationsKept);

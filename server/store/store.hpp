@@ -1,9 +1,9 @@
-// The state directory: checkpoints and the journal between them. It says what is recovered at start, what is kept of
-// every request, and when the states themselves are written; it knows nothing of what requests mean.
+// The state directory: checkpoints and the journal between them. The store decides what is recovered at the start, what
+// is kept of each request and when a checkpoint is due. It does not interpret requests.
 //
-// Recovery takes the newest sound checkpoint and replays every later record on it. What is damaged is never loaded and
-// never passed over in silence: a checkpoint has the one before it, and the journal since, to fall back on; a journal
-// has not, so a damaged one stops the server and asks for a person.
+// Recovery loads the newest sound checkpoint and replays every later record. A damaged file is never loaded and never
+// skipped without a message. A damaged checkpoint is replaced by the one before it and the journal since then. A
+// damaged journal has no replacement: the server stops and an operator must decide.
 #pragma once
 
 #include <cstdint>
@@ -19,62 +19,62 @@
 namespace shearbus::store {
 
 enum class Durability {
-  kNone,     // checkpoints only: what came after the last one is lost with the server
-  kProcess,  // journaled before it is answered: survives the death of the server, not of the machine
-  kPower,    // and brought to the disk before it is answered: survives the loss of power
+  kNone,     // checkpoints only: requests after the last checkpoint are lost with the server
+  kProcess,  // a request is journaled before its answer: it survives the death of the server process
+  kPower,    // a request is on the disk before its answer: it survives a loss of power
 };
 const char* name(Durability durability);
 
 struct StoreOptions {
   Durability durability = Durability::kProcess;
-  std::uint64_t epoch = 1;                                    // of this incarnation of the server
-  std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // of journal, after which a checkpoint is due
-  std::size_t max_capsules = 16;  // failure capsules in the directory; more are not written until some are taken away
-  bool accept_empty = false;      // set unreadable files aside and start with nothing, instead of refusing to
-  std::function<void(const std::string&)> log;  // what a person should know; may be empty
+  std::uint64_t epoch = 1;                                    // counts the starts of this server
+  std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // journal size at which a checkpoint is due
+  std::size_t max_capsules = 16;                // most failure capsules in the directory; further ones are not written
+  bool accept_empty = false;                    // rename unusable files and start empty instead of refusing to start
+  std::function<void(const std::string&)> log;  // lines for the operator; may be empty
 };
 
-// How recovery gives back what it found.
+// Receives the recovered states and requests.
 class Recovery {
  public:
   virtual ~Recovery() = default;
-  virtual void restore(const Snapshot& snapshot) = 0;                  // first, where there is a checkpoint
-  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // then every later record, in order
-  virtual void clear() = 0;                                            // what was recovered so far is not to be used
+  virtual void restore(const Snapshot& snapshot) = 0;                  // called first, if there is a checkpoint
+  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // called for every later record, in order
+  virtual void clear() = 0;                                            // discard everything recovered so far
 };
 
 struct StoreCounters {
-  std::uint64_t records = 0;  // written since the start
+  std::uint64_t records = 0;  // records written since the start
   std::uint64_t record_bytes = 0;
-  std::uint64_t replayed = 0;     // at the start
-  std::uint64_t checkpoints = 0;  // written since the start
+  std::uint64_t replayed = 0;     // records replayed at the start
+  std::uint64_t checkpoints = 0;  // checkpoints written since the start
   std::uint64_t checkpoints_failed = 0;
-  std::uint64_t checkpoint_bytes = 0;  // of the last one
+  std::uint64_t checkpoint_bytes = 0;  // size of the last checkpoint
 };
 
 class Store {
  public:
   Store(Storage& storage, StoreOptions options);
 
-  // Once, before anything else. Throws DamagedFile or StorageError where there are files that cannot be used and
-  // accept_empty is not set; whatever `recovery` throws counts as damage.
+  // Must be called once, before any other member. Throws DamagedFile or StorageError if files cannot be used and
+  // accept_empty is not set. An exception of `recovery` counts as damage.
   void recover(Recovery& recovery);
 
-  // Keeps a request that is about to be run. Throws StorageError: where it says no_space() nothing was kept and the
-  // next call may succeed; any other failure is final.
+  // Records a request before it is executed. Throws StorageError: if no_space() is true nothing was recorded and a
+  // later call may succeed; any other failure is final.
   void append(const Record& record);
-  // What was appended is as durable as the mode promises. A failure is final.
+  // Makes the appended records as durable as the mode promises. A failure is final.
   void settle();
-  bool failed() const { return failed_; }  // finally: nothing may be answered any more
+  bool failed() const { return failed_; }  // after a final failure no request may be answered
 
   bool checkpoint_due() const;
   bool changed_since_checkpoint() const { return changed_; }
-  // Writes the snapshot, which holds everything up to now, reads it back, and removes what is not needed any more.
-  // False where it could not be written: the ones before and the journal still hold everything.
+  // Writes a snapshot of the present state, reads it back for verification and removes files that are no longer needed.
+  // Returns false if it could not be written; the older checkpoints and the journal then still hold everything.
   bool checkpoint(Snapshot snapshot);
 
-  // Failure capsules: how many more there is room for, and one of them, which returns the file's name. Both throw
-  // StorageError; nothing depends on them.
+  // The number of failure capsules that may still be written, and the writing of one, which returns its file name. Both
+  // throw StorageError; the answers do not depend on capsules.
   std::size_t capsule_room();
   std::string leave_capsule(const Capsule& capsule);
 
@@ -103,14 +103,14 @@ class Store {
   std::uint64_t next_segment_ = 1;
   std::uint64_t next_generation_ = 1;
   std::uint64_t bytes_since_checkpoint_ = 0;
-  std::uint64_t retry_at_bytes_ = 0;  // of journal: a checkpoint that failed is not tried again at every request
+  std::uint64_t retry_at_bytes_ = 0;  // journal size at which a failed checkpoint is tried again
   bool changed_ = false;
   bool failed_ = false;
   struct Kept {
-    std::uint64_t number;  // of the file
+    std::uint64_t number;  // number of the file
     std::uint64_t index;   // checkpoint: next_index; segment: first_index
   };
-  std::vector<Kept> checkpoints_;  // sound ones, oldest first
+  std::vector<Kept> checkpoints_;  // sound checkpoints, oldest first
   std::vector<Kept> segments_;     // oldest first
   StoreCounters counters_;
 };

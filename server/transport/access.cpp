@@ -20,7 +20,7 @@ namespace {
 constexpr const char* kZapEndpoint = "inproc://zeromq.zap.01";
 constexpr std::size_t kFixedFrames =
     6;                              // version, request id, domain, address, routing id, mechanism; then credentials
-constexpr int kEnforceDomain = 93;  // ZMQ_ZAP_ENFORCE_DOMAIN: libzmq has it, its header only names it for drafts
+constexpr int kEnforceDomain = 93;  // ZMQ_ZAP_ENFORCE_DOMAIN, which libzmq's header names in draft builds only
 constexpr std::size_t kKeyBytes = 32;
 constexpr std::size_t kKeyText = 41;  // Z85 and a zero
 
@@ -36,7 +36,7 @@ const char* domain_of(Peer::Way way) {
   return "";
 }
 
-// libzmq tells of a peer on ipc "localhost:UID:GID:PID".
+// libzmq gives the address of an ipc peer as "localhost:UID:GID:PID".
 std::optional<std::uint32_t> uid_in(std::string_view address) {
   constexpr std::string_view kBefore = "localhost:";
   if (!address.starts_with(kBefore)) return std::nullopt;
@@ -47,7 +47,7 @@ std::optional<std::uint32_t> uid_in(std::string_view address) {
   return uid;
 }
 
-// Nothing where the request is not one that a guarded socket of ours makes.
+// Returns nothing for a request that no guarded socket of this server makes.
 std::optional<Peer> peer_of(const std::vector<zmq::message_t>& request) {
   if (request.size() < kFixedFrames || request[0].to_string_view() != "1.0") return std::nullopt;
   const std::string_view domain = request[2].to_string_view();
@@ -76,8 +76,8 @@ std::optional<Peer> peer_of(const std::vector<zmq::message_t>& request) {
 }  // namespace
 
 void AccessHandler::guard(zmq::socket_t& socket, Peer::Way way) {
-  // Without a domain libzmq asks nobody about peers without keys, and takes those of ZMTP 1 and 2, who skip the
-  // handshake. Without enforcement it lets everybody in where no handler answers.
+  // Without a domain libzmq does not ask the handler about peers without keys, and accepts peers of ZMTP 1 and 2, which
+  // skip the handshake. Without enforcement it accepts every peer if no handler answers.
   socket.set(zmq::sockopt::zap_domain, domain_of(way));
   const int enforce = 1;
   if (zmq_setsockopt(socket.handle(), kEnforceDomain, &enforce, sizeof enforce) != 0) throw zmq::error_t();
@@ -89,7 +89,8 @@ AccessHandler::AccessHandler(zmq::context_t& context, Authorise authorise, std::
   zmq::socket_t socket(context, zmq::socket_type::rep);
   socket.set(zmq::sockopt::linger, 0);
   socket.bind(kZapEndpoint);
-  // The constructor's thread lets go of the socket here; the start of a thread orders their memory.
+  // The socket passes from the constructing thread to the new one here; the start of a thread orders their memory
+  // accesses.
   thread_ = std::thread([this, owned = std::move(socket)]() mutable { run(std::move(owned)); });
 }
 
@@ -146,7 +147,7 @@ void AccessHandler::answer_one(zmq::socket_t& socket) {
     socket.send(zmq::buffer(reply[i]), i + 1 < reply.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
 }
 
-// Strangers must not be able to fill the log: after a burst, one line a second.
+// Limits refusals in the log to one line per second after a burst, so that strangers cannot fill the disk.
 void AccessHandler::log_refusal(const std::string& line) {
   const auto now = std::chrono::steady_clock::now();
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(now - lines_since_).count();
@@ -162,7 +163,7 @@ void AccessHandler::log_refusal(const std::string& line) {
 Admission AccessHandler::judge(const Peer& peer) {
   try {
     Admission admission = authorise_(peer);
-    // Without a user the peer's messages would be taken for those of nobody.
+    // A decision without a user is a refusal: messages without a user count as messages of this process.
     if (admission.admitted && admission.user.empty()) admission = {.reason = "it has no user"};
     return admission;
   } catch (const std::exception& fault) {

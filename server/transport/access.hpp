@@ -1,6 +1,6 @@
-// Who may connect: a ZAP handler (ZeroMQ RFC 27) on a thread of its own, which asks a function of the caller's. It
-// fails closed: where the function throws, does not come back, or the thread has died, nobody new is let in; those who
-// are in already stay.
+// Decides who may connect: a ZAP handler (ZeroMQ RFC 27) on its own thread, which calls a function of the caller. It
+// fails closed: if the function throws, blocks, or the thread has died, new connections are refused; existing
+// connections stay.
 #pragma once
 
 #include <atomic>
@@ -13,31 +13,32 @@
 
 namespace shearbus::transport {
 
-// A connection that is being made, as far as it can be trusted.
+// The verified properties of a peer that asks for a connection.
 struct Peer {
   enum class Way { kIpc, kCurve, kPlaintext };
   Way way = Way::kPlaintext;
-  std::string address;     // for people
-  std::uint32_t uid = 0;   // of the process, kIpc: the kernel's word
-  std::string public_key;  // kCurve, as Z85: the peer has shown that it holds the secret one
+  std::string address;     // address, for log lines
+  std::uint32_t uid = 0;   // kIpc: uid of the peer's process, from the kernel
+  std::string public_key;  // kCurve: public key as Z85; the handshake has proved that the peer has the secret key
 };
 
 struct Admission {
   bool admitted = false;
-  std::string user;    // comes with each of the peer's messages; not empty
-  std::string reason;  // of a refusal, for the log
+  std::string user;    // name attached to each message of the peer; not empty
+  std::string reason;  // reason of a refusal, for the log
 };
 using Authorise = std::function<Admission(const Peer&)>;
 
 class AccessHandler {
  public:
-  // One for each context, before the first bind of a socket that it guards. `log` is called on the handler's thread.
+  // At most one handler per context, created before the first bind of a guarded socket. `log` is called on the
+  // handler's thread.
   AccessHandler(zmq::context_t& context, Authorise authorise, std::function<void(const std::string&)> log);
   AccessHandler(const AccessHandler&) = delete;
   AccessHandler& operator=(const AccessHandler&) = delete;
   ~AccessHandler();
 
-  // What a socket must be told before a bind so that its peers are judged here.
+  // Sets the socket options that route the socket's peers to this handler. Call it before the bind.
   static void guard(zmq::socket_t& socket, Peer::Way way);
 
   std::uint64_t admitted() const { return admitted_; }

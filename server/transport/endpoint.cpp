@@ -45,7 +45,7 @@ Endpoint Endpoint::parse(std::string_view text) {
     return parse_tcp(std::move(endpoint), address);
   }
   if (scheme == "ipc") {
-    // "*" and "@name" have no place in a directory: neither permissions nor a lock would protect them.
+    // Wildcard ("*") and abstract ("@name") sockets have no file, so neither permissions nor a lock could protect them.
     if (address == "*" || address.front() == '@') refuse(text, "is not a path");
     endpoint.scheme = Scheme::kIpc;
     endpoint.path = address;

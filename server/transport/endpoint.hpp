@@ -1,5 +1,5 @@
-// Where a server may listen. libzmq knows more transports than these; a name of another is refused before it gets
-// there.
+// An address at which a server may listen. Only tcp and ipc are accepted, although libzmq has more transports; the
+// others are refused before libzmq sees them.
 #pragma once
 
 #include <string>
@@ -11,12 +11,12 @@ enum class Scheme { kTcp, kIpc, kInproc };
 
 struct Endpoint {
   Scheme scheme = Scheme::kIpc;
-  std::string text;  // as given: what libzmq is told
-  std::string host;  // tcp: without brackets
-  std::string port;  // tcp: a number, or "*" for any free one
-  std::string path;  // ipc
+  std::string text;  // the address as given, for libzmq
+  std::string host;  // tcp: address without brackets
+  std::string port;  // tcp: a port number, or "*" for any free port
+  std::string path;  // ipc: path of the socket
 
-  // Throws std::invalid_argument: expected, found, remedy.
+  // Throws std::invalid_argument with the expected form, the text found and a remedy.
   static Endpoint parse(std::string_view text);
 };
 

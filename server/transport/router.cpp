@@ -13,19 +13,18 @@
 namespace shearbus::transport {
 namespace {
 
-constexpr std::size_t kMaxFrames = 2;                        // of a request, after the peer's routing id
-constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // below this a copy is cheaper than a counted reference
-constexpr int kAnswersBeforePoll = 8;                        // so that a busy bus cannot hide the stop signal
+constexpr std::size_t kMaxFrames = 2;                        // frames of a request after the peer's routing id
+constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // largest frame that is cheaper to copy than to count
+constexpr int kAnswersBeforePoll = 8;                        // bounds the delay of the stop signal on a busy bus
 
-constexpr int kBacklog =
-    4096;  // of connections the kernel holds for us: a full one makes it drop honest clients' first try
+constexpr int kBacklog = 4096;  // pending connections in the kernel, which drops first attempts beyond them
 constexpr int kHandshakeMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kKeepaliveIdleS = 60;
-constexpr int kLingerMs = 1'000;  // an answer that was given is sent; a peer that does not read holds us up no longer
+constexpr int kLingerMs = 1'000;  // longest wait at the end for peers to read their pending answers
 
-// For the time of a bind: the rights of the socket's name.
+// Sets the umask, and with it the permissions of the socket's file, for the duration of a bind.
 class Umask {
  public:
   explicit Umask(mode_t mask) : previous_(::umask(mask)) {}
@@ -37,7 +36,7 @@ class Umask {
   mode_t previous_;
 };
 
-// libzmq keeps what it knows of a peer with each of its messages, but for the first frame. Null where it does not.
+// Returns the peer's property that libzmq attaches to each frame after the first, or null if there is none.
 const char* property(zmq::message_t& frame, const char* name) {
   return zmq_msg_gets(frame.handle(), name);
 }
@@ -45,7 +44,7 @@ const char* property(zmq::message_t& frame, const char* name) {
 zmq::message_t message_of(const OutFrame& frame) {
   if (frame.bytes.size() <= kCopiedUpTo) return {frame.bytes.data(), frame.bytes.size()};
   auto owner = std::make_unique<std::shared_ptr<const void>>(frame.owner);
-  // libzmq's interface takes a pointer to what it could change; it does not.
+  // libzmq's interface takes a pointer to non-const but does not change the object.
   zmq::message_t message(
       const_cast<std::byte*>(frame.bytes.data()), frame.bytes.size(),
       [](void*, void* hint) { delete static_cast<std::shared_ptr<const void>*>(hint); }, owner.get());
@@ -55,9 +54,9 @@ zmq::message_t message_of(const OutFrame& frame) {
 
 }  // namespace
 
-// Everything is set before the first bind: later changes would hold for later binds only.
+// All options are set before the first bind; a later change would affect later binds only.
 Router::Router(RouterOptions options) : options_(std::move(options)), socket_(context_, zmq::socket_type::router) {
-  socket_.set(zmq::sockopt::router_mandatory, true);  // an answer that cannot go out is an error, not silence
+  socket_.set(zmq::sockopt::router_mandatory, true);  // an undeliverable answer is an error instead of being dropped
   socket_.set(zmq::sockopt::sndhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::rcvhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(options_.max_frame_bytes));
@@ -112,7 +111,7 @@ void Router::bind_tcp(const Endpoint& endpoint) {
         "--insecure-plaintext");
   socket_.set(zmq::sockopt::ipv6, endpoint.host.find(':') != std::string::npos);
   if (curve) socket_.set(zmq::sockopt::curve_secretkey, options_.curve_secret_key);
-  socket_.set(zmq::sockopt::curve_server, curve);  // also chooses between CURVE and none
+  socket_.set(zmq::sockopt::curve_server, curve);  // also selects CURVE or no mechanism
   guard(curve ? Peer::Way::kCurve : Peer::Way::kPlaintext);
   socket_.bind(endpoint.text);
 }
@@ -141,23 +140,23 @@ void Router::answer_waiting(const Handler& handler, std::size_t limit) {
   }
 }
 
-// Takes one message off the socket and answers it; false when there is none.
+// Receives one message and answers it. Returns false if no message waits.
 bool Router::answer_one(const Handler& handler) {
   zmq::message_t peer;
   if (!receive(peer)) return false;
-  // One frame more than is allowed is kept, so that the handler sees that there were too many; the rest is dropped as
-  // it comes.
+  // Keep one frame more than the limit, so that the handler sees that the limit is exceeded; drop the rest as it
+  // arrives.
   std::array<zmq::message_t, kMaxFrames + 1> frames;
   std::size_t count = 0;
   bool more = peer.more();
   while (more) {
     zmq::message_t surplus;
     zmq::message_t& frame = count < frames.size() ? frames[count++] : surplus;
-    if (!receive(frame)) break;  // libzmq delivers whole messages: the rest of this one is here
+    if (!receive(frame)) break;  // libzmq delivers whole messages, so the remaining frames are available
     more = frame.more();
   }
   ++counters_.received;
-  // A message without a user has passed by the access handler, unless it never left this process.
+  // A message without a user has not passed the access handler, unless it comes from this process.
   const char* user = count != 0 ? property(frames[0], "User-Id") : nullptr;
   if (user == nullptr && (!serves_own_process_ || count == 0 || property(frames[0], "Peer-Address") != nullptr)) {
     ++counters_.without_user;
@@ -180,7 +179,8 @@ bool Router::receive(zmq::message_t& frame) {
   }
 }
 
-// Never waits. The routing id decides: once libzmq has taken it, it takes the rest of the message as well.
+// Sends without waiting. Only the routing id can fail: once libzmq has accepted it, libzmq accepts the rest of the
+// message.
 void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
   const auto send_frame = [&](zmq::message_t& frame, bool more) {
     while (zmq_msg_send(frame.handle(), socket_.handle(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
@@ -196,9 +196,9 @@ void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
 
   bool accepted = send_frame(peer, true);
   if (!accepted && zmq_errno() == EAGAIN) {
-    // The peer may have read long ago: libzmq looks for word of that only now and then, and a full queue that is not
-    // asked to wait is reported without looking. Asking for events makes it look. Without this about one answer in a
-    // hundred was lost.
+    // The peer may have read meanwhile: libzmq processes that notice only now and then, and a non-blocking send to a
+    // full queue fails without processing it. Reading ZMQ_EVENTS makes libzmq process it. Without this call about one
+    // answer in a hundred was lost.
     static_cast<void>(socket_.get(zmq::sockopt::events));
     accepted = send_frame(peer, true);
   }

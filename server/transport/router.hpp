@@ -1,5 +1,5 @@
-// The only server socket: a ROUTER that takes messages of bytes to a handler and the answers back. It knows nothing of
-// what the bytes mean. It belongs to one thread, which may be another than the one that made it.
+// The only socket of the server: a ROUTER that passes messages to a handler and sends its answers back. It does not
+// interpret the bytes. It belongs to one thread, which need not be the constructing thread.
 #pragma once
 
 #include <cstddef>
@@ -19,39 +19,39 @@
 
 namespace shearbus::transport {
 
-// A frame to send. Small ones are copied; of large ones `owner` keeps the bytes alive until the network has them.
+// A frame to send. Small frames are copied; `owner` keeps the bytes of a large frame alive until they are sent.
 struct OutFrame {
   std::span<const std::byte> bytes;
   std::shared_ptr<const void> owner;
 };
 
 using Frames = std::span<const std::span<const std::byte>>;
-// `user` is what the access handler called the peer; empty: it is of this process. No frames: no answer.
+// `user` is the name that the access handler gave the peer, empty for a peer inside this process. No frames: no answer.
 using Handler = std::function<std::vector<OutFrame>(Frames, std::string_view user)>;
 
-// What a router does between requests.
+// Work of a router between requests.
 struct Pulse {
-  int every_ms = -1;           // at least so often, also where nothing arrives; -1: only after requests
-  std::function<bool()> beat;  // false: the run ends; may be empty
+  int every_ms = -1;           // longest interval between calls without requests; -1: calls after requests only
+  std::function<bool()> beat;  // returns false to end the run; may be empty
 };
 
 struct RouterOptions {
-  std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger one is cut off
+  std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
   int queued_messages_per_peer = 4;             // a peer has one request in flight; the rest is slack for repeats
-  Authorise authorise;                          // who may connect by ipc and tcp
-  bool ipc_for_others = false;                  // other users may reach an ipc socket: `authorise` knows which
+  Authorise authorise;                          // decides who may connect by ipc and tcp
+  bool ipc_for_others = false;                  // other users may reach an ipc socket; `authorise` selects them
   std::string curve_secret_key;                 // Z85; tcp peers must have keys. Empty: they have none, and
   bool insecure_plaintext = false;              // tcp is refused unless this is set
-  std::function<void(const std::string&)> log;  // a line per answer that found nobody; may be empty
-  std::function<void(const std::string&)> log_access;  // a line per refused connection, from another thread; likewise
+  std::function<void(const std::string&)> log;  // a line per undeliverable answer; may be empty
+  std::function<void(const std::string&)> log_access;  // a line per refused connection; called from another thread
 };
 
 struct RouterCounters {
   std::uint64_t received = 0;
   std::uint64_t sent = 0;
-  std::uint64_t peer_gone = 0;     // answers whose peer had left
+  std::uint64_t peer_gone = 0;     // answers to a peer that had disconnected
   std::uint64_t peer_full = 0;     // answers to a peer that does not read
-  std::uint64_t without_user = 0;  // messages dropped because nobody has let their peer in
+  std::uint64_t without_user = 0;  // messages dropped because their peer was never admitted
 };
 
 class Router {
@@ -59,34 +59,34 @@ class Router {
   explicit Router(RouterOptions options);
   Router(const Router&) = delete;
   Router& operator=(const Router&) = delete;
-  ~Router();  // waits for answers on their way (a second at most) and for sockets that others made in context()
+  ~Router();  // waits for pending answers (one second at most) and for sockets that others opened in context()
 
-  void* context() { return context_.handle(); }  // to reach inproc endpoints
+  void* context() { return context_.handle(); }  // for clients on inproc endpoints
 
-  // Returns the endpoint as bound (with its port where "*" was given). Throws std::invalid_argument for an endpoint
-  // that must not be bound, std::runtime_error where it cannot be.
+  // Returns the endpoint as bound, with its port if "*" was given. Throws std::invalid_argument for an endpoint that
+  // must not be bound, std::runtime_error if the bind fails.
   std::string bind(const std::string& endpoint);
 
-  // Answers requests until `stop_fd` is readable or the pulse says so. A request that is being answered is answered to
-  // the end.
+  // Answers requests until `stop_fd` is readable or the pulse returns false. A request in progress is completed
+  // first.
   void run(const Handler& handler, int stop_fd, const Pulse& pulse = {});
 
-  // Answers what has arrived by now, at most `limit` requests, and returns.
+  // Answers the requests that have arrived, at most `limit`, and returns.
   void answer_waiting(const Handler& handler, std::size_t limit);
 
   const RouterCounters& counters() const { return counters_; }
-  const AccessHandler* access() const { return access_.get(); }  // null while there is inproc only
+  const AccessHandler* access() const { return access_.get(); }  // null if only inproc endpoints are bound
 
  private:
   void bind_ipc(const Endpoint& endpoint);
   void bind_tcp(const Endpoint& endpoint);
-  void guard(Peer::Way way);  // of the next bind
+  void guard(Peer::Way way);  // applies to the next bind
   bool answer_one(const Handler& handler);
   bool receive(zmq::message_t& frame);
   void send(zmq::message_t& peer, const std::vector<OutFrame>& frames);
 
   RouterOptions options_;
-  std::vector<SocketPath> paths_;  // outlive the context, which may hold sockets there
+  std::vector<SocketPath> paths_;  // must outlive the context, which may have open sockets at these paths
   zmq::context_t context_;
   std::unique_ptr<AccessHandler> access_;
   zmq::socket_t socket_;

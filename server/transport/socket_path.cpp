@@ -84,8 +84,8 @@ SocketPath& SocketPath::operator=(SocketPath&& other) noexcept {
   std::swap(lock_, other.lock_);
   return *this;
 }
-// libzmq leaves the socket's name behind; while the lock is held nobody else's can be there. The lock file stays:
-// removing it would race with a server that has just opened it.
+// Removes the socket's file, which libzmq leaves behind; while the lock is held no other server can own it. The lock
+// file stays, because removing it would race with a server that has just opened it.
 SocketPath::~SocketPath() {
   if (lock_ < 0) return;
   ::unlink(path_.c_str());

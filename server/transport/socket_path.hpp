@@ -1,16 +1,18 @@
-// The place of an ipc socket in the file system: a directory nobody else can enter, and a lock that says who listens.
+// The path of an ipc socket in the file system: a directory that other users cannot enter, and a lock held by the
+// listening server.
 #pragma once
 
 #include <string>
 
 namespace shearbus::transport {
 
-// libzmq would unlink a path in use and take it over, leaving the first server deaf; so the lock is taken before the
-// bind and held for as long as the socket is.
+// libzmq unlinks a path in use and binds it again, which disconnects the first server. Therefore the lock is acquired
+// before the bind and held as long as the socket exists.
 class SocketPath {
  public:
-  // Makes the directory (mode 0700) where it does not exist. `private_to_owner`: nobody else may enter it; otherwise
-  // nobody else may write to it. Throws std::runtime_error: what was expected, what was found, what to do.
+  // Creates the directory (mode 0700) if it does not exist. `private_to_owner`: other users must not be able to enter
+  // it; otherwise they must not be able to write to it. Throws std::runtime_error with the expected state, the state
+  // found and a remedy.
   SocketPath(const std::string& path, bool private_to_owner);
   SocketPath(SocketPath&& other) noexcept;
   SocketPath& operator=(SocketPath&& other) noexcept;

@@ -198,9 +198,9 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   const auto [strategy, durable] = GetParam();
   const auto nodes = support::node_ids(kNodes);
   Pair pair(durable);
-  wire::Scene scene = support::scene_of(strategy);
-  scene.layer.cells = 6;
-  scene.hard_layer.emplace();
+  v1::Scene scene = support::scene_of(strategy);
+  scene.mutable_layer()->set_cells(6);
+  scene.mutable_hard_layer();
 
   unsigned session = 0;  // a new one each time
   const auto next_id = [&] {
@@ -265,9 +265,11 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
 TEST(OutOfMemory, InAStepThatIsCutForItsToleranceChangesNothing) {
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Pair pair(false);
-    wire::Scene scene = support::scene_of(strategy);
-    scene.layer = {};
-    scene.tolerance = 1e-3;
+    v1::Scene scene = support::scene_of(strategy);
+    scene.clear_layer();
+    scene.mutable_layer();
+
+    scene.set_tolerance(1e-3);
     const auto nodes = support::node_ids(kNodes);
     pair.ask(ServiceHarness::opening(scene, nodes));
     std::uint64_t sequence = 0;
@@ -286,7 +288,7 @@ TEST(OutOfMemory, InAStepThatIsCutForItsToleranceChangesNothing) {
 
 TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   Pair pair(true);
-  wire::Scene scene = support::velocity_scene(6);
+  v1::Scene scene = support::velocity_scene(6);
   const auto nodes = support::node_ids(kNodes);
   pair.ask(ServiceHarness::opening(scene, nodes));
   std::uint64_t sequence = 0;

@@ -26,7 +26,7 @@ constexpr double kDt = 1e-9;
 constexpr int kRounds = 600;
 
 struct Arm {
-  explicit Arm(const char* durability, const wire::Scene& scene, std::span<const std::uint64_t> nodes) {
+  explicit Arm(const char* durability, const v1::Scene& scene, std::span<const std::uint64_t> nodes) {
     server::ServerOptions options;
     options.threads = 1;
     if (durability != nullptr) {
@@ -35,7 +35,7 @@ struct Arm {
     }
     server = std::make_unique<support::RunningServer>(options);
     client = std::make_unique<Client>(server->client_options());
-    session = std::make_unique<Session>(client->open(scene, nodes));
+    session = std::make_unique<Session>(client->open(support::text_of(scene), "scene", nodes));
   }
 
   support::ScratchDirectory directory;
@@ -50,13 +50,13 @@ double median(std::vector<double>& values) {
   return values[values.size() / 2];
 }
 
-void measure(const char* label, const wire::Scene& scene, std::size_t nodes) {
+void measure(const char* label, const v1::Scene& scene, std::size_t nodes) {
   const auto ids = support::node_ids(nodes);
   std::vector<std::unique_ptr<Arm>> arms;
   for (const char* durability : {static_cast<const char*>(nullptr), "process", "power"})
     arms.push_back(std::make_unique<Arm>(durability, scene, ids));
   for (int round = 0; round < kRounds; ++round) {
-    const auto request = support::step_columns(scene.strategy, ids, round);
+    const auto request = support::step_columns(support::strategy_of(scene), ids, round);
     for (const auto& arm : arms) {
       const auto started = Clock::now();
       arm->session->advance(request, {.dt_s = kDt});

@@ -23,8 +23,9 @@
 
 #include "hydro_stub/cone_target.hpp"
 #include "hydro_stub/history.hpp"
+#include "hydro_stub/scene.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/scene.hpp"
 #include "server/service/scene_model.hpp"
 #include "shearbus_places.hpp"
 
@@ -96,26 +97,17 @@ Replayed replay(const std::vector<hydro::InterfaceInputs>& asked, const physics:
           inputs.active |= 1U << l;
           inputs.velocity_jump[l] = in.velocity_jump[i];
           inputs.pressure[l] = in.pressure[i];
-          inputs.stress_minus[l] = in.stress_minus[i];
-          inputs.stress_plus[l] = in.stress_plus[i];
-          inputs.mass_minus[l] = in.mass_minus[i];
-          inputs.mass_plus[l] = in.mass_plus[i];
+          inputs.stress_soft[l] = in.stress_soft[i];
+          inputs.stress_hard[l] = in.stress_hard[i];
+          inputs.mass_soft[l] = in.mass_soft[i];
+          inputs.mass_hard[l] = in.mass_hard[i];
         }
         const double* old = &before[tile * doubles];
         double* now = &after[tile * doubles];
         physics::TileOutputs outputs;
-        const physics::SecondInputs second;
-        physics::SecondOutputs second_outputs;
-        physics::TileLedger booked;
-        const bool vectors = options.tangential_components == 2;
-        if (vectors) {
-          model.advance(*operators, inputs, second, old, now, outputs, second_outputs);
-        } else {
-          model.advance(*operators, inputs, old, now, outputs);
-        }
-        if (ledger)
-          model.book(*operators, inputs, outputs, old, now, booked, vectors ? &second : nullptr,
-                     vectors ? &second_outputs : nullptr);
+        physics::TileLedger energy;
+        model.advance(*operators, inputs, old, now, outputs);
+        if (ledger) model.record_energy(*operators, inputs, outputs, old, now, energy);
         double& shortest = layers[step * tiles + tile];
         shortest = std::min(shortest, since(started));
         for (std::size_t l = 0; l < kLanes && tile * kLanes + l < nodes; ++l) {
@@ -143,11 +135,12 @@ double apart(const std::vector<double>& a, const std::vector<double>& b) {
 }
 
 // What the cone asks of the layers of a scene.
-std::vector<hydro::InterfaceInputs> recorded(const wire::Scene& scene) {
+std::vector<hydro::InterfaceInputs> recorded(const guest::HydroScene& scene) {
   const hydro::ConeTarget cone = hydro::make_cone_target(scene);
   lagrange::Bodies bodies = hydro::make_bodies(cone);
   const std::size_t nodes = hydro::interface_nodes(bodies);
-  hydro::SubgridLaw law(scene, hydro::node_ids(nodes), std::vector<double>(nodes, scene.layer.initial_temperature_k));
+  hydro::SubgridLaw law({scene::to_toml(scene.scene()), "scene"}, hydro::node_ids(nodes),
+                        std::vector<double>(nodes, scene.scene().layer().initial_temperature_k()));
   Recorder recorder(law);
   lagrange::Cycle cycle(std::move(bodies), &recorder);
   cycle.run_to(cone.end_time);
@@ -157,7 +150,7 @@ std::vector<hydro::InterfaceInputs> recorded(const wire::Scene& scene) {
 
 struct Variant {
   const char* name;
-  wire::Scene scene;
+  v1::Scene scene;
   bool ledger;
 };
 
@@ -197,8 +190,8 @@ double stuck_tile(const physics::ModelOptions& options) {
       for (int l = 0; l < kLanes; ++l) {
         inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
         inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;  // opens for a moment: what stress there was is gone
-        inputs.mass_minus[l] = inputs.mass_plus[l] = 1.0;
-        inputs.stress_minus[l] = inputs.stress_plus[l] = kPull;
+        inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
+        inputs.stress_soft[l] = inputs.stress_hard[l] = kPull;
       }
       model.advance(*operators, inputs, before.data(), after.data(), outputs);
       before.swap(after);
@@ -211,23 +204,33 @@ double stuck_tile(const physics::ModelOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  wire::Scene scene =
-      wire::load_scene_file(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
+  guest::HydroScene file =
+      hydro::load_scene(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
           .scene;
-  if (scene.layer.heat == wire::Heat::kModes)
-    scene.layer = {.thickness_m = 100e-6, .cells = 80, .grading = 1.06, .far_boundary = wire::FarBoundary::kHalfSpace};
-
-  wire::Scene everything = scene, sleep = scene;
-  everything.junctions = wire::Junctions{.contact_fraction = 1.0, .height_m = 1e-6, .hardening_coefficient = 0.0};
-  everything.tangential_components = 2;
-  sleep.layer.sleep = true;
-  print_table(recorded(scene), {{"scene", scene, false},
-                                {"everything", everything, true},
-                                {"scene, with the ledger", scene, true},
-                                {"sleep", sleep, false},
-                                {"sleep, with the ledger", sleep, true}});
-  scene.interface->plastic_layer = sleep.interface->plastic_layer = true;
-  print_table(recorded(scene), {{"plastic layer", scene, false}, {"plastic layer, sleep", sleep, false}});
+  v1::Scene& scene = *file.mutable_scene();
+  if (scene.layer().heat() == v1::HEAT_MODES) {
+    v1::Layer& layer = *scene.mutable_layer();
+    layer.Clear();
+    layer.set_thickness_m(100e-6);
+    layer.set_cells(80);
+    layer.set_grading(1.06);
+    layer.set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
+    scene::fill_defaults(scene);
+  }
+  v1::Scene everything = scene, sleep = scene;
+  everything.mutable_junctions()->set_contact_fraction(1.0);
+  everything.mutable_junctions()->set_height_m(1e-6);
+  everything.mutable_junctions()->set_hardening_coefficient(0.0);
+  everything.set_tangential_components(2);
+  sleep.mutable_layer()->set_sleep(true);
+  print_table(recorded(file), {{"scene", scene, false},
+                               {"everything", everything, true},
+                               {"scene, with the ledger", scene, true},
+                               {"sleep", sleep, false},
+                               {"sleep, with the ledger", sleep, true}});
+  scene.mutable_interface()->set_plastic_layer(true);
+  sleep.mutable_interface()->set_plastic_layer(true);
+  print_table(recorded(file), {{"plastic layer", scene, false}, {"plastic layer, sleep", sleep, false}});
 
   std::printf("stuck, in us per node-step        solved     asleep\n");
   physics::ModelOptions plastic = service::scene_model(scene).options, driven = plastic;

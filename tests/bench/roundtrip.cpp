@@ -70,7 +70,7 @@ void measure(std::size_t nodes) {
   options.threads = 1;
   support::RunningServer server(options);
   Client client = server.client();
-  Session session = client.open(support::force_scene(1), ids);
+  Session session = client.open(support::text_of(support::force_scene(1)), "scene", ids);
   const auto& first = session.advance(request, {.dt_s = kDt});
   const Sizes asked = {120, request.bytes().size()};  // headers of a step are about this long
   const Sizes answered = {160, first.outcome().size() * 2 + first.shear_stress_pa().size() * 5 * sizeof(double)};

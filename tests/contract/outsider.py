@@ -12,6 +12,7 @@ import pathlib
 import struct
 import subprocess
 import sys
+import tomllib
 import unittest
 
 import zmq
@@ -20,20 +21,19 @@ MAGIC = 0x31425353
 DEADLINE_MS = 5_000
 OPTIONS = None
 pb = None  # envelope_pb2
-scene_pb = None
 downscale_pb = None
 
 
 def generate(protoc, protos, work):
     """Python modules of the messages, made by protoc now: the .proto files are the only source."""
-    global pb, scene_pb, downscale_pb
+    global pb, downscale_pb
     work.mkdir(parents=True, exist_ok=True)
     files = sorted(str(p) for p in (protos / "shearbus/v1").glob("*.proto"))
     subprocess.run([protoc, f"-I{protos}", f"--python_out={work}", *files], check=True)
     sys.path.insert(0, str(work))
-    from shearbus.v1 import downscale_pb2, envelope_pb2, scene_pb2
+    from shearbus.v1 import downscale_pb2, envelope_pb2
 
-    pb, scene_pb, downscale_pb = envelope_pb2, scene_pb2, downscale_pb2
+    pb, downscale_pb = envelope_pb2, downscale_pb2
 
 
 def xxh3(data):
@@ -43,11 +43,11 @@ def xxh3(data):
     return library.XXH3_64bits(bytes(data), len(data))
 
 
-# WIRE.md 3: field number -> (element, struct code)
+# WIRE.md, "The payload": field number -> (element, struct code)
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, INITIAL_TEMPERATURE, JUMP, PRESSURE = 1, 2, 10, 11
-STRESS_MINUS, STRESS_PLUS, MASS_MINUS, MASS_PLUS = 12, 13, 14, 15
+STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 12, 13, 14, 15
 STRESS, SLIDING, TEMPERATURE, JUMP_NEW, REGIME, OUTCOME, HEAT = 30, 31, 32, 33, 34, 35, 36
 
 
@@ -88,7 +88,7 @@ class Reply:
 
 
 def key_in(file):
-    """WIRE.md 1: 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
+    """WIRE.md, "Transport and frames": 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
     lines = [line for line in pathlib.Path(file).read_text().splitlines() if line and not line.startswith("# ")]
     return lines[0].split()[0].encode()
 
@@ -139,7 +139,8 @@ class Session:
         columns = {NODE_ID: node_ids} if node_ids else None
         if temperatures is not None:
             columns[INITIAL_TEMPERATURE] = temperatures
-        self.opening = connection.frames(columns, open_session={"scene": scene, "session_id": self.id, "domain": domain})
+        self.opening = connection.frames(columns, open_session={"scene": scene, "scene_file": "outsider.toml",
+                                                            "session_id": self.id, "domain": domain})
         self.opened = connection.exchange(self.opening)
 
     def frames(self, columns=None, **body):
@@ -158,20 +159,26 @@ class Session:
         return self.call(columns, downscale=dict(dt_s=dt, mode=mode, **more))
 
 
-def paper_scene():
+def paper_scene(material="aluminium_dlp", strategy="velocity_driven", cells=500, layer=""):
     """The velocity-driven case of DLP section 5: aluminium on steel, 20 um, 500 uniform cells."""
-    scene = scene_pb.Scene(name="outsider", strategy=scene_pb.STRATEGY_VELOCITY_DRIVEN)
-    scene.soft.material, scene.hard.material = "aluminium_dlp", "steel_dlp"
-    scene.layer.thickness_m, scene.layer.cells = 20e-6, 500
-    return scene
+    return f"""name = "outsider"
+strategy = "{strategy}"
+[soft]
+material = "{material}"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 20e-6
+cells = {cells}
+{layer}
+"""
 
 
 def force_scene():
-    scene = paper_scene()
-    scene.strategy = scene_pb.STRATEGY_FORCE_DRIVEN
-    scene.layer.cells, scene.layer.grading = 60, 1.08
-    scene.interface.friction_coefficient, scene.interface.yield_strength_pa = 0.3, 200e6
-    return scene
+    return paper_scene(strategy="force_driven", cells=60, layer="grading = 1.08") + """[interface]
+friction_coefficient = 0.3
+yield_strength_pa = 200e6
+"""
 
 
 def drive(jumps, pressure=11.2e9):
@@ -248,11 +255,11 @@ class Outsider(unittest.TestCase):
         session = self.open(force_scene(), [5])
         jump = 100.0
         for _ in range(10):
-            reply = session.step({JUMP: [jump], PRESSURE: [11.2e9], STRESS_MINUS: [0.0], STRESS_PLUS: [0.0],
-                                  MASS_MINUS: [2703 * 0.5e-5], MASS_PLUS: [7900 * 0.5e-5]})
+            reply = session.step({JUMP: [jump], PRESSURE: [11.2e9], STRESS_SOFT: [0.0], STRESS_HARD: [0.0],
+                                  MASS_SOFT: [2703 * 0.5e-5], MASS_HARD: [7900 * 0.5e-5]})
             self.assertEqual(reply.code, pb.CODE_OK, reply.header.status.text)
             self.assertEqual(set(reply.columns), {STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME})
-            # The interface pulls each half zone with s: [V] changes by -dt s (1/m_minus + 1/m_plus).
+            # The interface pulls each half zone with s: [V] changes by -dt s (1/m_soft + 1/m_hard).
             stress = reply.columns[STRESS][0]
             expected = jump - 1e-9 * stress * (1 / (2703 * 0.5e-5) + 1 / (7900 * 0.5e-5))
             self.assertTrue(math.isclose(reply.columns[JUMP_NEW][0], expected, rel_tol=1e-12), (reply.columns, expected))
@@ -281,10 +288,26 @@ class Outsider(unittest.TestCase):
 
     def test_effective_scene_has_every_constant(self):
         session = self.open(paper_scene(), [1])
-        scene = session.opened.header.session_opened.effective_scene
-        self.assertEqual((scene.soft.density_kg_per_m3, scene.hard.melting_temperature_k), (2703.0, 2380.0))
-        self.assertEqual((scene.layer.initial_temperature_k, scene.layer.grading), (300.0, 1.0))
-        self.assertEqual(scene.layer.far_boundary, scene_pb.FAR_BOUNDARY_INSULATED)
+        opened = session.opened.header.session_opened
+        scene = tomllib.loads(opened.effective_scene)
+        self.assertEqual((scene["soft"]["density_kg_per_m3"], scene["hard"]["melting_temperature_k"]), (2703.0, 2380.0))
+        self.assertEqual((scene["layer"]["initial_temperature_k"], scene["layer"]["grading"]), (300.0, 1.0))
+        self.assertEqual(scene["layer"]["far_boundary"], "insulated")
+        again = self.open(opened.effective_scene, [1])
+        self.assertEqual(again.opened.header.session_opened.effective_scene, opened.effective_scene)
+
+    def test_an_opening_names_the_columns_of_its_steps(self):
+        """What a client without a TOML reader needs to know of its scene."""
+        def facts(session):
+            opened = session.opened.header.session_opened
+            return (opened.strategy, opened.tangential_components, list(opened.required_columns), list(opened.optional_columns),
+                    list(opened.reply_columns), list(opened.columns_on_request))
+        ledger = list(range(40, 49))
+        velocity = facts(self.open(paper_scene(), [1]))
+        self.assertEqual(velocity, (1, 1, [JUMP, PRESSURE], [], [STRESS, SLIDING, TEMPERATURE, HEAT, REGIME, OUTCOME], ledger))
+        force = facts(self.open(force_scene() + "plastic_layer = true\n", [1]))
+        self.assertEqual(force, (2, 1, [JUMP, PRESSURE, STRESS_MINUS, STRESS_PLUS, MASS_MINUS, MASS_PLUS], [17],
+                                 [STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME], ledger))
 
     # -- trial, commit, rollback --
 
@@ -385,7 +408,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(session.step(drive([1.0, 1.0]), dt=math.nan), pb.CODE_INVALID_VALUE)
         self.assert_refused(session.step({JUMP: [1.0, 1.0]}), pb.CODE_SHAPE, "pressure_pa")
         self.assert_refused(session.step(drive([1.0])), pb.CODE_SHAPE)
-        self.assert_refused(session.step({JUMP: [1.0] * 2, PRESSURE: [1.0] * 2, STRESS_MINUS: [1.0] * 2}), pb.CODE_SHAPE)
+        self.assert_refused(session.step({JUMP: [1.0] * 2, PRESSURE: [1.0] * 2, STRESS_SOFT: [1.0] * 2}), pb.CODE_SHAPE)
         self.assert_refused(session.step({NODE_ID: [1, 3], **drive([1.0, 1.0])}), pb.CODE_UNKNOWN_NODE)
         self.assert_refused(session.step({NODE_ID: [2, 2], **drive([1.0, 1.0])}), pb.CODE_DUPLICATE_NODE)
         self.assert_refused(session.step(drive([1.0, 1.0]), mode=0), pb.CODE_MALFORMED)
@@ -406,29 +429,38 @@ class Outsider(unittest.TestCase):
         self.assert_refused(self.bus.exchange([header[:-1], payload]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b"GET / HTTP/1.1\r\n\r\n"]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b""]), pb.CODE_MALFORMED)
-        self.assert_refused(self.bus.exchange([bytes(64 * 1024 + 1)]), pb.CODE_LIMIT)
+        self.assert_refused(self.bus.exchange([bytes(512 * 1024 + 1)]), pb.CODE_LIMIT)
         later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x02\x00"  # body 47
         self.assert_refused(self.bus.exchange([later]), pb.CODE_UNSUPPORTED)
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
 
     def test_bad_scenes_name_their_field(self):
-        def opened(change, nodes=(1,), temperatures=None):
-            scene = paper_scene()
-            change(scene)
+        def opened(scene, nodes=(1,), temperatures=None):
             return Session(self.bus, scene, list(nodes), temperatures).opened
 
-        def cells(scene): scene.layer.cells = 0
-        def hot(scene): scene.layer.initial_temperature_k = -1.0
-        def force(scene): scene.strategy = scene_pb.STRATEGY_FORCE_DRIVEN
-        def metal(scene): scene.soft.material = "unobtainium"
-        def fine(scene): pass
-        self.assert_refused(opened(cells), pb.CODE_INVALID_SCENE, "layer.cells")
-        self.assert_refused(opened(hot), pb.CODE_INVALID_SCENE, "layer.initial_temperature_k")
-        self.assert_refused(opened(force), pb.CODE_INVALID_SCENE)
-        self.assert_refused(opened(metal), pb.CODE_INVALID_SCENE, "soft.material")
-        self.assert_refused(opened(fine, nodes=(4, 4)), pb.CODE_DUPLICATE_NODE)
-        self.assert_refused(opened(fine, nodes=()), pb.CODE_SHAPE)
-        self.assert_refused(opened(fine, nodes=(4,), temperatures=[-3.0]), pb.CODE_INVALID_VALUE, "initial_temperature_k")
+        self.assert_refused(opened(paper_scene(cells=0)), pb.CODE_INVALID_SCENE, "layer.cells")
+        self.assert_refused(opened(paper_scene(layer="initial_temperature_k = -1")), pb.CODE_INVALID_SCENE,
+                            "layer.initial_temperature_k")
+        self.assert_refused(opened(paper_scene(strategy="force_driven")), pb.CODE_INVALID_SCENE)
+        metal = opened(paper_scene(material="unobtainium"))
+        self.assert_refused(metal, pb.CODE_INVALID_SCENE, "soft.material")
+        self.assertTrue(metal.header.status.text.startswith("outsider.toml:4:1: "), metal.header.status.text)
+        self.assert_refused(opened(paper_scene(), nodes=(4, 4)), pb.CODE_DUPLICATE_NODE)
+        self.assert_refused(opened(paper_scene(), nodes=()), pb.CODE_SHAPE)
+        self.assert_refused(opened(paper_scene(), nodes=(4,), temperatures=[-3.0]), pb.CODE_INVALID_VALUE,
+                            "initial_temperature_k")
+
+    def test_every_fault_of_a_scene_is_reported_with_its_line(self):
+        scene = paper_scene(cells=0, layer="cels = 4") + "[hydro]\nend_time_s = 1\n"
+        reply = Session(self.bus, scene, [1]).opened
+        self.assert_refused(reply, pb.CODE_INVALID_SCENE, "layer.cells")
+        lines = reply.header.status.text.splitlines()
+        self.assertEqual([line.split(": ")[0] for line in lines],
+                         ["outsider.toml:9:1", "outsider.toml:10:1", "outsider.toml:11:1"])
+        self.assertIn('did you mean "cells"?', lines[1])
+        self.assertIn("hydro is not a key of a scene", lines[2])
+        self.assert_refused(Session(self.bus, "name = = 3", [1]).opened, pb.CODE_INVALID_SCENE)
+        self.assert_refused(Session(self.bus, "#" * (256 * 1024 + 1), [1]).opened, pb.CODE_LIMIT)
 
     # -- the end --
 

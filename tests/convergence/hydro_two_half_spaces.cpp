@@ -7,9 +7,9 @@
 
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/scene.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
@@ -21,8 +21,8 @@ const std::vector<double> kTimes = {10e-9, 100e-9, 300e-9};
 const test::HalfSpaces kProblem{
     .initial_jump = 100.0, .pressure = 11.2e9, .friction_coefficient = 0.3, .yield_strength = 200e6};
 
-wire::Scene shipped_scene() {
-  return wire::load_scene_file(SHEARBUS_SOURCE_DIR "/hydro_stub/problems/two_half_spaces.toml").scene;
+guest::HydroScene shipped_scene() {
+  return hydro::load_scene(SHEARBUS_SOURCE_DIR "/hydro_stub/problems/two_half_spaces.toml").scene;
 }
 
 test::HalfSpaceState between(const test::HalfSpaceState& a, const test::HalfSpaceState& b, double time) {
@@ -43,14 +43,15 @@ std::vector<test::HalfSpaceState> sample(const std::vector<test::HalfSpaceState>
 
 // The embedded server's answer with soft zones `zone_ns` of wave transit time wide and steps of `dt_ns`.
 std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
-  wire::Scene scene = shipped_scene();
-  wire::ShearColumn& column = *scene.hydro->shear_column;
-  const double shipped_zones = column.zones;
-  column.zones = static_cast<std::uint32_t>(std::lround(shipped_zones / zone_ns));
-  scene.hydro->cfl = dt_ns / zone_ns;
-  scene.hydro->end_time_s = kEnd;
-  const hydro::Problem problem = hydro::make_problem(scene);
-  hydro::SubgridLaw law(scene, hydro::node_ids(problem.columns), problem.initial_temperature);
+  guest::HydroScene scene = shipped_scene();
+  guest::ShearColumn& column = *scene.mutable_hydro()->mutable_shear_column();
+  const double shipped_zones = column.zones();
+  column.set_zones(static_cast<std::uint32_t>(std::lround(shipped_zones / zone_ns)));
+  scene.mutable_hydro()->set_cfl(dt_ns / zone_ns);
+  scene.mutable_hydro()->set_end_time_s(kEnd);
+  const hydro::ColumnProblem problem = hydro::make_problem(scene);
+  hydro::SubgridLaw law({scene::to_toml(scene.scene()), "scene"}, hydro::node_ids(problem.columns),
+                        problem.initial_temperature);
   hydro::ShearColumn bodies(problem);
   std::vector<test::HalfSpaceState> states;
   for (std::uint64_t step = 0; step < problem.steps; ++step) {

@@ -24,8 +24,8 @@ Found slide(const ModelOptions& options, double pull, int steps) {
   double jump = kJump;
   for (int n = 0; n < steps; ++n) {
     rig.set_all(jump, 11.2e9);
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = kMass;
-    rig.inputs.stress_minus[0] = pull;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = kMass;
+    rig.inputs.stress_soft[0] = pull;
     rig.step(kEnd / steps);
     jump = rig.outputs.velocity_jump_new[0];
   }

@@ -195,7 +195,7 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   for (double dt : {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}) {
     Rig rig(options, 1);
     rig.inputs.pressure[0] = P;
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = m;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
     rig.inputs.velocity_jump[0] = V0;
     double dissipated = 0.0;
     for (int n = 0; n < std::lround(t_end / dt); ++n) {
@@ -225,7 +225,7 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   for (double dt : {10e-9, 2.5e-9}) {
     Rig rig(options, 1);
     rig.inputs.pressure[0] = P;
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = m;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
     rig.inputs.velocity_jump[0] = V0;
     int n = 0;
     while (rig.outputs.regime[0] != Regime::kStick && n < 1000) {
@@ -236,6 +236,53 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
     EXPECT_NEAR(n * dt, stop, 1.01 * dt);
     for (int more = 0; more < 10; ++more) rig.step(dt);
     EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
+  }
+}
+
+// A body of constant slip V whose friction softens in proportion to the rise of T0 (m = 1, T_ref the start): the heat
+// q0 (1 - rise / R) that enters is that of a convective surface of temperature R and coefficient q0 / R, of which
+// Carslaw and Jaeger have the temperature, rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux
+// starts as q0 (1 - c sqrt(t)), which no uniform step resolves: SDIRK2 has the order 3/2 there.
+TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
+  ModelOptions options = paper_options(Strategy::kForceDriven);
+  options.soft.temperature_coefficient = 0.0;
+  options.interface = {0.05, 1e12, FrictionLaws::place<ThermalSoftening>()};
+  options.interface.friction_reference_temperature = options.initial_temperature;
+  options.interface.friction_softening_exponent = 1.0;
+  options.modes = {.accuracy = 1e-9, .shortest_step = 1e-11, .longest_time = 1e-5};
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  const double P = 2e9, V = 200.0, t = 200e-9;
+  const Material& m = options.soft;
+  const double R = m.melting_temperature - options.initial_temperature;
+  const double q0 = heat_partition(options.soft, options.hard) * 0.05 * P * V;
+  const double x = q0 * std::sqrt(m.diffusivity * t) / (m.conductivity * R);
+  const double exact = R * (1.0 - std::exp(x * x) * std::erfc(x));
+  ASSERT_GT(exact, 0.3 * R);
+  ASSERT_LT(exact, 0.9 * R);
+  for (const TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
+    const bool second = integrator == TimeIntegrator::kSdirk2;
+    options.time_integrator = integrator;
+    std::printf("friction softening, %s: steps, T0 error of %.3f K, order\n", second ? "sdirk2" : "backward Euler",
+                exact);
+    double before = 0.0;
+    for (const int steps : {25, 50, 100, 200}) {
+      Rig rig(options, 1);
+      rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
+      rig.set_all(V, P);
+      for (int n = 0; n < steps; ++n) {
+        rig.step(t / steps);
+        ASSERT_EQ(rig.outputs.outcome[0], 0);
+        ASSERT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
+      }
+      const double error = rig.outputs.interface_temperature[0] - options.initial_temperature - exact;
+      const double order = before != 0.0 ? std::log2(std::abs(before / error)) : NAN;
+      std::printf("  %4d  %10.3e K  %6.3f\n", steps, error, order);
+      if (before != 0.0) {
+        EXPECT_NEAR(order, second ? 1.5 : 1.0, 0.1) << steps;
+      }
+      before = error;
+    }
+    EXPECT_LT(std::abs(before), second ? 1e-3 * exact : 1e-2 * exact);
   }
 }
 

@@ -28,7 +28,7 @@ ModelOptions coulomb_slip(TimeIntegrator integrator) {
 
 double rise_after(const ModelOptions& options, double t, int steps) {
   Rig rig(options, 1);
-  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e12;
+  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
   rig.set_all(kJump, kPressure);
   for (int n = 0; n < steps; ++n) rig.step(t / steps);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
@@ -133,7 +133,7 @@ TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
     double T0_before = 0.0, jump_before = 0.0;
     for (int steps : {10, 20, 40}) {
       Rig rig(options, 1);
-      rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = mass;
+      rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = mass;
       double jump = problem.initial_jump;
       for (int n = 0; n < steps; ++n) {
         rig.set_all(jump, problem.pressure);

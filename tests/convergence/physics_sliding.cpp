@@ -1,4 +1,4 @@
-// The whole layer against the values of server/physics/MODEL.md, "Exact solutions".
+// The whole layer against the values of server/physics/MEASURED.md, "Exact solutions".
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -149,15 +149,15 @@ TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   Rig rig(graded(paper_options(Strategy::kForceDriven), 120, 1.04), 1);
   const double inverse_Z = 1 / std::sqrt(2703 * 27.6e9) + 1 / std::sqrt(7900 * 77e9);
   EXPECT_NEAR(1 / inverse_Z, 6.397e6, 1e3);
-  rig.inputs.mass_minus[0] = 2703 * 0.5 * zone;
-  rig.inputs.mass_plus[0] = 7900 * 0.5 * zone;
+  rig.inputs.mass_soft[0] = 2703 * 0.5 * zone;
+  rig.inputs.mass_hard[0] = 7900 * 0.5 * zone;
   double jump = V0;
   std::printf("two half-spaces, 100 m/s: t, s, [V], T0 and their Volterra values\n");
   std::size_t row = 0;
   for (int n = 1; row < rows.size(); ++n) {
     rig.set_all(jump, 11.2e9);
     // What the waves have taken out of the zones comes back as the same stress on both sides.
-    rig.inputs.stress_minus[0] = rig.inputs.stress_plus[0] = (V0 - jump) / inverse_Z;
+    rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = (V0 - jump) / inverse_Z;
     rig.step(dt);
     jump = rig.outputs.velocity_jump_new[0];
     if (n != std::lround(rows[row].t / dt)) continue;

@@ -155,8 +155,8 @@ TEST_P(DeliveredInOneStep, TemperatureAndJumpAreKept) {
   const auto load = [&](TileInputs& inputs) {
     inputs.velocity_jump[0] = plates.velocity_jump;
     inputs.pressure[0] = 11.2e9;
-    inputs.stress_minus[0] = inputs.stress_plus[0] = plates.pull;
-    inputs.mass_minus[0] = inputs.mass_plus[0] = 1.0;
+    inputs.stress_soft[0] = inputs.stress_hard[0] = plates.pull;
+    inputs.mass_soft[0] = inputs.mass_hard[0] = 1.0;
     inputs.active = 1;
   };
   constexpr int kSubsteps = 20000;
@@ -199,7 +199,7 @@ TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   const auto first_step = [](const ModelOptions& of, int steps) {
     Rig rig(of, 1);
     rig.set_all(100.0, 11.2e9);
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 0.1;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 0.1;
     for (int n = 0; n < steps; ++n) {
       rig.step(100e-9 / steps);
       rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
@@ -221,7 +221,7 @@ TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   Rig rig(discretised(half_space(), 1e-6), 1);
   rig.inputs.pressure[0] = 11.2e9;
   rig.inputs.velocity_jump[0] = 2e3;
-  rig.inputs.stress_minus[0] = rig.inputs.stress_plus[0] = -3e12;
+  rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = -3e12;
   rig.step(1e-9);
   std::printf("turns within 1e-15 s: estimate %.1e\n", rig.outputs.error_estimate[0]);
   EXPECT_GT(rig.outputs.error_estimate[0], kStepShare * 1e-6);
@@ -235,7 +235,7 @@ TEST(DeliveredTolerance, EffortGoesWhereTheErrorIs) {
     SearchEffort effort;
     rig.inputs.effort = &effort;
     rig.set_all(50.0, 11.2e9);
-    rig.inputs.stress_minus[0] = rig.inputs.stress_plus[0] = pull;
+    rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = pull;
     rig.step(1e-9);
     rig.inputs.velocity_jump[0] = 0.5;
     effort = {};

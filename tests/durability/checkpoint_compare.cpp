@@ -24,12 +24,12 @@ class Compare : public testing::Test {
   // A checkpoint of a session after three steps and what `change` makes of the last.
   template <typename Change>
   std::filesystem::path checkpoint(std::uint8_t session, Change change, bool trial = false,
-                                   const wire::Scene& scene = support::velocity_scene()) {
+                                   const v1::Scene& scene = support::velocity_scene()) {
     support::MemoryStorage disk;
     DurableServer server(disk);
     EXPECT_TRUE(server.ask(ServiceHarness::opening(scene, kNodes, session)).reply.status.ok());
     for (std::uint64_t i = 1; i <= 3; ++i) {
-      wire::Batch columns = support::step_columns(scene.strategy, kNodes, static_cast<int>(i));
+      wire::Batch columns = support::step_columns(support::strategy_of(scene), kNodes, static_cast<int>(i));
       if (i == 3) change(columns);
       const auto mode = trial && i == 3 ? wire::Mode::kTrial : wire::Mode::kAdvance;
       EXPECT_TRUE(server.ask(ServiceHarness::step(i, std::move(columns), mode, session)).reply.status.ok());
@@ -64,8 +64,8 @@ TEST_F(Compare, TheFirstNodeAndQuantityThatDifferAreNamed) {
 }
 
 TEST_F(Compare, WithoutAProfileTheModesAreCompared) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.heat = wire::Heat::kModes;
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
   const auto a = checkpoint(1, nothing, false, scene);
   EXPECT_EQ(store::first_difference(a, checkpoint(2, nothing, false, scene)), "");
   const auto b = checkpoint(

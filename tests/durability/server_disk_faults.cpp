@@ -77,7 +77,7 @@ void run(Server& server, Host& host, int steps) {
   try {
     if (!host.session) {
       host.client.emplace(server.client(700ms));
-      host.session.emplace(host.client->open(support::velocity_scene(), kNodes));
+      host.session.emplace(host.client->open(support::text_of(support::velocity_scene()), "scene", kNodes));
     }
     while (host.answered < steps) {
       host.session->advance(support::step_columns(Strategy::kVelocityDriven, kNodes, host.answered), {.dt_s = 1e-9});
@@ -134,7 +134,7 @@ TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
   Server server(scratch, "power", "fdatasync:error=EIO:when=4");  // 1: segment, 2: opening, 3: first step
   ASSERT_TRUE(server.ready()) << server.log();
   host.client.emplace(server.client(500ms));
-  host.session.emplace(host.client->open(support::velocity_scene(), kNodes));
+  host.session.emplace(host.client->open(support::text_of(support::velocity_scene()), "scene", kNodes));
   const auto step = [&](int number) {
     host.session->advance(support::step_columns(Strategy::kVelocityDriven, kNodes, number), {.dt_s = 1e-9});
   };

@@ -78,10 +78,13 @@ class Host {
         client_({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 100ms}),
         twin_client_({.endpoint = embedded_.endpoint(), .context = embedded_.context()}),
         domain_("host " + std::to_string(seed)),
-        session_(client_.open(support::scene_of(strategy), support::node_ids(nodes), {.domain = domain_})),
-        twin_(twin_client_.open(support::scene_of(strategy), support::node_ids(nodes), {.domain = domain_})),
-        partner_(client_.open(support::scene_of(strategy), {}, {.domain = domain_})),
-        partner_twin_(twin_client_.open(support::scene_of(strategy), {}, {.domain = domain_})) {}
+        session_(client_.open(support::text_of(support::scene_of(strategy)), "scene", support::node_ids(nodes),
+                              {.domain = domain_})),
+        twin_(twin_client_.open(support::text_of(support::scene_of(strategy)), "scene", support::node_ids(nodes),
+                                {.domain = domain_})),
+        partner_(client_.open(support::text_of(support::scene_of(strategy)), "scene", {}, {.domain = domain_})),
+        partner_twin_(
+            twin_client_.open(support::text_of(support::scene_of(strategy)), "scene", {}, {.domain = domain_})) {}
 
   void step() {
     const int number = static_cast<int>(steps_++);
@@ -231,7 +234,7 @@ TEST(Kill, ASuccessorWithTheTicketGoesOnWhereTheDeadClientWas) {
   {
     Client client({.endpoint = server.endpoint()});
     EXPECT_EQ(client.welcome().durability, "process");
-    Session session = client.open(support::force_scene(), nodes);
+    Session session = client.open(support::text_of(support::force_scene()), "scene", nodes);
     ticket = session.ticket();
     for (int step = 0; step < 3; ++step)
       last = session.advance(columns(step), {.dt_s = 1e-9}).interface_temperature_k()[2];
@@ -286,7 +289,7 @@ TEST(Kill, H5pyReadsACheckpoint) {
   server.start();
   const auto nodes = support::node_ids(5);
   Client client({.endpoint = server.endpoint()});
-  Session session = client.open(support::velocity_scene(), nodes);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", nodes);
   for (int i = 0; i < 3; ++i)
     session.advance(support::step_columns(Strategy::kVelocityDriven, nodes, i), {.dt_s = 1e-9});
   ASSERT_EQ(server.terminate(), 0);

@@ -49,8 +49,8 @@ class Host {
   explicit Host(ClientOptions options)
       : client_(std::move(options)),
         quiet_client_({.endpoint = quiet_.endpoint(), .context = quiet_.context()}),
-        session_(client_.open(support::velocity_scene(), kNodes)),
-        twin_(quiet_client_.open(support::velocity_scene(), kNodes)) {}
+        session_(client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)),
+        twin_(quiet_client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)) {}
 
   // Throws what the client throws; then the same step is the next one still.
   void step() {
@@ -266,7 +266,9 @@ TEST(Surroundings, AClockThatJumpsByAnHourMovesNothingButTheStampsOfTheLog) {
   for (const char* offset : {"+3600", "-3600", "+7200", "+0"}) {
     jump(offset);
     host.steps(20);
-    host.client().open(support::velocity_scene(), kNodes).close();  // says a line with a stamp
+    host.client()
+        .open(support::text_of(support::velocity_scene()), "scene", kNodes)
+        .close();  // says a line with a stamp
   }
   host.expect_each_step_once();
   EXPECT_LT(std::chrono::steady_clock::now() - started, 20s) << "no deadline was waited for";

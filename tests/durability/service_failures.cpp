@@ -61,12 +61,14 @@ struct Kind {
   bool controlled = false;  // by a tolerance
 
   operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
-  wire::Scene scene() const {
-    wire::Scene scene = support::scene_of(strategy);
-    if (modes) scene.layer.heat = wire::Heat::kModes;
+  v1::Scene scene() const {
+    v1::Scene scene = support::scene_of(strategy);
+    if (modes) scene.mutable_layer()->set_heat(v1::HEAT_MODES);
     if (controlled) {
-      scene.layer = {};
-      scene.tolerance = 1e-2;
+      scene.clear_layer();
+      scene.mutable_layer();
+
+      scene.set_tolerance(1e-2);
     }
     return scene;
   }

@@ -23,9 +23,9 @@ inline std::vector<std::byte> sample_checkpoint() {
     ask(ServiceHarness::step(sequence, support::step_columns(strategy, nodes, static_cast<int>(sequence)), mode,
                              session));
   };
-  wire::Scene heated = support::velocity_scene(4);
-  heated.velocity_driven.taylor_quinney_factor = 0.9;
-  heated.hard_layer.emplace();
+  v1::Scene heated = support::velocity_scene(4);
+  heated.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
+  heated.mutable_hard_layer();
   ask(ServiceHarness::opening(heated, nodes, 1));
   step(wire::Strategy::kVelocityDriven, 1, wire::Mode::kAdvance, 1);
   ask(ServiceHarness::in_session(wire::Mark{.name = "dump"}, 2, 1));

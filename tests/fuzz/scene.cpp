@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string_view>
 
-#include "proto/wire/scene_file.hpp"
-#include "shearbus/v1/scene.pb.h"
+#include "proto/scene/scene.hpp"
+#include "server/service/scene_model.hpp"
 #include "tests/fuzz/mutate.hpp"
 #include "tests/fuzz/target.hpp"
 #include "tests/support/service_harness.hpp"
@@ -15,22 +15,21 @@ namespace {
 
 constexpr std::uint32_t kMostCells = 40;  // that are run: finer grids cost time and show nothing more
 
-bool small(const wire::Scene& scene) {
-  return scene.layer.cells <= kMostCells &&
-         (!scene.hard_layer || scene.hard_layer->cells.value_or(scene.layer.cells) <= kMostCells);
+bool small(const v1::Scene& scene) {
+  return scene.layer().cells() <= kMostCells && scene.hard_layer().cells() <= kMostCells;
 }
 
-void run(const wire::Scene& scene) {
+void run(const std::string& text, wire::Strategy strategy) {
   const auto nodes = support::node_ids(5);
   support::ServiceHarness server;
-  const support::Answer opened = server.ask(support::ServiceHarness::opening(scene, nodes));
+  const support::Answer opened = server.ask(support::ServiceHarness::opening(text, nodes));
   require(opened.code() != wire::Code::kInternal, "no scene is an internal error: " + opened.reply.status.text);
   if (opened.code() != wire::Code::kOk) return;
-  const auto& effective = std::get<wire::SessionOpened>(opened.reply.body).effective_scene;
-  require(wire::check_scene(effective).ok(), "an effective scene is a sound one: " + wire::check_scene(effective).text);
+  const std::string effective = std::get<wire::SessionOpened>(opened.reply.body).effective_scene;
+  require(service::scene_model(effective, "effective").effective == effective, "an effective scene is its own");
   for (int step = 0; step < 3; ++step) {
     const support::Answer answer = server.ask(support::ServiceHarness::step(
-        static_cast<std::uint64_t>(step + 1), support::step_columns(scene.strategy, nodes, step)));
+        static_cast<std::uint64_t>(step + 1), support::step_columns(strategy, nodes, step)));
     require(answer.code() == wire::Code::kOk, "a step is run: " + answer.reply.status.text);
     for (const wire::Field field : {wire::Field::kShearStress, wire::Field::kInterfaceTemperature})
       for (const double value : answer.reply.batch.f64(field))
@@ -70,19 +69,18 @@ const Parts& words() {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace shearbus;
-  wire::SceneFile file;
+  scene::SceneFile file;
   try {
-    file = wire::parse_scene(std::string_view(reinterpret_cast<const char*>(data), size), "m.toml");
+    file = scene::parse(std::string(reinterpret_cast<const char*>(data), size), "m.toml");
   } catch (const wire::Error& fault) {
     fuzz::require(fault.status().code == wire::Code::kInvalidScene, "a fault of a scene is INVALID_SCENE");
     fuzz::require(fault.status().text.starts_with("m.toml:"), "a fault of a scene has a place: " + fault.status().text);
     return 0;
   }
-  fuzz::require(wire::check_scene(file.scene).ok(), "what was loaded is sound: " + wire::check_scene(file.scene).text);
-  const std::string again = wire::scene_to_toml(file.scene);
-  fuzz::require(wire::scene_to_toml(wire::parse_scene(again, "again.toml").scene) == again,
+  const std::string again = scene::to_toml(file.scene);
+  fuzz::require(scene::to_toml(scene::parse(again, "again.toml").scene) == again,
                 "a scene written out reads back to the same");
-  if (fuzz::small(file.scene)) fuzz::run(file.scene);
+  if (fuzz::small(file.scene)) fuzz::run(file.text, support::strategy_of(file.scene));
   return 0;
 }
 

@@ -5,7 +5,7 @@
 #include <iostream>
 #include <string>
 
-#include "proto/wire/scene_file.hpp"
+#include "proto/scene/scene.hpp"
 #include "shearbus/v1/envelope.pb.h"
 #include "shearbus_places.hpp"
 #include "tests/fuzz/checkpoint_sample.hpp"
@@ -83,10 +83,10 @@ class Script {
   int steps_ = 0;
 };
 
-wire::Scene with_options(Strategy strategy) {
-  wire::Scene scene = strategy == Strategy::kVelocityDriven ? support::velocity_scene(6) : support::force_scene(6);
-  scene.hard_layer.emplace();
-  if (strategy == Strategy::kVelocityDriven) scene.velocity_driven.taylor_quinney_factor = 0.9;
+v1::Scene with_options(Strategy strategy) {
+  v1::Scene scene = strategy == Strategy::kVelocityDriven ? support::velocity_scene(6) : support::force_scene(6);
+  scene.mutable_hard_layer();
+  if (strategy == Strategy::kVelocityDriven) scene.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
   return scene;
 }
 
@@ -165,13 +165,11 @@ void scene_seeds(const Corpus& corpus) {
   const std::filesystem::path source = SHEARBUS_SOURCE_DIR;
   for (const char* directory : {"client/examples", "hydro_stub/problems"})
     for (const auto& entry : std::filesystem::directory_iterator(source / directory))
-      if (entry.path().extension() == ".toml") {
-        std::ifstream file(entry.path());
-        corpus.add("scene", entry.path().stem().string(), std::string(std::istreambuf_iterator<char>(file), {}));
-      }
-  corpus.add("scene", "velocity", wire::scene_to_toml(with_options(Strategy::kVelocityDriven)));
-  corpus.add("scene", "force", wire::scene_to_toml(with_options(Strategy::kForceDriven)));
-  corpus.add("scene", "sample", wire::scene_to_toml(wire::samples::scene()));
+      if (entry.path().extension() == ".toml")
+        corpus.add("scene", entry.path().stem().string(), scene::load_text(entry.path()));
+  corpus.add("scene", "velocity", scene::to_toml(with_options(Strategy::kVelocityDriven)));
+  corpus.add("scene", "force", scene::to_toml(with_options(Strategy::kForceDriven)));
+  corpus.add("scene", "sample", wire::samples::kScene);
 }
 
 void write(const Corpus& corpus) {

@@ -160,8 +160,8 @@ TEST_F(Keys, ASessionStepsEncryptedToTheSameBits) {
   RunningServer server(options());
   Client alice(client_options(server.endpoint("tcp"), alice_));
   Client local = server.client("ipc");
-  Session a = alice.open(support::force_scene(), kNodes);
-  Session b = local.open(support::force_scene(), kNodes);
+  Session a = alice.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session b = local.open(support::text_of(support::force_scene()), "scene", kNodes);
   for (int step = 0; step < 20; ++step) {
     const auto request = support::step_columns(Strategy::kForceDriven, kNodes, step);
     const auto& one = a.advance(request, {.dt_s = 1e-9});
@@ -209,7 +209,7 @@ TEST_F(Keys, AStolenTicketIsOfNoUseWithAnotherKey) {
   RunningServer server(options(), {"tcp://127.0.0.1:*"}, lines.log());
   const std::string& tcp = server.endpoint("tcp");
   Client alice(client_options(tcp, alice_));
-  Session session = alice.open(support::force_scene(), kNodes);
+  Session session = alice.open(support::text_of(support::force_scene()), "scene", kNodes);
   const auto request = support::step_columns(Strategy::kForceDriven, kNodes, 0);
   session.advance(request, {.dt_s = 1e-9});
   Client mallory(client_options(tcp, mallory_));
@@ -333,7 +333,7 @@ TEST(Users, AnotherUserIsServedWhereTheListNamesHimAndHasSessionsOfHisOwn) {
   EXPECT_EQ(as_user(kFriend,
                     [&] {
                       Client client({.endpoint = bus.ipc()});
-                      Session session = client.open(support::force_scene(), kNodes);
+                      Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
                       ticket = session.ticket();
                       if (::write(shared, &ticket, sizeof ticket) != sizeof ticket) ::_exit(4);
                       session.leave();

@@ -141,7 +141,7 @@ class Results(HydroTest):
             for i, jump in enumerate([10.0, 50.0, 100.0, -100.0, 400.0]):
                 self.edited("[10.0, 50.0, 100.0, -100.0, 400.0]", f"[{jump}]")
                 alone = self.run_well("--interface-law", law)
-                for name in ("shear_stress", "velocity_jump_new", "interface_temperature", "stress_minus", "stress_plus"):
+                for name in ("shear_stress", "velocity_jump_new", "interface_temperature", "stress_soft", "stress_hard"):
                     np.testing.assert_array_equal(together[name][:, i], alone[name][:, 0], f"{law} {jump} {name}")
 
     def test_laws_differ_and_are_named(self):
@@ -184,7 +184,7 @@ class Results(HydroTest):
         run = self.hydro("--explain", scene=PROBLEMS / "cone_al_steel_coarse.toml")
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertRegex(run.stdout, r"off tangential_components +would take \+\d+ B per node")
-        self.assertRegex(run.stdout, r"off layer.inertia +not in this scene: .*velocity_driven")
+        self.assertRegex(run.stdout, r"off layer.inertia +not in this scene: .*strategy = \"force_driven\"")
         self.assertRegex(run.stdout, r"a step of 41 nodes +[\d.]+ µs if all slip")
         self.assertFalse(self.out.exists(), "--explain runs nothing")
 

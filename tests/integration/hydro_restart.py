@@ -20,7 +20,7 @@ import numpy
 OPTIONS = None
 SEED = int(os.environ.get("SHEARBUS_SEED", "1"))
 KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # of each test
-NOT_COMPARED = {"run_time_s", "service_share", "waiting_share", "cpu_share", "spared"}  # of the summary
+NOT_COMPARED = {"run_time_s", "service_share", "waiting_share", "cpu_share"}  # of the summary
 
 
 def shortened_cone(directory):

@@ -5,9 +5,9 @@
 #include <string>
 
 #include "hydro_stub/history.hpp"
+#include "hydro_stub/scene.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/scene_file.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/strength.hpp"
 #include "tests/support/direct_law.hpp"
@@ -18,8 +18,8 @@ namespace {
 using hydro::ShearColumn;
 
 // Columns that stick, slip, melt, run the other way and stop; more than one tile of them.
-wire::Scene scene(const std::string& far_end = "free") {
-  return wire::parse_scene(R"(
+hydro::SceneFile scene(const std::string& far_end = "free") {
+  return hydro::parse_scene(R"(
 name = "coupled"
 strategy = "force_driven"
 [soft]
@@ -44,17 +44,16 @@ velocity_jump_m_per_s = [5.0, 28.0, 33.0, 60.0, -60.0, 100.0, 180.0, -250.0, 320
 initial_temperature_k = [300.0, 300.0, 300.0, 300.0, 300.0, 500.0, 300.0, 300.0, 900.0, 300.0, 300.0]
 pressure_pa = [11.2e9, 11.2e9, 11.2e9, 11.2e9, 11.2e9, 2e9, 0.3e9, 1e9, 11.2e9, 11.2e9, -1e9]
 )",
-                           "coupled.toml")
-      .scene;
+                            "coupled.toml");
 }
 
-hydro::SubgridLaw embedded(const wire::Scene& of, const hydro::Problem& problem) {
-  return {of, hydro::node_ids(problem.columns), problem.initial_temperature};
+hydro::SubgridLaw embedded(const hydro::SceneFile& of, const hydro::ColumnProblem& problem) {
+  return {{of.server_text(), of.document.file}, hydro::node_ids(problem.columns), problem.initial_temperature};
 }
 
 TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
-  const wire::Scene of = scene();
-  const hydro::Problem problem = hydro::make_problem(of);
+  const hydro::SceneFile of = scene();
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   hydro::SubgridLaw law = embedded(of, problem);
   test::DirectLaw direct(
       {.strategy = physics::Strategy::kForceDriven,
@@ -80,8 +79,8 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
 
 // The answer's jump is what both sides' own momentum equations leave with the answer's stress, DLP (61).
 TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
-  const wire::Scene of = scene();
-  const hydro::Problem problem = hydro::make_problem(of);
+  const hydro::SceneFile of = scene();
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   hydro::SubgridLaw law = embedded(of, problem);
   ShearColumn column(problem);
   std::size_t regimes = 0;
@@ -101,8 +100,8 @@ TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
 
 TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
   for (const char* end : {"free", "transmitting"}) {
-    const wire::Scene of = scene(end);
-    const hydro::Problem problem = hydro::make_problem(of);
+    const hydro::SceneFile of = scene(end);
+    const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
     hydro::SubgridLaw law = embedded(of, problem);
     ShearColumn column(problem);
     std::vector<double> heat(problem.columns, 0.0);
@@ -131,8 +130,8 @@ TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
 }
 
 TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
-  const wire::Scene of = scene();
-  const hydro::Problem problem = hydro::make_problem(of);
+  const hydro::SceneFile of = scene();
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   hydro::SubgridLaw law = embedded(of, problem);
   ShearColumn column(problem);
   std::vector<double> previous = problem.initial_jump;
@@ -152,9 +151,9 @@ TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
 }
 
 TEST(SubgridLaw, RefusalOfTheServerNamesTheField) {
-  wire::Scene of = scene();
-  const hydro::Problem problem = hydro::make_problem(of);
-  of.soft.material = "unobtainium";
+  hydro::SceneFile of = scene();
+  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
+  of.text.replace(of.text.find("aluminium_dlp"), std::string_view("aluminium_dlp").size(), "unobtainium");
   try {
     embedded(of, problem);
     FAIL() << "the server took an unknown material";

@@ -1,4 +1,4 @@
-"""shearbus-map and its pictures as a user runs them."""
+"""shearbus-study map and its pictures as a user runs them."""
 import argparse
 import csv
 import json
@@ -19,7 +19,7 @@ def check(condition, what):
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("--map", required=True)
+    parser.add_argument("--study", required=True)
     parser.add_argument("--ctl", required=True)
     parser.add_argument("--source", type=pathlib.Path, required=True)
     options = parser.parse_args()
@@ -27,7 +27,7 @@ def main():
     with tempfile.TemporaryDirectory() as scratch:
         out = pathlib.Path(scratch) / "map"
         small = ["--pressures", 4, "--velocities", 7, "--times", 2e-8, 1e-7, "--dt", 1e-9]
-        done = run(options.map, scene, "--out", out, *small)
+        done = run(options.study, "map", scene, "--out", out, *small)
         check(done.returncode == 0, done.stderr)
         check("sticking below" in done.stdout, done.stdout)
         described = json.loads((out / "map.json").read_text())
@@ -40,16 +40,16 @@ def main():
             check(abs(float(row["friction_coefficient"]) * float(row["pressure_pa"]) - float(row["shear_stress_pa"])) < 1.0, row)
             check(0.0 <= float(row["slip_share"]) <= 1.0, row)
 
-        drawn = run("/usr/bin/python3", options.source / "client/map/plot_map.py", out)
+        drawn = run("/usr/bin/python3", options.source / "tests/study/map/plot_map.py", out)
         check(drawn.returncode == 0, drawn.stderr)
         for picture in ("limits.png", "fields.png"):
             check((out / picture).read_bytes()[:4] == b"\x89PNG", picture)
 
         for bad, told in ((["--times", 3e-7, 1e-7], "must increase"), (["--dt", 3e-8], "whole number of steps"),
                           (["--pressure", 2e9, 1e9], "lower value first")):
-            refused = run(options.map, scene, "--out", out, *bad)
+            refused = run(options.study, "map", scene, "--out", out, *bad)
             check(refused.returncode == 2 and told in refused.stderr, refused.stderr)
-        refused = run(options.map, options.source / "client/examples/force_driven.toml", "--out", out, *small)
+        refused = run(options.study, "map", options.source / "client/examples/force_driven.toml", "--out", out, *small)
         check(refused.returncode == 1 and "layer_shear" in refused.stderr, refused.stderr)
 
     catalog = run(options.ctl, "materials")

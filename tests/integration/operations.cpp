@@ -60,7 +60,7 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state", "--durability", "power"});
   ASSERT_TRUE(server.ready()) << server.log();
   Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::velocity_scene(), kNodes);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", kNodes);
   for (int i = 0; i < 20; ++i) step(session, i);
   const Ctl ctl(scratch.ipc());
 
@@ -118,8 +118,8 @@ TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
   ASSERT_TRUE(server.ready()) << server.log();
   Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::velocity_scene(), kNodes);
-  Session other = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", kNodes);
+  Session other = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   step(session, 0);
   const Ctl ctl(scratch.ipc());
   const std::string name = support::velocity_scene().name;
@@ -150,11 +150,11 @@ TEST(Operations, ADrainedServerEndsWithItsLastSession) {
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
   ASSERT_TRUE(server.ready()) << server.log();
   Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::velocity_scene(), kNodes);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", kNodes);
   const Ctl ctl(scratch.ipc());
   EXPECT_EQ(ctl({"drain", "--exit"}).first, 0);
   try {
-    client.open(support::velocity_scene(), kNodes);
+    client.open(support::text_of(support::velocity_scene()), "scene", kNodes);
     ADD_FAILURE() << "opened";
   } catch (const Error& fault) {
     EXPECT_EQ(fault.status().code, Code::kDraining);
@@ -237,7 +237,7 @@ TEST(ServiceManager, IsToldReadyAliveAndStoppingByTheLoopThatCommits) {
   server.process().signal(SIGCONT);
   EXPECT_THAT(manager.heard(5s, "WATCHDOG=1"), HasSubstr("WATCHDOG=1\n"));
 
-  Session session = client.open(support::velocity_scene(), kNodes);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", kNodes);
   step(session, 0);
   client.checkpoint();
   const std::string during = manager.heard(5s, "WATCHDOG_USEC=30000000");

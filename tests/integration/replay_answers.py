@@ -1,4 +1,4 @@
-"""The numbers a replay gives: the paper's velocity-driven case (server/physics/MODEL.md, exact solutions), loops, restarts."""
+"""The numbers a replay gives: the paper's velocity-driven case (server/physics/MEASURED.md, "Exact solutions"), loops, restarts."""
 import re
 import subprocess
 import unittest
@@ -242,7 +242,7 @@ class Loops(ReplayTest):
         turned = self.path / "plane.toml"
         turned.write_text("tangential_components = 2\n" + self.scene.read_text())
         angle = 0.6
-        vectors = ("initial_velocity_jump", "stress_minus", "stress_plus")
+        vectors = ("initial_velocity_jump", "stress_soft", "stress_hard")
         plane = {k: np.cos(angle) * v if k in vectors else v for k, v in parts.items()}
         self.write(**plane, **{f"{k}_second": np.sin(angle) * parts[k] for k in vectors})
         result = self.result(scene=turned)

@@ -39,8 +39,8 @@ class BadInput(ReplayTest):
         self.refused_history("/velocity_jump [T,N]", velocity_history(velocity_jump=None))
 
     def test_force_driven_needs_are_all_listed(self):
-        self.refused_history(["/stress_plus [T,N]", "/mass_minus [N]", "force_driven"],
-                             force_history(stress_plus=None, mass_minus=None), scene=FORCE)
+        self.refused_history(["/stress_hard [T,N]", "/mass_soft [N]", "force_driven"],
+                             force_history(stress_hard=None, mass_soft=None), scene=FORCE)
         self.refused_history("/velocity_jump [T,N] (as recorded) or /initial_velocity_jump [N] (closed loop)",
                              force_history(initial_velocity_jump=None), scene=FORCE)
 
@@ -60,13 +60,13 @@ class BadInput(ReplayTest):
         self.refused_history(["/velocity_jump[0, 2]", "inf"],
                              velocity_history(velocity_jump=with_value(pressure, (0, 2), -np.inf)))
         self.refused_history("/initial_temperature[1]", velocity_history(initial_temperature=np.array([300, np.nan, 300])))
-        self.refused_history("/mass_plus[0]", force_history(mass_plus=np.array([np.nan, 1, 1])), scene=FORCE)
+        self.refused_history("/mass_hard[0]", force_history(mass_hard=np.array([np.nan, 1, 1])), scene=FORCE)
 
     def test_wrong_shapes(self):
         self.refused_history("expected [T, N] = [5, 3]", velocity_history(pressure=np.ones((3, 5))))
         self.refused_history("expected [T, N] = [5, 3]", velocity_history(velocity_jump=np.ones(5)))
         self.refused_history("expected [N] = [3]", velocity_history(initial_temperature=np.full(4, 300.0)))
-        self.refused_history("expected [N] = [3]", force_history(mass_minus=np.ones((5, 3))), scene=FORCE)
+        self.refused_history("expected [N] = [3]", force_history(mass_soft=np.ones((5, 3))), scene=FORCE)
 
     def test_wrong_types(self):
         self.refused_history("/node_id holds float", velocity_history(node_id=np.array([1.0, 2.0, 3.0])))
@@ -80,7 +80,7 @@ class BadInput(ReplayTest):
         self.refused_history("/time has no values", velocity_history(time=np.zeros(0)))
 
     def test_values_physics_refuses_name_step_and_node(self):
-        self.refused_history(["mass_minus", "11"], force_history(mass_minus=np.array([1.0, -1.0, 1.0])), scene=FORCE)
+        self.refused_history(["mass_soft", "11"], force_history(mass_soft=np.array([1.0, -1.0, 1.0])), scene=FORCE)
         self.refused_history(["temperature", "12"], velocity_history(initial_temperature=np.array([300.0, 300.0, -5.0])))
         self.refused_history("temperature", velocity_history(initial_temperature=np.array([300.0, 5000.0, 300.0])))
 

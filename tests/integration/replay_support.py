@@ -64,10 +64,10 @@ def force_history(steps=5, nodes=3, **changes):
         "time": 1e-9 * np.arange(1, steps + 1),
         "node_id": np.arange(10, 10 + nodes, dtype=np.uint64),
         "pressure": np.full((steps, nodes), 11.2e9),
-        "stress_minus": np.zeros((steps, nodes)),
-        "stress_plus": np.zeros((steps, nodes)),
-        "mass_minus": np.full(nodes, 2.7),
-        "mass_plus": np.full(nodes, 7.9),
+        "stress_soft": np.zeros((steps, nodes)),
+        "stress_hard": np.zeros((steps, nodes)),
+        "mass_soft": np.full(nodes, 2.7),
+        "mass_hard": np.full(nodes, 7.9),
         "initial_velocity_jump": np.linspace(20.0, 100.0, nodes),
     }
     return parts | changes

@@ -60,7 +60,7 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
     ASSERT_TRUE(server.ready()) << server.log();
     const std::string tcp = server.tcp_endpoint();
     Client watcher({.endpoint = scratch.ipc()});
-    Session session = watcher.open(support::force_scene(), kNodes);
+    Session session = watcher.open(support::text_of(support::force_scene()), "scene", kNodes);
     const std::uint64_t files_before = watcher.server_status().open_files;
 
     std::vector<RawStream> silent;
@@ -104,7 +104,7 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   const std::size_t at = text.find("tcp://127.0.0.1:", text.find("listening on tcp"));
   const std::string tcp = text.substr(at, text.find('\n', at) - at);
   Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   {
     std::vector<RawStream> silent;
     for (int i = 0; i < 150; ++i) silent.emplace_back(tcp);  // the kernel accepts what the server cannot
@@ -131,7 +131,7 @@ TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
     int done = 0;
     try {
       Client client({.endpoint = scratch.ipc(), .retry_after = 500ms});
-      Session session = client.open(support::force_scene(), kNodes);
+      Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
       for (; done < kSteps; ++done) {
         step(session, done);
         std::this_thread::sleep_for(50ms);
@@ -146,7 +146,7 @@ TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
   while (client.server_status().node_steps < 5 * kNodes.size()) std::this_thread::sleep_for(2ms);
   ::kill(frozen, SIGSTOP);
   const std::uint64_t before = client.server_status().connections_admitted;
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   std::chrono::nanoseconds slowest{0};
   int number = 0;
   for (const auto end = Clock::now() + 9s; Clock::now() < end; std::this_thread::sleep_for(20ms)) {

@@ -62,8 +62,8 @@ class Faults : public testing::Test {
   Faults()
       : client_(server_.client()),
         quiet_client_({.endpoint = quiet_.endpoint(), .context = quiet_.context()}),
-        bystander_(client_.open(support::force_scene(), kNodes)),
-        twin_(quiet_client_.open(support::force_scene(), kNodes)) {
+        bystander_(client_.open(support::text_of(support::force_scene()), "scene", kNodes)),
+        twin_(quiet_client_.open(support::text_of(support::force_scene()), "scene", kNodes)) {
     step_both();
   }
 
@@ -215,7 +215,7 @@ TEST_F(Faults, OtherMajorVersionsAreToldWhichOneIsSpoken) {
 }
 
 TEST_F(Faults, UnknownAndDuplicateNodesAreRefused) {
-  Session session = client_.open(support::force_scene(), kNodes);
+  Session session = client_.open(support::text_of(support::force_scene()), "scene", kNodes);
   for (const auto& [ids, code] : {std::pair{std::vector<std::uint64_t>{100, 5}, Code::kUnknownNode},
                                   std::pair{std::vector<std::uint64_t>{100, 101, 100}, Code::kDuplicateNode}}) {
     try {
@@ -302,12 +302,12 @@ TEST_F(Faults, AClientThatLeftMidRequestHasItsStepRunOnce) {
 }
 
 TEST_F(Faults, DestroyedSessionsSayGoodbye) {
-  { Session short_lived = client_.open(support::force_scene(), kNodes); }
+  { Session short_lived = client_.open(support::text_of(support::force_scene()), "scene", kNodes); }
   for (int i = 0; i < 100 && status().sessions != 1; ++i) std::this_thread::sleep_for(5ms);
   EXPECT_EQ(status().sessions, 1u);
   {
     Client other = server_.client("tcp");
-    Session short_lived = other.open(support::force_scene(), kNodes);
+    Session short_lived = other.open(support::text_of(support::force_scene()), "scene", kNodes);
   }
   for (int i = 0; i < 100 && status().sessions != 1; ++i) std::this_thread::sleep_for(5ms);
   EXPECT_EQ(status().sessions, 1u);

@@ -116,8 +116,8 @@ class LostReply : public testing::Test {
 
 TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   Client client(options());
-  Session session = client.open(support::force_scene(), kNodes);
-  Session twin = direct_.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session twin = direct_.open(support::text_of(support::force_scene()), "scene", kNodes);
   int losses = 0;
   for (int step = 0; step < 12; ++step) {
     if (step % 3 == 0) bus_.replies_to_lose = 1 + step / 6;
@@ -138,8 +138,8 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
 // A trial in two halves is the same request: lost on the way there or back it is repeated, and runs once.
 TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   Client client(options());
-  Session session = client.open(support::force_scene(), kNodes);
-  Session twin = direct_.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session twin = direct_.open(support::text_of(support::force_scene()), "scene", kNodes);
   for (int step = 0; step < 9; ++step) {
     const Batch request = columns(step);
     const StepOptions how{.dt_s = 1e-9, .commit_previous = step > 0};
@@ -161,7 +161,7 @@ TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
 // What start_trial() sent is under way while the host works: the answer is there when it is asked for.
 TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
   Client client(options());
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   const int seen = bus_.requests_seen;
   session.start_trial(columns(0), {.dt_s = 1e-9});
   const auto end = std::chrono::steady_clock::now() + 5s;
@@ -176,7 +176,7 @@ TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
 TEST_F(LostReply, ALostOpeningReplyOpensOneSession) {
   Client client(options());
   bus_.replies_to_lose = 2;
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   EXPECT_EQ(direct_.server_status().sessions, 1u);
 }
 
@@ -185,12 +185,13 @@ TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
   impatient.reply_deadline = 400ms;
   Client client(impatient);
   bus_.replies_to_lose = 1000;
-  EXPECT_THROW(client.open(support::force_scene(), kNodes, {.domain = "run"}), Error);
+  EXPECT_THROW(client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"}), Error);
   bus_.replies_to_lose = 0;
   // Another opening would find its nodes owned by a session that nobody knows.
-  Session session = client.open(support::force_scene(), kNodes, {.domain = "run"});
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"});
   EXPECT_EQ(direct_.server_status().sessions, 1u);
-  Session other = client.open(support::force_scene(), support::node_ids(3), {.domain = "another"});
+  Session other =
+      client.open(support::text_of(support::force_scene()), "scene", support::node_ids(3), {.domain = "another"});
   EXPECT_EQ(direct_.server_status().sessions, 2u);
 }
 
@@ -198,8 +199,8 @@ TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {
   ClientOptions impatient = options();
   impatient.reply_deadline = 400ms;
   Client client(impatient);
-  Session session = client.open(support::force_scene(), kNodes);
-  Session twin = direct_.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session twin = direct_.open(support::text_of(support::force_scene()), "scene", kNodes);
   const auto request = columns(0);
   bus_.replies_to_lose = 1000;
   try {
@@ -220,7 +221,7 @@ TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
   ClientOptions impatient = options();
   impatient.reply_deadline = 400ms;
   Client client(impatient);
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   bus_.replies_to_lose = 1000;
   EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);
   bus_.replies_to_lose = 0;
@@ -238,7 +239,7 @@ TEST_F(LostReply, AServerThatStopsAnsweringIsNoticedWithinTheDeadline) {
   ClientOptions impatient = options();
   impatient.reply_deadline = 500ms;
   Client client(impatient);
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   server_.stop();
   const auto started = std::chrono::steady_clock::now();
   EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);

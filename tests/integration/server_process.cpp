@@ -45,7 +45,7 @@ TEST(ServerProgram, SigtermMidRunAnswersTheStepAndExitsWithZero) {
   std::thread host([&] {
     Client client({.endpoint = scratch.ipc(), .reply_deadline = 1s, .retry_after = 400ms});
     const auto nodes = support::node_ids(500);
-    Session session = client.open(support::velocity_scene(), nodes);
+    Session session = client.open(support::text_of(support::velocity_scene()), "scene", nodes);
     try {
       for (;; ++steps) session.advance(support::step_columns(Strategy::kVelocityDriven, nodes, steps), {.dt_s = 1e-9});
     } catch (const Error& fault) {
@@ -70,7 +70,7 @@ TEST(ServerProgram, AClientThatStopsReadingDoesNotHoldUpTheExit) {
     try {
       Client client({.endpoint = scratch.ipc()});
       const auto nodes = support::node_ids(2000);
-      Session session = client.open(support::force_scene(), nodes);
+      Session session = client.open(support::text_of(support::force_scene()), "scene", nodes);
       for (int step = 0;; ++step)
         session.advance(support::step_columns(Strategy::kForceDriven, nodes, step), {.dt_s = 1e-9});
     } catch (...) {
@@ -96,7 +96,7 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
   if (victim == 0) {
     try {
       Client client({.endpoint = scratch.ipc()});
-      Session session = client.open(support::force_scene(), kNodes);
+      Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
       for (int step = 0;; ++step)
         session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
     } catch (...) {
@@ -104,10 +104,10 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
     ::_exit(0);
   }
   Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   support::RunningServer quiet;
   Client quiet_client = quiet.client();
-  Session twin = quiet_client.open(support::force_scene(), kNodes);
+  Session twin = quiet_client.open(support::text_of(support::force_scene()), "scene", kNodes);
   for (int step = 0; step < 60; ++step) {
     if (step == 20) {
       while (client.server_status().sessions < 2) std::this_thread::sleep_for(1ms);
@@ -196,7 +196,7 @@ TEST(ServerProgram, NoAnswerIsLostToAClientThatReads) {
     ServerProcess server({"--bind", scratch.ipc()});
     ASSERT_TRUE(server.ready()) << server.log();
     Client client({.endpoint = scratch.ipc()});
-    Session session = client.open(support::force_scene(), kNodes);
+    Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
     for (int step = 0; step < 200; ++step)
       session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
     EXPECT_EQ(client.server_status().replayed, 0u);
@@ -208,7 +208,7 @@ TEST(ServerProgram, NothingIsLoggedPerStep) {
   ServerProcess server({"--bind", scratch.ipc()});
   ASSERT_TRUE(server.ready()) << server.log();
   Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::force_scene(), kNodes);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   const auto lines = [&] { return std::ranges::count(server.log(), '\n'); };
   const auto before = lines();
   for (int step = 0; step < 50; ++step)

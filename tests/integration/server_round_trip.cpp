@@ -34,7 +34,7 @@ std::vector<std::byte> bits_of(const StepResult& result) {
 
 std::vector<std::byte> ten_steps(Client& client, Strategy strategy, std::size_t nodes) {
   const auto ids = support::node_ids(nodes);
-  Session session = client.open(support::scene_of(strategy), ids);
+  Session session = client.open(support::text_of(support::scene_of(strategy)), "scene", ids);
   std::vector<std::byte> bits;
   for (int step = 0; step < 10; ++step) {
     const auto more = bits_of(session.advance(support::step_columns(strategy, ids, step), {.dt_s = 1e-9}));
@@ -76,8 +76,8 @@ TEST_P(RoundTrip, PermutedAndSplitBatchesGiveEachNodeTheSameBits) {
   RunningServer server;
   Client client = server.client();
   const auto ids = support::node_ids(23);
-  Session whole = client.open(support::scene_of(GetParam()), ids);
-  Session parts = client.open(support::scene_of(GetParam()), ids);
+  Session whole = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
+  Session parts = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   const std::vector<std::uint64_t> odd = {121, 101, 103, 119, 105, 107, 109, 117, 111, 113, 115};
   const std::vector<std::uint64_t> even = {100, 122, 102, 104, 106, 120, 108, 110, 112, 118, 114, 116};
   for (int step = 0; step < 8; ++step) {
@@ -100,8 +100,8 @@ TEST_P(RoundTrip, TrialRollbackTrialCommitIsAdvance) {
   RunningServer server;
   Client client = server.client("tcp");
   const auto ids = support::node_ids(10);
-  Session direct = client.open(support::scene_of(GetParam()), ids);
-  Session hesitant = client.open(support::scene_of(GetParam()), ids);
+  Session direct = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
+  Session hesitant = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   for (int step = 0; step < 8; ++step) {
     const auto expected = bits_of(direct.advance(support::step_columns(GetParam(), ids, step), {.dt_s = 1e-9}));
     hesitant.trial(support::step_columns(GetParam(), ids, step + 40), {.dt_s = 2e-9});
@@ -116,13 +116,13 @@ TEST(ClientSession, RequestsHaveTheColumnsOfTheScene) {
   RunningServer server;
   Client client = server.client();
   const auto ids = support::node_ids(3);
-  Session session = client.open(support::force_scene(), ids);
+  Session session = client.open(support::text_of(support::force_scene()), "scene", ids);
   EXPECT_EQ(session.node_ids(), ids);
   EXPECT_GT(session.bytes_per_node(), 0u);
   EXPECT_FALSE(session.warnings().empty());  // an insulated layer of 20 um says how long it is good for
   const Batch all = session.request();
   EXPECT_EQ(all.columns().size(), 6u);
-  EXPECT_EQ(all.f64(Field::kMassPlus).size(), 3u);
+  EXPECT_EQ(all.f64(Field::kMassHard).size(), 3u);
   const Batch one = session.request_for(std::vector<std::uint64_t>{102});
   EXPECT_EQ(one.u64(Field::kNodeId)[0], 102u);
   session.want({Field::kShearStress});
@@ -137,7 +137,8 @@ TEST(ClientSession, InitialTemperaturesReachTheirNodes) {
   Client client = server.client();
   const auto ids = support::node_ids(4);
   const std::vector<double> temperatures = {300, 400, 500, 600};
-  Session session = client.open(support::velocity_scene(), ids, {.initial_temperature_k = temperatures});
+  Session session =
+      client.open(support::text_of(support::velocity_scene()), "scene", ids, {.initial_temperature_k = temperatures});
   const Batch still = session.request();  // open interface, no slip: the temperature stays
   const auto result = session.advance(still, {.dt_s = 1e-9}).interface_temperature_k();
   for (std::size_t i = 0; i < ids.size(); ++i) EXPECT_NEAR(result[i], temperatures[i], 1e-9);
@@ -147,17 +148,17 @@ TEST(ClientErrors, TheServersRefusalArrivesWithFieldAndNodes) {
   RunningServer server;
   Client client = server.client();
   auto scene = support::velocity_scene();
-  scene.soft.material = "aluminum_dlp";
+  scene.mutable_soft()->set_material("aluminum_dlp");
   const auto ids = support::node_ids(4);
   try {
-    client.open(scene, ids);
+    client.open(support::text_of(scene), "scene", ids);
     FAIL() << "an unknown material was accepted";
   } catch (const Error& fault) {
     EXPECT_EQ(fault.status().code, Code::kInvalidScene);
     EXPECT_EQ(fault.status().field, "soft.material");
     EXPECT_NE(fault.status().text.find("aluminium_dlp"), std::string::npos) << "no suggestion: " << fault.status().text;
   }
-  Session session = client.open(support::velocity_scene(), ids);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", ids);
   auto bad = support::step_columns(Strategy::kVelocityDriven, ids, 0);
   bad.f64(Field::kPressure)[2] = std::numeric_limits<double>::quiet_NaN();
   try {

@@ -21,11 +21,11 @@ constexpr int kSteps = 20;
 
 Scene plane_scene(Strategy strategy) {
   Scene scene = support::scene_of(strategy);
-  scene.tangential_components = 2;
+  scene.set_tangential_components(2);
   return scene;
 }
 
-constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressMinus, Field::kStressPlus};
+constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressSoft, Field::kStressHard};
 
 // The columns of a scalar step along a direction of the plane.
 void fill_along(double angle, const Batch& scalar, Batch& request) {
@@ -52,8 +52,8 @@ TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   RunningServer server;
   Client client = server.client("ipc");
   const auto ids = support::node_ids(kNodes);
-  Session line = client.open(support::scene_of(GetParam()), ids);
-  Session plane = client.open(plane_scene(GetParam()), ids);
+  Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
+  Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
   EXPECT_EQ(plane.effective_scene().tangential_components, 2U);
   EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));  // committed and trial
   const double angle = 0.7;
@@ -88,8 +88,8 @@ TEST_P(TwoComponents, BothComponentsAreAskedForAndNoOthers) {
     }
     return Status{};
   };
-  Session line = client.open(support::scene_of(GetParam()), ids);
-  Session plane = client.open(plane_scene(GetParam()), ids);
+  Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
+  Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
   const Batch one = support::step_columns(GetParam(), ids, 0);
   Batch two = plane.request();
   fill_along(0.3, one, two);

@@ -4,25 +4,29 @@
 
 #include <cmath>
 
-#include "client/map/limits.hpp"
-#include "client/map/sweep.hpp"
 #include "server/physics/material/strength.hpp"
+#include "tests/study/map/limits.hpp"
+#include "tests/study/map/sweep.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus {
 namespace {
 
-wire::Scene scene() {
-  wire::Scene scene = support::velocity_scene();
-  scene.layer.far_boundary = wire::FarBoundary::kHalfSpace;
+v1::Scene scene() {
+  v1::Scene scene = support::velocity_scene();
+  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
   return scene;
+}
+
+map::SceneText text_of(const v1::Scene& scene) {
+  return {.text = support::text_of(scene), .file = "scene"};
 }
 
 const map::Axes kAxes{map::log_spaced(1e9, 100e9, 4), map::log_spaced(1.0, 1000.0, 13)};
 constexpr double kThickness = 20e-6;
 
 const map::Map& small_map() {
-  static const map::Map made = map::sweep(scene(), kAxes, {50e-9, 100e-9, 400e-9}, 1e-9);
+  static const map::Map made = map::sweep(text_of(scene()), kAxes, {50e-9, 100e-9, 400e-9}, 1e-9);
   return made;
 }
 
@@ -105,10 +109,10 @@ TEST(ValidityMap, FasterMeltsEarlierAndTheLineFallsWithTime) {
 }
 
 TEST(ValidityMap, ASceneWithoutImposedShearIsRefused) {
-  EXPECT_THROW(map::sweep(support::force_scene(), kAxes, {1e-9}, 1e-9), Error);
-  wire::Scene slip = scene();
-  slip.velocity_driven.drive = wire::Drive::kInterfaceSlip;
-  EXPECT_THROW(map::sweep(slip, kAxes, {1e-9}, 1e-9), Error);
+  EXPECT_THROW(map::sweep(text_of(support::force_scene()), kAxes, {1e-9}, 1e-9), Error);
+  v1::Scene slip = scene();
+  slip.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
+  EXPECT_THROW(map::sweep(text_of(slip), kAxes, {1e-9}, 1e-9), Error);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace shearbus::physics {
 
 class Bingham {
  public:
-  static constexpr std::string_view kName = "bingham";
+  static constexpr std::string_view kName = "bingham", kEquation = "Bingham 1922", kAdds = "viscosity", kWhen = "tests";
   static constexpr std::array kConstants = {&Material::yield_strength, &Material::hardening_modulus};  // A, eta [Pa s]
   static constexpr bool kDependsOnRate = true;
   static constexpr bool kSeparable = false;

@@ -82,8 +82,8 @@ TEST(PhysicsCatalog, EveryPairSlidesToItsOwnRest) {
       Strategy::kForceDriven,
       [](Rig& rig) {
         for (int l = 0; l < kLanes; ++l) {
-          rig.inputs.mass_minus[l] = rig.model.options().soft.density * 5e-6;
-          rig.inputs.mass_plus[l] = rig.model.options().hard.density * 5e-6;
+          rig.inputs.mass_soft[l] = rig.model.options().soft.density * 5e-6;
+          rig.inputs.mass_hard[l] = rig.model.options().hard.density * 5e-6;
         }
       },
       [&](Rig& rig) {

@@ -16,11 +16,11 @@ void copy_inputs(const TileInputs& from, int i, TileInputs& to, int j) {
   to.velocity_jump[j] = from.velocity_jump[i];
   to.pressure[j] = from.pressure[i];
   to.soft_shear_rate[j] = from.soft_shear_rate[i];
-  to.stress_minus[j] = from.stress_minus[i];
-  to.stress_plus[j] = from.stress_plus[i];
-  to.mass_minus[j] = from.mass_minus[i];
-  to.mass_plus[j] = from.mass_plus[i];
-  to.soft_plastic_rate[j] = from.soft_plastic_rate[i];
+  to.stress_soft[j] = from.stress_soft[i];
+  to.stress_hard[j] = from.stress_hard[i];
+  to.mass_soft[j] = from.mass_soft[i];
+  to.mass_hard[j] = from.mass_hard[i];
+  to.soft_plastic_strain_rate[j] = from.soft_plastic_strain_rate[i];
 }
 
 void copy_state(const std::vector<double>& from, int i, std::vector<double>& to, int j) {
@@ -112,8 +112,8 @@ TEST_P(PhysicsLanes, MirroredInputsGiveMirroredBits) {
       for (int l = 0; l < kLanes; ++l) {
         mirror.inputs.velocity_jump[l] *= -1;
         mirror.inputs.soft_shear_rate[l] *= -1;
-        mirror.inputs.stress_minus[l] *= -1;
-        mirror.inputs.stress_plus[l] *= -1;
+        mirror.inputs.stress_soft[l] *= -1;
+        mirror.inputs.stress_hard[l] *= -1;
       }
       const double dt = random_dt(draw, extreme);
       rig.step(dt);
@@ -148,15 +148,15 @@ TEST_P(PhysicsSimilarity, ScaledProblemsHaveTheSameAnswer) {
       ModelOptions scaled_options = options;
       scaled_options.grid.thickness /= L;
       Rig rig(options, 1), scaled(scaled_options, 1);
-      rig.inputs.mass_minus[0] = 6.7575e-3;
-      rig.inputs.mass_plus[0] = 19.75e-3;
-      scaled.inputs.mass_minus[0] = rig.inputs.mass_minus[0] / (L * L * L);
-      scaled.inputs.mass_plus[0] = rig.inputs.mass_plus[0] / (L * L * L);
+      rig.inputs.mass_soft[0] = 6.7575e-3;
+      rig.inputs.mass_hard[0] = 19.75e-3;
+      scaled.inputs.mass_soft[0] = rig.inputs.mass_soft[0] / (L * L * L);
+      scaled.inputs.mass_hard[0] = rig.inputs.mass_hard[0] / (L * L * L);
       double jump = 100.0, scaled_jump = 100.0 * L;
       for (int n = 0; n < 400; ++n) {
         rig.set_all(jump, 11.2e9);
         scaled.set_all(scaled_jump, 11.2e9);
-        rig.inputs.stress_minus[0] = scaled.inputs.stress_minus[0] = 150e6;
+        rig.inputs.stress_soft[0] = scaled.inputs.stress_soft[0] = 150e6;
         rig.step(1e-9);
         scaled.step(1e-9 / (L * L));
         ASSERT_NEAR(rig.outputs.interface_temperature[0] / scaled.outputs.interface_temperature[0], 1.0, 1e-12) << n;

@@ -1,12 +1,12 @@
-// Nodes at rest (server/physics/MODEL.md section 3b), over all that can be combined with sleep: whatever a sleeper
+// Nodes at rest (server/physics/METHODS.md, "Sleep"), over all that can be combined with sleep: whatever a sleeper
 // answers is what it would have answered awake, in that very step. Over many steps: tests/unit/physics_sleep.cpp.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -41,9 +41,9 @@ Phase begin_phase(Draw& draw, Rig& rig, bool extreme) {
     // Little is left of what pulls, and nothing of the slip where the host imposes it.
     const double share = draw.log_uniform(1e-3, 1.0);
     TileInputs& in = rig.inputs;
-    SecondInputs& across = rig.second;
-    in.velocity_jump[l] = across.velocity_jump[l] = in.soft_plastic_rate[l] = 0.0;
-    for (double* rows : {in.stress_minus, in.stress_plus, across.stress_minus, across.stress_plus}) rows[l] *= share;
+    in.velocity_jump[l] = in.second_velocity_jump[l] = in.soft_plastic_strain_rate[l] = 0.0;
+    for (double* rows : {in.stress_soft, in.stress_hard, in.second_stress_soft, in.second_stress_hard})
+      rows[l] *= share;
     in.soft_shear_rate[l] = draw.chance(0.5) ? 0.0 : draw.sign() * draw.log_uniform(1.0, 1e4);
   }
   return phase;
@@ -53,7 +53,7 @@ void within_phase(const Phase& phase, Rig& rig, bool forced) {
   for (int l = 0; l < kLanes; ++l) {
     if (forced && phase.quiet[l]) {
       rig.inputs.velocity_jump[l] = rig.outputs.velocity_jump_new[l];
-      rig.second.velocity_jump[l] = rig.second_outputs.velocity_jump_new[l];
+      rig.inputs.second_velocity_jump[l] = rig.outputs.second_velocity_jump_new[l];
     } else if (phase.quiet[l] && phase.lets_go[l]) {
       rig.inputs.velocity_jump[l] = -1e-9 * rig.stress(l);
     }
@@ -89,7 +89,6 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
         profile_of(problem, rig.committed.data(), l, awake.committed.data() + layout.first_temperature());
       }
       awake.inputs = rig.inputs;
-      awake.second = rig.second;
       const double dt = random_dt(draw, extreme);
       rig.step(dt);
       awake.step(dt);
@@ -103,7 +102,7 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
         ASSERT_EQ(here.sliding_velocity[l], there.sliding_velocity[l]);
         ASSERT_EQ(here.velocity_jump_new[l], there.velocity_jump_new[l]);
         ASSERT_EQ(here.friction_heat[l], there.friction_heat[l]);
-        ASSERT_EQ(rig.second_outputs.shear_stress[l], awake.second_outputs.shear_stress[l]);
+        ASSERT_EQ(rig.outputs.second_shear_stress[l], awake.outputs.second_shear_stress[l]);
         for (std::size_t i = layout.temperature + layout.num_vertices * kLanes + l; i < layout.doubles; i += kLanes)
           ASSERT_EQ(rig.committed[i], awake.committed[i]) << "row " << i / kLanes;
         const double off = std::abs(here.interface_temperature[l] - there.interface_temperature[l]);

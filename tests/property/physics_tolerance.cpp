@@ -58,8 +58,8 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
         continue;
       }
       EXPECT_NEAR(rig.outputs.friction_heat[l], twin.friction_heat, 1e-6 * twin.friction_heat + 1e-9);
-      const double driven = dt * (std::abs(rig.inputs.stress_minus[l]) / rig.inputs.mass_minus[l] +
-                                  std::abs(rig.inputs.stress_plus[l]) / rig.inputs.mass_plus[l]);
+      const double driven = dt * (std::abs(rig.inputs.stress_soft[l]) / rig.inputs.mass_soft[l] +
+                                  std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l]);
       EXPECT_NEAR(rig.outputs.velocity_jump_new[l], twin.velocity_jump_new,
                   1e-8 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-10 * driven);
       // The criterion of a single answer is sufficient, not necessary: it may send the fast solver alone to first
@@ -118,7 +118,7 @@ TEST_P(PhysicsTolerance, WhatHoldsForAStepHoldsForItsSubsteps) {
       for (int l = 0; l < kLanes; ++l) heat_before[l] = rig.stored_heat(0.0, l);
       rig.step(random_dt(draw, false));
       TileLedger ledger;
-      rig.model.book(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
+      rig.model.record_energy(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
       for (int l = 0; l < kLanes; ++l) {
         ASSERT_NEAR(ledger(LedgerTerm::kHeatResidual, l), 0.0,
                     1e-11 * (heat_before[l] + ledger(LedgerTerm::kHeatToSoft, l) + ledger(LedgerTerm::kHeatToHard, l)));

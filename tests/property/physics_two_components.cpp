@@ -22,9 +22,10 @@ void copy_turned(const Rig& from, double angle, Rig& to) {
       y_turned[l] = s * x[l] + c * y[l];
     }
   };
-  turn(from.inputs.velocity_jump, from.second.velocity_jump, to.inputs.velocity_jump, to.second.velocity_jump);
-  turn(from.inputs.stress_minus, from.second.stress_minus, to.inputs.stress_minus, to.second.stress_minus);
-  turn(from.inputs.stress_plus, from.second.stress_plus, to.inputs.stress_plus, to.second.stress_plus);
+  turn(from.inputs.velocity_jump, from.inputs.second_velocity_jump, to.inputs.velocity_jump,
+       to.inputs.second_velocity_jump);
+  turn(from.inputs.stress_soft, from.inputs.second_stress_soft, to.inputs.stress_soft, to.inputs.second_stress_soft);
+  turn(from.inputs.stress_hard, from.inputs.second_stress_hard, to.inputs.stress_hard, to.inputs.second_stress_hard);
   // Each step starts from the same state, turned: near melting rounding grows from step to step.
   to.committed = from.committed;
   const TileLayout& layout = from.model.layout();
@@ -64,7 +65,7 @@ TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
             std::max(1e-6, std::abs(at_pressure(options.soft, rig.inputs.pressure[l]).melting_temperature - T0));
         const double eps = 1e-10 + 1e-12 * T0 / (to_melting * to_melting) / exponent_of(options.soft);
         ASSERT_NEAR(turned.outputs.interface_temperature[l], T0, 1e-9);
-        if (std::hypot(rig.outputs.sliding_velocity[l], rig.second_outputs.sliding_velocity[l]) > 1e-6) {
+        if (std::hypot(rig.outputs.sliding_velocity[l], rig.outputs.second_sliding_velocity[l]) > 1e-6) {
           ASSERT_EQ(turned.outputs.regime[l], rig.outputs.regime[l]);
         }
         const double c = std::cos(angle), s = std::sin(angle);
@@ -73,22 +74,23 @@ TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
           ASSERT_NEAR(y_turned, s * x + c * y, eps * size);
           worst = std::max(worst, std::abs(x_turned - (c * x - s * y)) / size);
         };
-        const double stress = std::hypot(rig.outputs.shear_stress[l], rig.second_outputs.shear_stress[l]);
-        expect_turned(rig.outputs.shear_stress[l], rig.second_outputs.shear_stress[l], turned.outputs.shear_stress[l],
-                      turned.second_outputs.shear_stress[l], stress + 1.0);
+        const double stress = std::hypot(rig.outputs.shear_stress[l], rig.outputs.second_shear_stress[l]);
+        expect_turned(rig.outputs.shear_stress[l], rig.outputs.second_shear_stress[l], turned.outputs.shear_stress[l],
+                      turned.outputs.second_shear_stress[l], stress + 1.0);
         const double free_jump =
-            std::hypot(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]) +
-            dt * (std::abs(rig.inputs.stress_minus[l]) + std::abs(rig.second.stress_minus[l])) /
-                rig.inputs.mass_minus[l] +
-            dt * (std::abs(rig.inputs.stress_plus[l]) + std::abs(rig.second.stress_plus[l])) / rig.inputs.mass_plus[l];
+            std::hypot(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]) +
+            dt * (std::abs(rig.inputs.stress_soft[l]) + std::abs(rig.inputs.second_stress_soft[l])) /
+                rig.inputs.mass_soft[l] +
+            dt * (std::abs(rig.inputs.stress_hard[l]) + std::abs(rig.inputs.second_stress_hard[l])) /
+                rig.inputs.mass_hard[l];
         const double speed = (GetParam() == Strategy::kForceDriven ? free_jump : 0.0) +
-                             std::hypot(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]) +
+                             std::hypot(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]) +
                              options.grid.thickness * (stress + stress_before[l]) / (options.soft.shear_modulus * dt) +
                              1e-6;
-        expect_turned(rig.outputs.velocity_jump_new[l], rig.second_outputs.velocity_jump_new[l],
-                      turned.outputs.velocity_jump_new[l], turned.second_outputs.velocity_jump_new[l], speed);
-        expect_turned(rig.outputs.sliding_velocity[l], rig.second_outputs.sliding_velocity[l],
-                      turned.outputs.sliding_velocity[l], turned.second_outputs.sliding_velocity[l], 1e2 * speed);
+        expect_turned(rig.outputs.velocity_jump_new[l], rig.outputs.second_velocity_jump_new[l],
+                      turned.outputs.velocity_jump_new[l], turned.outputs.second_velocity_jump_new[l], speed);
+        expect_turned(rig.outputs.sliding_velocity[l], rig.outputs.second_sliding_velocity[l],
+                      turned.outputs.sliding_velocity[l], turned.outputs.second_sliding_velocity[l], 1e2 * speed);
         if (::testing::Test::HasFatalFailure()) return;
         ++compared;
         open += rig.outputs.regime[l] == Regime::kOpen;
@@ -119,9 +121,9 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
       random_inputs(draw, scalar, extreme);
       first.inputs = second.inputs = scalar.inputs;
       for (int l = 0; l < kLanes; ++l) {
-        std::swap(second.inputs.velocity_jump[l], second.second.velocity_jump[l] = 0.0);
-        std::swap(second.inputs.stress_minus[l], second.second.stress_minus[l] = 0.0);
-        std::swap(second.inputs.stress_plus[l], second.second.stress_plus[l] = 0.0);
+        std::swap(second.inputs.velocity_jump[l], second.inputs.second_velocity_jump[l] = 0.0);
+        std::swap(second.inputs.stress_soft[l], second.inputs.second_stress_soft[l] = 0.0);
+        std::swap(second.inputs.stress_hard[l], second.inputs.second_stress_hard[l] = 0.0);
       }
       const double dt = random_dt(draw, extreme);
       scalar.step(dt);
@@ -136,10 +138,10 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
         const double ulps = rounded ? 1e-14 * std::abs(want.sliding_velocity[l]) : 0.0;
         ASSERT_NEAR(first.outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
         ASSERT_EQ(first.outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
-        ASSERT_EQ(first.second_outputs.shear_stress[l], 0.0);
-        ASSERT_EQ(second.second_outputs.shear_stress[l], want.shear_stress[l]);
-        ASSERT_NEAR(second.second_outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
-        ASSERT_EQ(second.second_outputs.velocity_jump_new[l], want.velocity_jump_new[l]);
+        ASSERT_EQ(first.outputs.second_shear_stress[l], 0.0);
+        ASSERT_EQ(second.outputs.second_shear_stress[l], want.shear_stress[l]);
+        ASSERT_NEAR(second.outputs.second_sliding_velocity[l], want.sliding_velocity[l], ulps);
+        ASSERT_EQ(second.outputs.second_velocity_jump_new[l], want.velocity_jump_new[l]);
         ASSERT_EQ(second.outputs.shear_stress[l], 0.0);
         for (const Rig* rig : {&first, &second}) {
           ASSERT_EQ(rig->outputs.interface_temperature[l], want.interface_temperature[l]);
@@ -174,19 +176,19 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
         const TileInputs& in = rig.inputs;
         const double stiffness = options.soft.shear_modulus * dt / options.grid.thickness;
         double x = rig.stress(l) + stiffness * in.velocity_jump[l];
-        double y = rig.second_stress(l) + stiffness * rig.second.velocity_jump[l];
+        double y = rig.second_stress(l) + stiffness * rig.inputs.second_velocity_jump[l];
         if (strategy == Strategy::kForceDriven) {
-          x = in.velocity_jump[l] + dt * (in.stress_minus[l] / in.mass_minus[l] + in.stress_plus[l] / in.mass_plus[l]);
-          y = rig.second.velocity_jump[l] +
-              dt * (rig.second.stress_minus[l] / in.mass_minus[l] + rig.second.stress_plus[l] / in.mass_plus[l]);
+          x = in.velocity_jump[l] + dt * (in.stress_soft[l] / in.mass_soft[l] + in.stress_hard[l] / in.mass_hard[l]);
+          y = rig.inputs.second_velocity_jump[l] + dt * (rig.inputs.second_stress_soft[l] / in.mass_soft[l] +
+                                                         rig.inputs.second_stress_hard[l] / in.mass_hard[l]);
         }
         const double angle = std::atan2(y, x), c = std::cos(angle), s = std::sin(angle);
         reference::NodeState state = rig.node_state(l);
         state.shear_stress = c * rig.stress(l) + s * rig.second_stress(l);
         reference::NodeInputs inputs = rig.node_inputs(l);
-        inputs.velocity_jump = c * in.velocity_jump[l] + s * rig.second.velocity_jump[l];
-        inputs.stress_minus = c * in.stress_minus[l] + s * rig.second.stress_minus[l];
-        inputs.stress_plus = c * in.stress_plus[l] + s * rig.second.stress_plus[l];
+        inputs.velocity_jump = c * in.velocity_jump[l] + s * rig.inputs.second_velocity_jump[l];
+        inputs.stress_soft = c * in.stress_soft[l] + s * rig.inputs.second_stress_soft[l];
+        inputs.stress_hard = c * in.stress_hard[l] + s * rig.inputs.second_stress_hard[l];
         const reference::NodeOutputs twin = reference::advance_one(options, dt, inputs, state);
         rig.step(dt);
         if ((rig.outputs.outcome[l] & kSubstepped) || twin.answers != 1 || x * x + y * y == 0.0) continue;
@@ -195,7 +197,7 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
         const double eps = 1e-9 + 1e-11 * T_melt / (to_melting * to_melting) / exponent_of(options.soft);
         const double size = std::abs(twin.shear_stress);
         ASSERT_NEAR(rig.outputs.shear_stress[l], c * twin.shear_stress, eps * size + 1e-3) << scene << " " << n;
-        ASSERT_NEAR(rig.second_outputs.shear_stress[l], s * twin.shear_stress, eps * size + 1e-3) << scene << " " << n;
+        ASSERT_NEAR(rig.outputs.second_shear_stress[l], s * twin.shear_stress, eps * size + 1e-3) << scene << " " << n;
         ASSERT_NEAR(rig.outputs.interface_temperature[l], twin.interface_temperature, 1e-7);
         ++compared;
       }
@@ -213,14 +215,14 @@ TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   for (int n = 0; n < 50; ++n) rig.step(1e-9);
   EXPECT_EQ(rig.second_stress(0), 0.0);
   const double before = rig.stress();
-  for (int l = 0; l < kLanes; ++l) std::swap(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
+  for (int l = 0; l < kLanes; ++l) std::swap(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]);
   for (int n = 0; n < 50; ++n) {
     const double along = rig.second_stress(0), across = rig.stress();
     rig.step(1e-9);
     EXPECT_GT(rig.second_stress(0), along * 0.999);
     EXPECT_LT(rig.stress(), across);
     EXPECT_GE(rig.outputs.shear_stress[0] * rig.outputs.sliding_velocity[0] +
-                  rig.second_outputs.shear_stress[0] * rig.second_outputs.sliding_velocity[0],
+                  rig.outputs.second_shear_stress[0] * rig.outputs.second_sliding_velocity[0],
               0.0);
   }
   EXPECT_GT(rig.second_stress(0), 0.9 * before);
@@ -237,13 +239,13 @@ TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
   const double least = std::numeric_limits<double>::denorm_min();
   for (Rig* rig : {&scalar, &plane}) {
     rig->set_all(least, 11.2e9);
-    std::fill_n(rig->inputs.soft_plastic_rate, kLanes, 1e5);
+    std::fill_n(rig->inputs.soft_plastic_strain_rate, kLanes, 1e5);
   }
-  std::fill_n(plane.second.velocity_jump, kLanes, least);
+  std::fill_n(plane.inputs.second_velocity_jump, kLanes, least);
   scalar.step(1e-9);
   plane.step(1e-9);
   ASSERT_GT(scalar.outputs.shear_stress[0], 1e6);
-  EXPECT_DOUBLE_EQ(std::hypot(plane.outputs.shear_stress[0], plane.second_outputs.shear_stress[0]),
+  EXPECT_DOUBLE_EQ(std::hypot(plane.outputs.shear_stress[0], plane.outputs.second_shear_stress[0]),
                    scalar.outputs.shear_stress[0]);
 }
 
@@ -270,24 +272,24 @@ TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
       random_inputs(draw, scalar, false);
       plane.inputs = scalar.inputs;
       for (int l = 0; l < kLanes; ++l) {
-        plane.second.velocity_jump[l] = s * scalar.inputs.velocity_jump[l];
-        plane.second.stress_minus[l] = s * scalar.inputs.stress_minus[l];
-        plane.second.stress_plus[l] = s * scalar.inputs.stress_plus[l];
+        plane.inputs.second_velocity_jump[l] = s * scalar.inputs.velocity_jump[l];
+        plane.inputs.second_stress_soft[l] = s * scalar.inputs.stress_soft[l];
+        plane.inputs.second_stress_hard[l] = s * scalar.inputs.stress_hard[l];
         plane.inputs.velocity_jump[l] *= c;
-        plane.inputs.stress_minus[l] *= c;
-        plane.inputs.stress_plus[l] *= c;
+        plane.inputs.stress_soft[l] *= c;
+        plane.inputs.stress_hard[l] *= c;
       }
       const double dt = random_dt(draw, false);
       scalar.step(dt);
       plane.step(dt);
       TileLedger one, two;
-      scalar.model.book(*scalar.operators, scalar.inputs, scalar.outputs, scalar.trial.data(), scalar.committed.data(),
-                        one);
-      plane.model.book(*plane.operators, plane.inputs, plane.outputs, plane.trial.data(), plane.committed.data(), two,
-                       &plane.second, &plane.second_outputs);
+      scalar.model.record_energy(*scalar.operators, scalar.inputs, scalar.outputs, scalar.trial.data(),
+                                 scalar.committed.data(), one);
+      plane.model.record_energy(*plane.operators, plane.inputs, plane.outputs, plane.trial.data(),
+                                plane.committed.data(), two);
       for (int l = 0; l < kLanes; ++l) {
         // Rounding of the turn grows near melting and from step to step: what the two layers differ by bounds it.
-        const double apart = std::abs(std::hypot(plane.outputs.shear_stress[l], plane.second_outputs.shear_stress[l]) -
+        const double apart = std::abs(std::hypot(plane.outputs.shear_stress[l], plane.outputs.second_shear_stress[l]) -
                                       std::abs(scalar.outputs.shear_stress[l]));
         if (!(apart <= 1e-9 * std::abs(scalar.outputs.shear_stress[l]))) continue;
         const double stress = scalar.outputs.shear_stress[l];

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tests/study/stability.hpp"
+#include "tests/campaign/campaign.hpp"
 
 namespace shearbus::study::stability {
 

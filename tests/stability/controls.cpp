@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "tests/study/stability_controls.hpp"
+#include "tests/campaign/controls.hpp"
 
 namespace shearbus::study::stability {
 namespace {

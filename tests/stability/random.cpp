@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "tests/study/stability_random.hpp"
+#include "tests/campaign/random.hpp"
 
 namespace shearbus::study::stability {
 namespace {

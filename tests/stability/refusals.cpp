@@ -1,7 +1,7 @@
 // What makes no sense is refused with a reason.
 #include <gtest/gtest.h>
 
-#include "tests/study/stability_refusals.hpp"
+#include "tests/campaign/refusals.hpp"
 
 namespace shearbus::study::stability {
 namespace {

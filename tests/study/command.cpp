@@ -1,15 +1,40 @@
 #include "tests/study/command.hpp"
-#include "shearbus_places.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "shearbus_places.hpp"
+
 namespace shearbus::study {
+namespace {
+
+std::string processor() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);)
+    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
+  return "unknown";
+}
+
+std::string commit() {
+  std::string text;
+  if (FILE* pipe = ::popen("git -C \"" SHEARBUS_SOURCE_DIR "\" describe --always --dirty 2>/dev/null", "r")) {
+    char line[128];
+    if (std::fgets(line, sizeof line, pipe) != nullptr) text = line;
+    ::pclose(pipe);
+  }
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  return text.empty() ? "unknown" : text;
+}
+
+}  // namespace
 
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options) {
@@ -21,11 +46,17 @@ CLI::App* add_command(CLI::App& program, const std::string& name, const std::str
   return command;
 }
 
-void write_study(const CommandOptions& options, const std::string& name, const std::string& json) {
+void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study) {
+  nlohmann::ordered_json out = {{"study", name},
+                                {"version", SHEARBUS_VERSION},
+                                {"commit", commit()},
+                                {"date", fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)))},
+                                {"processor", processor()}};
+  out.update(study);
   std::filesystem::create_directories(options.out);
   const auto path = options.out / (name + ".json");
   std::ofstream file(path);
-  file << json;
+  file << out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
   file.close();
   if (!file) throw std::runtime_error("cannot write " + path.string());
   fmt::print("\nwritten: {}\n", path.string());

@@ -1,7 +1,8 @@
-// What the studies have in common as commands: a scene to take, where to write, and whether to draw.
+// Options common to the subcommands of shearbus-study, and the writing of their results.
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 namespace CLI {
@@ -16,11 +17,12 @@ struct CommandOptions {
   bool plot = true;
 };
 
-// Adds the subcommand `name` with these options; `scene` says what a scene is taken for.
+// Adds the subcommand `name` with these options; `scene` is the help text of the argument SCENE.
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options);
 
-// Writes a study as NAME.json and draws it with plot_NAME.py.
-void write_study(const CommandOptions& options, const std::string& name, const std::string& json);
+// Writes the study as NAME.json, behind its name, the version, the commit, the date and the processor, and draws it
+// with plot_NAME.py. Throws std::runtime_error where either fails.
+void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study);
 
 }  // namespace shearbus::study

@@ -1,16 +1,19 @@
-// shearbus-study: what accuracy costs, measured on fixed problems and on a scene of the user's own.
+// shearbus-study: cost of accuracy, kept tolerances, stability at the extremes and the map of the velocity-driven
+// model, on fixed problems or on a scene of the user.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <nlohmann/json.hpp>
 #include <vector>
 
+#include "tests/campaign/report.hpp"
+#include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
+#include "tests/study/map/command.hpp"
 #include "tests/study/precision.hpp"
-#include "tests/study/stability_report.hpp"
 #include "tests/study/tolerance.hpp"
-#include "tests/study/user_scene.hpp"
 
 namespace {
 
@@ -26,21 +29,21 @@ struct Options : CommandOptions {
   SweepOptions sweep;
 };
 
-std::vector<Problem> problems_of(const Options& options) {
-  if (options.scene.empty()) return fixed_problems();
-  std::vector<Problem> problems;
-  problems.push_back(problem_of(load_scene_with_layer(options.scene).scene, options.velocity_jump, options.pressure,
-                                1.0, options.end));
-  return problems;
+std::vector<StudyCase> cases_of(const Options& options) {
+  if (options.scene.empty()) return fixed_cases();
+  std::vector<StudyCase> cases;
+  cases.push_back(case_of(load_scene_with_layer(options.scene).scene.scene(), options.velocity_jump, options.pressure,
+                          1.0, options.end));
+  return cases;
 }
 
 void precision(const Options& options) {
-  const std::vector<Problem> problems = problems_of(options);
+  const std::vector<StudyCase> cases = cases_of(options);
   std::vector<Result> results;
-  for (const Problem& problem : problems) {
-    Result& result = results.emplace_back(sweep(problem, options.sweep));
+  for (const StudyCase& study_case : cases) {
+    Result& result = results.emplace_back(sweep(study_case, options.sweep));
     for (Outcome& one : result.outcomes)
-      if (one.efficient) one.message_ns = message_ns(problem, one.setting);
+      if (one.efficient) one.message_ns = message_ns(study_case, one.setting);
     fmt::print("{}{}", table(result), recommendation(result));
     static_cast<void>(std::fflush(stdout));
   }
@@ -48,7 +51,7 @@ void precision(const Options& options) {
 }
 
 void tolerance(const Options& options) {
-  const auto tracked = track_tolerances(problems_of(options), options.sweep);
+  const auto tracked = track_tolerances(cases_of(options), options.sweep);
   fmt::print("{}", table(tracked));
   write_study(options, "tolerance", json(tracked, options.sweep.repeats));
 }
@@ -57,7 +60,7 @@ void tolerance(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("What accuracy costs, and what holds at the extremes.");
+  CLI::App app("What accuracy costs, what holds at the extremes, where the velocity-driven model is valid.");
   app.require_subcommand(1);
   const auto add = [&](const char* name, const char* what) {
     CLI::App* command =
@@ -78,6 +81,8 @@ int main(int argc, char** argv) {
   add("tolerance", "Error delivered against error requested, of scenes with a tolerance");
   StabilityOptions stability;
   const CLI::App* of_stability = add_stability(app, stability);
+  shearbus::map::CommandOptions map;
+  const CLI::App* of_map = shearbus::map::add_command(app, map);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -85,7 +90,11 @@ int main(int argc, char** argv) {
   }
   try {
     if (of_stability->parsed()) return run_stability(stability);
-    of_precision->parsed() ? precision(options) : tolerance(options);
+    if (of_map->parsed()) {
+      shearbus::map::run(map);
+    } else {
+      of_precision->parsed() ? precision(options) : tolerance(options);
+    }
     return 0;
   } catch (const std::exception& error) {
     fmt::print(stderr, "shearbus-study: {}\n", error.what());

@@ -17,35 +17,40 @@
 
 namespace shearbus::study {
 
-wire::Scene scene_with(const Problem& problem, const Setting& setting) {
-  wire::Scene scene = problem.scene;
+v1::Scene scene_with(const StudyCase& study_case, const Setting& setting) {
+  v1::Scene scene = study_case.scene;
   if (setting.tolerance > 0.0) {
-    scene.layer = {.thickness_m = scene.layer.thickness_m,
-                   .far_boundary = scene.layer.far_boundary,
-                   .initial_temperature_k = scene.layer.initial_temperature_k,
-                   .inertia = scene.layer.inertia};
-    scene.tolerance = setting.tolerance;
+    v1::Layer& layer = *scene.mutable_layer();
+    layer.clear_cells();
+    layer.clear_grading();
+    layer.clear_time_integrator();
+    layer.clear_heat();
+    layer.clear_modes();
+    layer.clear_sleep();
+    scene.set_tolerance(setting.tolerance);
     return scene;
   }
-  scene.tolerance.reset();
-  scene.layer.time_integrator = setting.sdirk2 ? wire::TimeIntegrator::kSdirk2 : wire::TimeIntegrator::kBackwardEuler;
+  scene.clear_tolerance();
+  scene.mutable_layer()->set_time_integrator(setting.sdirk2 ? v1::TIME_INTEGRATOR_SDIRK2
+                                                            : v1::TIME_INTEGRATOR_BACKWARD_EULER);
   if (setting.cells > 0) {
-    scene.layer.cells = setting.cells;
-    scene.layer.grading = setting.grading;
-    scene.layer.heat = wire::Heat::kProfile;
-    scene.layer.modes.reset();
+    scene.mutable_layer()->set_cells(setting.cells);
+    scene.mutable_layer()->set_grading(setting.grading);
+    scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
+    scene.mutable_layer()->clear_modes();
   } else {
-    scene.layer.heat = wire::Heat::kModes;
-    scene.layer.modes = wire::HeatModes{.accuracy = setting.accuracy,
-                                        .shortest_step_s = 0.4 * problem.end / setting.steps,
-                                        .longest_time_s = problem.end};
+    scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+    scene.mutable_layer()->clear_modes();
+    scene.mutable_layer()->mutable_modes()->set_accuracy(setting.accuracy);
+    scene.mutable_layer()->mutable_modes()->set_shortest_step_s(0.4 * study_case.end / setting.steps);
+    scene.mutable_layer()->mutable_modes()->set_longest_time_s(study_case.end);
   }
   return scene;
 }
 
-double melting_range(const Problem& problem) {
-  const auto options = service::scene_model(problem.scene).options;
-  return physics::at_pressure(options.soft, problem.pressure).melting_temperature - options.initial_temperature;
+double melting_range(const StudyCase& study_case) {
+  const auto options = service::scene_model(study_case.scene).options;
+  return physics::at_pressure(options.soft, study_case.pressure).melting_temperature - options.initial_temperature;
 }
 
 std::function<double(double)> at_samples(const Answer& answer, double end) {
@@ -80,9 +85,9 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// One run of a tile; every lane the same. `watch` sees each step.
+// Runs a tile with equal lanes and calls `watch` after each step.
 template <class Watch>
-void run_tile(const Problem& problem, const physics::Model& model, double dt, int steps, const Watch& watch) {
+void run_tile(const StudyCase& study_case, const physics::Model& model, double dt, int steps, const Watch& watch) {
   std::vector<double> committed(model.layout().doubles), trial(model.layout().doubles);
   double temperature[kLanes];
   std::fill_n(temperature, kLanes, model.options().initial_temperature);
@@ -91,7 +96,7 @@ void run_tile(const Problem& problem, const physics::Model& model, double dt, in
   inputs.active = (1u << kLanes) - 1u;
   physics::TileOutputs outputs{};
   const auto operators = model.operators(dt);
-  const auto host = problem.host(problem, dt);
+  const auto host = study_case.host(study_case, dt);
   for (int n = 0; n < steps; ++n) {
     host->load(n * dt, dt, inputs);
     model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
@@ -105,12 +110,12 @@ double relative(double value, double reference) {
   return reference != 0.0 ? std::abs(value / reference - 1.0) : std::abs(value);
 }
 
-bool allows(const Problem& problem, const Setting& setting) {
+bool allows(const StudyCase& study_case, const Setting& setting) {
   try {
-    service::scene_model(scene_with(problem, setting));
+    service::scene_model(scene_with(study_case, setting));
     return true;
   } catch (const wire::Error&) {
-    return false;  // the scene's rules
+    return false;  // refused by the rules of scenes
   }
 }
 
@@ -123,17 +128,17 @@ Answer combined(const Answer& a, double wa, const Answer& b, double wb) {
   return sum;
 }
 
-// Finest settings, extrapolated: h^2 in space, where there are cells; dt^2 for sdirk2 and dt for backward Euler. Two of
-// them, whose difference is the uncertainty: by either integrator, or by backward Euler from longer steps.
-Reference by_extrapolation(const Problem& problem, bool quick) {
-  const bool modes = allows(problem, {.accuracy = 1e-9, .steps = 1000});
-  const bool second_order = allows(problem, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
+// Extrapolates the finest settings: h^2 in space, if there are cells; dt^2 for sdirk2 and dt for backward Euler. The
+// uncertainty is the difference of two such values: of both integrators, or of backward Euler with longer steps.
+Reference by_extrapolation(const StudyCase& study_case, bool quick) {
+  const bool modes = allows(study_case, {.accuracy = 1e-9, .steps = 1000});
+  const bool second_order = allows(study_case, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
   const int steps = modes ? (quick ? 20000 : 400000) : quick ? 400 : 16000;
-  const std::uint32_t cells = quick ? 120 : problem.scene.layer.inertia ? 800 : 1600;
+  const std::uint32_t cells = quick ? 120 : study_case.scene.layer().inertia() ? 800 : 1600;
   const double grading = std::pow(1.08, 60.0 / cells);
   const auto at = [&](bool sdirk2, std::uint32_t n, int m) {
-    if (modes) return run(problem, {.sdirk2 = sdirk2, .accuracy = 1e-9, .steps = m}, nullptr, 1);
-    return run(problem,
+    if (modes) return run(study_case, {.sdirk2 = sdirk2, .accuracy = 1e-9, .steps = m}, nullptr, 1);
+    return run(study_case,
                {.cells = n, .grading = std::pow(grading, static_cast<double>(cells) / n), .sdirk2 = sdirk2, .steps = m},
                nullptr, 1);
   };
@@ -147,17 +152,17 @@ Reference by_extrapolation(const Problem& problem, bool quick) {
   const Answer best =
       second_order ? in_space(combined(fine, 4.0 / 3.0, at(true, cells, steps / 2), -1.0 / 3.0)) : first;
   const Answer other = second_order ? first : in_space(by_euler(steps / 2));
-  Reference reference = problem.reference(problem);
+  Reference reference = study_case.reference(study_case);
   reference.method = fmt::format("{}, {} steps, extrapolated from {}; their difference is its uncertainty",
                                  modes ? std::string("modes to 1e-9") : fmt::format("{} cells", cells), steps,
                                  second_order ? "either integrator" : "two lengths of backward Euler");
-  const double range = melting_range(problem);
+  const double range = melting_range(study_case);
   for (std::size_t i = 0; i < best.temperature.size(); ++i)
     reference.uncertainty =
         std::max(reference.uncertainty, std::abs(best.temperature[i] - other.temperature[i]) / range);
   reference.impulse = best.impulse;
   reference.work = best.work;
-  reference.temperature = at_samples(best, problem.end);
+  reference.temperature = at_samples(best, study_case.end);
   return reference;
 }
 
@@ -180,9 +185,9 @@ std::string Setting::text() const {
   return fmt::format("{} cells x{:g}, {}, {} steps", cells, grading, integrator, steps);
 }
 
-Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int repeats) {
-  const physics::Model model(service::scene_model(scene_with(problem, setting)).options);
-  const double dt = problem.end / setting.steps;
+Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome, int repeats) {
+  const physics::Model model(service::scene_model(scene_with(study_case, setting)).options);
+  const double dt = study_case.end / setting.steps;
   Answer answer;
   const double share =
       model.options().hard_grid ? 1.0 : physics::heat_partition(model.options().soft, model.options().hard);
@@ -190,7 +195,7 @@ Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int
   int next_sample = 1;
   bool failed = false;
   double estimate = 0.0;
-  run_tile(problem, model, dt, setting.steps, [&](int n, const physics::TileOutputs& out) {
+  run_tile(study_case, model, dt, setting.steps, [&](int n, const physics::TileOutputs& out) {
     answer.impulse += std::abs(out.shear_stress[0]) * dt;
     answer.work += out.friction_heat[0] / share;
     first_order += (out.outcome[0] & physics::kFirstOrder) != 0;
@@ -208,7 +213,7 @@ Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int
   std::vector<double> seconds;
   for (int i = 0; i < repeats; ++i) {
     const double started = cpu_seconds();
-    run_tile(problem, model, dt, setting.steps, [](int, const physics::TileOutputs&) {});
+    run_tile(study_case, model, dt, setting.steps, [](int, const physics::TileOutputs&) {});
     seconds.push_back(cpu_seconds() - started);
   }
   outcome->setting = setting;
@@ -226,8 +231,8 @@ Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int
   return answer;
 }
 
-void set_errors(const Problem& problem, const Answer& answer, const Reference& reference, Outcome& outcome) {
-  const double range = melting_range(problem);
+void set_errors(const StudyCase& study_case, const Answer& answer, const Reference& reference, Outcome& outcome) {
+  const double range = melting_range(study_case);
   outcome.temperature_error = 0.0;
   for (std::size_t i = 0; i < answer.time.size(); ++i) {
     const double error = std::abs(answer.temperature[i] - reference.temperature(answer.time[i])) / range;
@@ -237,13 +242,13 @@ void set_errors(const Problem& problem, const Answer& answer, const Reference& r
   outcome.work_error = relative(answer.work, reference.work);
 }
 
-Reference reference_of(const Problem& problem, bool quick) {
-  Reference reference = problem.reference(problem);
-  return reference.temperature ? reference : by_extrapolation(problem, quick);
+Reference reference_of(const StudyCase& study_case, bool quick) {
+  Reference reference = study_case.reference(study_case);
+  return reference.temperature ? reference : by_extrapolation(study_case, quick);
 }
 
-Result sweep(const Problem& problem, const SweepOptions& options) {
-  Result result{.problem = &problem, .reference = reference_of(problem, options.quick), .outcomes = {}};
+Result sweep(const StudyCase& study_case, const SweepOptions& options) {
+  Result result{.study_case = &study_case, .reference = reference_of(study_case, options.quick), .outcomes = {}};
 
   std::vector<Setting> methods;
   const std::span<const GridChoice> grids =
@@ -259,11 +264,11 @@ Result sweep(const Problem& problem, const SweepOptions& options) {
       setting.steps = count;
       try {
         Outcome outcome;
-        set_errors(problem, run(problem, setting, &outcome, options.repeats), result.reference, outcome);
+        set_errors(study_case, run(study_case, setting, &outcome, options.repeats), result.reference, outcome);
         if (!std::isfinite(outcome.temperature_error)) outcome.failure = "not a number";
         result.outcomes.push_back(outcome);
       } catch (const wire::Error&) {
-        break;  // this scene does not have the option: its rules said so
+        break;  // the rules exclude the option for this scene
       }
     }
   }
@@ -280,28 +285,29 @@ const Outcome* cheapest(const Result& result, double tolerance) {
   return best;
 }
 
-double message_ns(const Problem& problem, const Setting& setting) {
+double message_ns(const StudyCase& study_case, const Setting& setting) {
   constexpr std::size_t kNodes = 1000;
   constexpr int kRounds = 60;
   server::Embedded server;
   std::vector<std::uint64_t> ids(kNodes);
   std::iota(ids.begin(), ids.end(), 1);
   Client client({.endpoint = server.endpoint(), .context = server.context()});
-  Session session = client.open(scene_with(problem, setting), ids);
+  Session session = client.open(support::text_of(scene_with(study_case, setting)), "scene", ids);
   Batch request = session.request();
-  const bool forced = problem.scene.strategy == wire::Strategy::kForceDriven;
-  std::ranges::fill(request.f64(Field::kVelocityJump), problem.velocity_jump);
-  std::ranges::fill(request.f64(Field::kPressure), problem.pressure);
+  const bool forced = study_case.scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
+  std::ranges::fill(request.f64(Field::kVelocityJump), study_case.velocity_jump);
+  std::ranges::fill(request.f64(Field::kPressure), study_case.pressure);
   if (forced) {
-    std::ranges::fill(request.f64(Field::kMassMinus), problem.mass);
-    std::ranges::fill(request.f64(Field::kMassPlus), problem.mass);
+    std::ranges::fill(request.f64(Field::kMassSoft), study_case.mass);
+    std::ranges::fill(request.f64(Field::kMassHard), study_case.mass);
   }
   std::vector<double> spent;
   for (int i = 0; i < kRounds; ++i) {
-    const StepResult& result = session.advance(request, {.dt_s = problem.end / setting.steps});
+    const StepResult& result = session.advance(request, {.dt_s = study_case.end / setting.steps});
     spent.push_back(static_cast<double>(result.round_trip().count()) - static_cast<double>(result.upscale().solver_ns));
   }
-  return *std::ranges::min_element(spent) / static_cast<double>(kNodes);  // the rest is waiting for a processor
+  // The smallest time has the least waiting for a processor.
+  return *std::ranges::min_element(spent) / static_cast<double>(kNodes);
 }
 
 }  // namespace shearbus::study

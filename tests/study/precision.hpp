@@ -1,29 +1,30 @@
 // Error against run time (work-precision): every combination of grid, step length, time integrator and heat method on a
-// fixed problem, its errors against a trusted reference and its cost, and which of them nothing beats.
+// fixed problem, with its error against a reference solution and its cost, and the efficient combinations.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
-#include "tests/study/problem.hpp"
+#include "tests/study/study_case.hpp"
 
 namespace shearbus::study {
 
 struct Setting {
-  std::uint32_t cells = 0;  // 0: no profile
+  std::uint32_t cells = 0;  // 0: modes in place of a profile
   double grading = 1.0;
   bool sdirk2 = false;
-  double accuracy = 0.0;  // of the modes, where there is no profile
+  double accuracy = 0.0;  // accuracy of the modes, if cells is 0
   int steps = 0;
-  double tolerance = 0.0;  // above 0: in place of all but the steps
+  double tolerance = 0.0;  // above 0: the server chooses everything except the steps
 
   std::string text() const;
 };
 
-// A setting's errors and cost. Errors are NaN where it failed.
+// Errors and cost of a setting. Errors are NaN if the run failed.
 struct Outcome {
   Setting setting;
   double temperature_error = 0.0;  // max |T0 - reference| / (T_melt - T_ref)
@@ -33,16 +34,16 @@ struct Outcome {
   double ns_per_node = 0.0;        // the whole run
   double message_ns = 0.0;         // per node-step, round trip less solver; 0: not measured
   double solves_per_step = 0.0;    // rows of heat updated in a step, stages included
-  std::uint64_t state_bytes = 0;   // of a node, committed and trial
-  double first_order_share = 0.0;  // of the steps of sdirk2: fell back to backward Euler
-  double divided_share = 0.0;      // of the steps: cut into substeps
-  double estimate = 0.0;           // largest that was told, of a setting with a tolerance
+  std::uint64_t state_bytes = 0;   // per node, committed and trial state
+  double first_order_share = 0.0;  // share of sdirk2 steps that fell back to backward Euler
+  double divided_share = 0.0;      // share of steps that were divided into substeps
+  double estimate = 0.0;           // largest reported estimate of a setting with a tolerance
   std::string failure;             // empty: none
-  bool efficient = false;          // nothing cheaper is as accurate
+  bool efficient = false;          // no cheaper setting is as accurate
 };
 
 struct Result {
-  const Problem* problem;
+  const StudyCase* study_case;
   Reference reference;
   std::vector<Outcome> outcomes;
 };
@@ -52,24 +53,24 @@ struct SweepOptions {
   bool quick = false;  // few settings, for tests
 };
 
-wire::Scene scene_with(const Problem& problem, const Setting& setting);
-double melting_range(const Problem& problem);  // T_melt - T_ref  [K]
+v1::Scene scene_with(const StudyCase& study_case, const Setting& setting);
+double melting_range(const StudyCase& study_case);  // T_melt - T_ref  [K]
 std::function<double(double)> at_samples(const Answer& answer, double end);
 
-Answer run(const Problem& problem, const Setting& setting, Outcome* outcome, int repeats);
-// Errors of an answer against a reference; those of the impulse and the work are relative.
-void set_errors(const Problem& problem, const Answer& answer, const Reference& reference, Outcome& outcome);
-Reference reference_of(const Problem& problem, bool quick);
-Result sweep(const Problem& problem, const SweepOptions& options);
+Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome, int repeats);
+// Sets the errors of an answer against a reference; errors of impulse and work are relative.
+void set_errors(const StudyCase& study_case, const Answer& answer, const Reference& reference, Outcome& outcome);
+Reference reference_of(const StudyCase& study_case, bool quick);
+Result sweep(const StudyCase& study_case, const SweepOptions& options);
 
-// Cheapest outcome with at most this error of T0; null: none.
+// Returns the cheapest outcome with at most this error of T0, or null.
 const Outcome* cheapest(const Result& result, double tolerance);
 
-// What a message costs, per node-step, with the embedded server and 1,000 nodes.
-double message_ns(const Problem& problem, const Setting& setting);
+// Returns the cost of messages per node-step with the embedded server and 1,000 nodes  [ns].
+double message_ns(const StudyCase& study_case, const Setting& setting);
 
 std::string table(const Result& result);
 std::string recommendation(const Result& result);
-std::string json(const std::vector<Result>& results, int repeats);
+nlohmann::ordered_json json(const std::vector<Result>& results, int repeats);
 
 }  // namespace shearbus::study

@@ -1,55 +1,19 @@
-// What the study of precision prints and writes.
-#include "tests/study/report.hpp"
+// The tables and the JSON of the study of precision.
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <ctime>
-#include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 
-#include "shearbus_places.hpp"
 #include "tests/study/precision.hpp"
 
 namespace shearbus::study {
-namespace {
-
-std::string processor() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);)
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown";
-}
-
-std::string commit() {
-  std::string text;
-  if (FILE* pipe = ::popen("git -C \"" SHEARBUS_SOURCE_DIR "\" describe --always --dirty 2>/dev/null", "r")) {
-    char line[128];
-    if (std::fgets(line, sizeof line, pipe) != nullptr) text = line;
-    ::pclose(pipe);
-  }
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  return text.empty() ? "unknown" : text;
-}
-
-}  // namespace
-
-std::string number(double value) {
-  return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("null");
-}
-
-std::string provenance(std::string_view study) {
-  return fmt::format(
-      "\"study\": \"{}\", \"version\": \"{}\", \"commit\": \"{}\", \"date\": \"{:%Y-%m-%d}\", \"processor\": \"{}\"",
-      study, SHEARBUS_VERSION, commit(), fmt::gmtime(std::time(nullptr)), processor());
-}
 
 std::string table(const Result& result) {
   std::string text = fmt::format("\n{}\n  reference: {} (T0 to {:.1e} of what it has to melting)\n",
-                                 result.problem->title, result.reference.method, result.reference.uncertainty);
+                                 result.study_case->title, result.reference.method, result.reference.uncertainty);
   text +=
       fmt::format("  {:<44} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10} {:>7} {:>6}\n", "efficient settings, cheapest first",
                   "T0 error", "impulse", "work", "ns/step", "+ message", "ns/run", "rows", "bytes");
@@ -96,30 +60,34 @@ std::string recommendation(const Result& result) {
   return text;
 }
 
-std::string json(const std::vector<Result>& results, int repeats) {
-  std::string text = fmt::format("{{\n  {}, \"repeats\": {},\n  \"problems\": [", provenance("precision"), repeats);
+nlohmann::ordered_json json(const std::vector<Result>& results, int repeats) {
+  nlohmann::ordered_json out = {{"repeats", repeats}};
   for (const Result& result : results) {
-    text += fmt::format(
-        "{}\n    {{\"name\": \"{}\", \"title\": \"{}\", \"reference\": \"{}\", \"uncertainty\": {}, \"runs\": [",
-        &result == &results.front() ? "" : ",", result.problem->name, result.problem->title, result.reference.method,
-        number(result.reference.uncertainty));
-    for (const Outcome& one : result.outcomes) {
-      text += fmt::format(
-          "{}\n      {{\"cells\": {}, \"grading\": {}, \"integrator\": \"{}\", \"modes_accuracy\": {}, \"steps\": {}, "
-          "\"temperature_error\": {}, \"impulse_error\": {}, \"work_error\": {}, \"ns_per_node_step\": {}, "
-          "\"ns_per_node\": "
-          "{}, \"message_ns_per_node_step\": {}, \"heat_rows_per_step\": {}, \"state_bytes\": {}, "
-          "\"first_order_share\": {}, "
-          "\"divided_share\": {}, \"efficient\": {}, \"failure\": \"{}\"}}",
-          &one == &result.outcomes.front() ? "" : ",", one.setting.cells, one.setting.grading,
-          one.setting.sdirk2 ? "sdirk2" : "backward_euler", number(one.setting.accuracy), one.setting.steps,
-          number(one.temperature_error), number(one.impulse_error), number(one.work_error),
-          number(one.ns_per_node_step), number(one.ns_per_node), number(one.message_ns), number(one.solves_per_step),
-          one.state_bytes, number(one.first_order_share), number(one.divided_share), one.efficient, one.failure);
-    }
-    text += "]}";
+    nlohmann::ordered_json& entry = out["problems"].emplace_back();
+    entry = {{"name", result.study_case->name},
+             {"title", result.study_case->title},
+             {"reference", result.reference.method},
+             {"uncertainty", result.reference.uncertainty}};
+    for (const Outcome& one : result.outcomes)
+      entry["runs"].push_back({{"cells", one.setting.cells},
+                               {"grading", one.setting.grading},
+                               {"integrator", one.setting.sdirk2 ? "sdirk2" : "backward_euler"},
+                               {"modes_accuracy", one.setting.accuracy},
+                               {"steps", one.setting.steps},
+                               {"temperature_error", one.temperature_error},
+                               {"impulse_error", one.impulse_error},
+                               {"work_error", one.work_error},
+                               {"ns_per_node_step", one.ns_per_node_step},
+                               {"ns_per_node", one.ns_per_node},
+                               {"message_ns_per_node_step", one.message_ns},
+                               {"heat_rows_per_step", one.solves_per_step},
+                               {"state_bytes", one.state_bytes},
+                               {"first_order_share", one.first_order_share},
+                               {"divided_share", one.divided_share},
+                               {"efficient", one.efficient},
+                               {"failure", one.failure}});
   }
-  return text + "]\n}\n";
+  return out;
 }
 
 }  // namespace shearbus::study

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <span>
 
 #include "server/service/scene_model.hpp"
-#include "tests/study/report.hpp"
 #include "tests/support/fine_layer.hpp"
 
 namespace shearbus::study {
@@ -18,20 +18,20 @@ constexpr double kQuickRequests[] = {1e-2, 1e-4};
 constexpr int kSteps[] = {10, 100, 1000};
 constexpr int kQuickSteps[] = {20};
 
-// How finely a reference is solved.
+// Resolution of a reference.
 struct Fineness {
-  int substeps;     // of a whole run
-  int cells;        // where there are some: matched to the half-space, the first a few atoms wide
-  double accuracy;  // of modes
+  int substeps;     // number of substeps of the whole run
+  int cells;        // if the model has cells: matched to the half-space, the first a few atoms wide
+  double accuracy;  // accuracy of the modes
 };
 constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
 constexpr int kQuickCoarser = 4;
 constexpr double kFirstCells = 0.5e-9;  // these resolve [m]
 
-Answer solve_finely(const Problem& problem, int steps, const Fineness& fineness) {
-  const double dt = problem.end / steps;
+Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fineness) {
+  const double dt = study_case.end / steps;
   const int substeps = std::max(1, fineness.substeps / steps);
-  physics::ModelOptions options = service::scene_model(problem.scene).options;
+  physics::ModelOptions options = service::scene_model(study_case.scene).options;
   options.tolerance.reset();
   if (options.modes) {
     options.modes->accuracy = fineness.accuracy;
@@ -44,7 +44,7 @@ Answer solve_finely(const Problem& problem, int steps, const Fineness& fineness)
     }
   }
   test::FineLayer layer(options, dt / substeps);
-  const auto host = problem.host(problem, dt);
+  const auto host = study_case.host(study_case, dt);
   Answer answer;
   for (int n = 0; n < steps; ++n) {
     physics::TileInputs inputs;
@@ -60,11 +60,11 @@ Answer solve_finely(const Problem& problem, int steps, const Fineness& fineness)
   return answer;
 }
 
-// A host that takes part in the answer makes an error of its own, which no layer can mend: there the layer is held
-// against a finer one in the same steps of the host. That says how sure it is of itself, too.
-Reference solved_finely(const Problem& problem, int steps, bool quick) {
-  Problem strict = problem;
-  strict.scene = scene_with(problem, {.tolerance = kRequests[std::size(kRequests) - 1]});
+// A host that reacts to the answer has an error of its own, which the layer cannot reduce. Its layer is compared with a
+// finer layer in the same steps of the host; a second resolution gives the uncertainty.
+Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
+  StudyCase strict = study_case;
+  strict.scene = scene_with(study_case, {.tolerance = kRequests[std::size(kRequests) - 1]});
   const bool modes = service::scene_model(strict.scene).options.modes.has_value();
   const auto coarser = [&](int times) {
     const Fineness fine = modes ? kFineModes : kFineCells;
@@ -72,37 +72,37 @@ Reference solved_finely(const Problem& problem, int steps, bool quick) {
   };
   const int times = quick ? kQuickCoarser : 1;
   const Answer best = coarser(times), other = coarser(2 * times);
-  Reference reference{.temperature = at_samples(best, problem.end), .impulse = best.impulse, .work = best.work};
+  Reference reference{.temperature = at_samples(best, study_case.end), .impulse = best.impulse, .work = best.work};
   for (std::size_t i = 0; i < best.temperature.size(); ++i) {
-    const double apart = std::abs(best.temperature[i] - other.temperature[i]) / melting_range(problem);
+    const double apart = std::abs(best.temperature[i] - other.temperature[i]) / melting_range(study_case);
     reference.uncertainty = std::max(reference.uncertainty, apart);
   }
   reference.method = fmt::format("{} in {} substeps{}; {:.0e} from half as many", modes ? "modes" : "cells",
                                  (modes ? kFineModes : kFineCells).substeps / times,
-                                 problem.coupled ? ", the same steps of the host" : "", reference.uncertainty);
+                                 study_case.coupled ? ", the same steps of the host" : "", reference.uncertainty);
   return reference;
 }
 
 }  // namespace
 
-std::vector<Tracked> track_tolerances(const std::vector<Problem>& problems, const SweepOptions& options) {
+std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const SweepOptions& options) {
   const auto requests = options.quick ? std::span<const double>(kQuickRequests) : std::span<const double>(kRequests);
   const auto steps = options.quick ? std::span<const int>(kQuickSteps) : std::span<const int>(kSteps);
   std::vector<Tracked> all;
-  for (const Problem& problem : problems) {
-    Reference reference = problem.reference(problem);
-    const bool known = reference.temperature && !problem.coupled;
+  for (const StudyCase& study_case : cases) {
+    Reference reference = study_case.reference(study_case);
+    const bool known = reference.temperature && !study_case.coupled;
     Tracked& tracked =
-        all.emplace_back(Tracked{.problem = problem.name, .reference = reference.method, .outcomes = {}});
+        all.emplace_back(Tracked{.study_case = study_case.name, .reference = reference.method, .outcomes = {}});
     for (const int count : steps) {
-      if (problem.coupled || (!known && count == steps.front())) {
-        reference = solved_finely(problem, count, options.quick);
+      if (study_case.coupled || (!known && count == steps.front())) {
+        reference = solved_finely(study_case, count, options.quick);
         tracked.reference = reference.method;
       }
       for (const double request : requests) {
         const Setting setting{.steps = count, .tolerance = request};
         Outcome outcome;
-        set_errors(problem, run(problem, setting, &outcome, options.repeats), reference, outcome);
+        set_errors(study_case, run(study_case, setting, &outcome, options.repeats), reference, outcome);
         tracked.outcomes.push_back(outcome);
       }
     }
@@ -114,7 +114,7 @@ std::string table(const std::vector<Tracked>& tracked) {
   std::string text;
   for (const Tracked& one : tracked) {
     text += fmt::format("\n{}\n  reference: {}\n  {:>8} {:>10} {:>10} {:>10} {:>9} {:>9} {:>9} {:>11} {:>6}\n",
-                        one.problem, one.reference, "steps", "requested", "delivered", "of request", "estimate",
+                        one.study_case, one.reference, "steps", "requested", "delivered", "of request", "estimate",
                         "impulse", "work", "ns/step", "bytes");
     for (const Outcome& found : one.outcomes) {
       text += fmt::format("  {:8} {:10.0e} {:10.1e} {:10.3f} {:9.1e} {:9.1e} {:9.1e} {:11.0f} {:6}{}\n",
@@ -127,23 +127,23 @@ std::string table(const std::vector<Tracked>& tracked) {
   return text;
 }
 
-std::string json(const std::vector<Tracked>& tracked, int repeats) {
-  std::string text = fmt::format("{{\n  {}, \"repeats\": {},\n  \"problems\": [", provenance("tolerance"), repeats);
+nlohmann::ordered_json json(const std::vector<Tracked>& tracked, int repeats) {
+  nlohmann::ordered_json out = {{"repeats", repeats}};
   for (const Tracked& one : tracked) {
-    text += fmt::format("{}\n    {{\"name\": \"{}\", \"reference\": \"{}\", \"runs\": [",
-                        &one == &tracked.front() ? "" : ",", one.problem, one.reference);
-    for (const Outcome& found : one.outcomes) {
-      text += fmt::format(
-          "{}\n      {{\"steps\": {}, \"requested\": {}, \"temperature_error\": {}, \"largest_estimate\": {}, "
-          "\"impulse_error\": {}, \"work_error\": {}, \"ns_per_node_step\": {}, \"state_bytes\": {}, \"failure\": "
-          "\"{}\"}}",
-          &found == &one.outcomes.front() ? "" : ",", found.setting.steps, number(found.setting.tolerance),
-          number(found.temperature_error), number(found.estimate), number(found.impulse_error),
-          number(found.work_error), number(found.ns_per_node_step), found.state_bytes, found.failure);
-    }
-    text += "]}";
+    nlohmann::ordered_json& entry = out["problems"].emplace_back();
+    entry = {{"name", one.study_case}, {"reference", one.reference}};
+    for (const Outcome& found : one.outcomes)
+      entry["runs"].push_back({{"steps", found.setting.steps},
+                               {"requested", found.setting.tolerance},
+                               {"temperature_error", found.temperature_error},
+                               {"largest_estimate", found.estimate},
+                               {"impulse_error", found.impulse_error},
+                               {"work_error", found.work_error},
+                               {"ns_per_node_step", found.ns_per_node_step},
+                               {"state_bytes", found.state_bytes},
+                               {"failure", found.failure}});
   }
-  return text + "]\n}\n";
+  return out;
 }
 
 }  // namespace shearbus::study

@@ -1,8 +1,9 @@
-// Whether a scene with a tolerance gets what it asks for: the error delivered against the error requested, at several
-// step lengths of the host.
+// Compares the error delivered by scenes with a tolerance with the error requested, at several step lengths of the
+// host.
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -11,14 +12,14 @@
 namespace shearbus::study {
 
 struct Tracked {
-  std::string problem;
+  std::string study_case;
   std::string reference;
   std::vector<Outcome> outcomes;  // by setting.tolerance and setting.steps
 };
 
-std::vector<Tracked> track_tolerances(const std::vector<Problem>& problems, const SweepOptions& options);
+std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const SweepOptions& options);
 
 std::string table(const std::vector<Tracked>& tracked);
-std::string json(const std::vector<Tracked>& tracked, int repeats);
+nlohmann::ordered_json json(const std::vector<Tracked>& tracked, int repeats);
 
 }  // namespace shearbus::study

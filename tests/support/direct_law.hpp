@@ -1,4 +1,4 @@
-// The subgrid model called in place: what the service computes, without service or bus.
+// An interface law that calls the subgrid model directly, without service or bus.
 #pragma once
 
 #include <vector>
@@ -33,10 +33,10 @@ class DirectLaw : public hydro::InterfaceLaw {
         inputs.active |= 1U << lane;
         inputs.velocity_jump[lane] = in.velocity_jump[i];
         inputs.pressure[lane] = in.pressure[i];
-        inputs.stress_minus[lane] = in.stress_minus[i];
-        inputs.stress_plus[lane] = in.stress_plus[i];
-        inputs.mass_minus[lane] = in.mass_minus[i];
-        inputs.mass_plus[lane] = in.mass_plus[i];
+        inputs.stress_soft[lane] = in.stress_soft[i];
+        inputs.stress_hard[lane] = in.stress_hard[i];
+        inputs.mass_soft[lane] = in.mass_soft[i];
+        inputs.mass_hard[lane] = in.mass_hard[i];
       }
       physics::TileOutputs outputs;
       model_.advance(*operators, inputs, committed_[tile].data(), trial_.data(), outputs);

@@ -1,4 +1,4 @@
-// A service on a store, without sockets: made anew on the same disk, it recovers.
+// A service with a store, without sockets. A new one on the same disk recovers the states.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct DurableServer {
     service.recover();
   }
 
-  // Nothing where the service does not answer.
+  // Returns nothing if the service does not answer.
   std::optional<Answer> try_ask(service::Frames frames, const service::Caller& caller = {}) {
     auto answered = service.handle(frames, caller);
     if (!answered) return std::nullopt;

@@ -1,5 +1,5 @@
-// The layer of one node, solved without control in equal substeps of a host's step: what steps with a tolerance are
-// held against.
+// A reference for steps with a tolerance: the layer of one node in many equal substeps of each host step, without error
+// control.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace shearbus::test {
 
-// Force-driven, substeps in which the slip turns or stops are cut down to where it does.
+// Force-driven substeps in which the slip reverses or stops are divided at that time.
 class FineLayer {
  public:
   FineLayer(const physics::ModelOptions& options, double substep)
@@ -31,7 +31,8 @@ class FineLayer {
     return options.hard_grid ? 1.0 : physics::heat_partition(options.soft, options.hard);
   }
 
-  // One substep, `share` of the host's step: adds to the means of `step`, and leaves the jump in `inputs`. Lane 0.
+  // Takes one substep of lane 0, `share` of the host's step: adds to the means of `step` and stores the new jump in
+  // `inputs`.
   void advance(physics::TileInputs& inputs, double share, physics::TileOutputs& step, std::size_t cuts = 0) {
     physics::TileOutputs out{};
     model_.advance(*operators_[cuts], inputs, state_.data(), next_.data(), out);

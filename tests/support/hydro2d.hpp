@@ -26,7 +26,7 @@ using lagrange::Symmetry;
 using lagrange::Vec2;
 using lagrange::Wall;
 
-// Constant flow stress, whatever the temperature.
+// A constant flow stress, independent of the temperature.
 inline physics::Material constant_yield(double density, double shear_modulus, double yield) {
   return {.density = density,
           .shear_modulus = shear_modulus,
@@ -43,7 +43,7 @@ inline MieGrueneisen steel_304() {
   return {.density = 7900.0, .sound_speed = 4570.0, .s1 = 1.490, .gamma0 = 1.93, .specific_heat = 500.0};
 }
 
-// The same state everywhere, per block.
+// Sets a uniform state in each block.
 inline void fill(Bodies& bodies, std::size_t block, double density, double energy, Vec2 velocity) {
   const lagrange::Block& b = bodies.mesh.blocks()[block];
   for (int z = 0; z < b.num_zones(); ++z) {
@@ -53,17 +53,17 @@ inline void fill(Bodies& bodies, std::size_t block, double density, double energ
   for (int n = 0; n < b.num_nodes(); ++n) bodies.velocity[b.first_node + n] = velocity;
 }
 
-// A rectangle of nx by ny zones from `low` to `high`.
+// Makes a rectangle of nx by ny zones from `low` to `high`.
 inline std::function<Vec2(int, int)> rectangle(int nx, int ny, Vec2 low, Vec2 high) {
   return [=](int i, int j) { return Vec2{low.x + (high.x - low.x) * i / nx, low.y + (high.y - low.y) * j / ny}; };
 }
 
-// Perfectly plastic.
+// A perfectly plastic metal.
 inline hydro::Metal plastic_metal(const MieGrueneisen& eos, double shear_modulus, double yield) {
   return {.eos = eos, .strength = constant_yield(eos.density, shear_modulus, yield)};
 }
 
-// What a comparison found, by its name.
+// Returns the value that a comparison found, by its name.
 inline double found(const std::vector<hydro::Comparison>& comparisons, const std::string& what) {
   for (const hydro::Comparison& c : comparisons) {
     if (c.what == what) return c.found;
@@ -71,7 +71,7 @@ inline double found(const std::vector<hydro::Comparison>& comparisons, const std
   throw std::invalid_argument("nothing is compared under the name " + what);
 }
 
-// Of the total energy, what boundaries do not account for.
+// Returns the change of the total energy that the boundaries do not explain, relative.
 inline double energy_residual(const lagrange::Ledger& start, const lagrange::Ledger& end) {
   return (end.total_energy() - end.work_given - start.total_energy()) /
          std::max(start.total_energy(), end.total_energy());

@@ -1,4 +1,4 @@
-// Two elastic plates on a slide line, of the paper's pair: the sliding problems with exact solutions.
+// Two elastic plates of the paper's metals on a slide line: sliding problems with exact solutions.
 #pragma once
 
 #include "tests/support/hydro2d.hpp"

@@ -12,11 +12,11 @@ using hydro::ConstantFrictionLaw;
 inline constexpr double kFreeSlip = 0.0;
 inline constexpr double kBonded = std::numeric_limits<double>::infinity();
 
-// The paper's pair (server/physics/MODEL.md, constants), as far as elastic waves know it; dt is the transit time of a
-// zone.
-inline hydro::Problem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
-                                         double courant = 1.0) {
-  hydro::Problem problem;
+// The elastic constants of the paper's pair of metals (server/physics/METHODS.md, "Catalog"); dt is the transit time of
+// a zone.
+inline hydro::ColumnProblem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
+                                               double courant = 1.0) {
+  hydro::ColumnProblem problem;
   problem.name = "aluminium_on_steel";
   problem.columns = jumps.size();
   problem.soft = {.columns = jumps.size(),

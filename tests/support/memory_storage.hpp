@@ -1,8 +1,8 @@
 // A disk in memory that can fail, or die with the process or the power, at any of its calls.
 //
-// Each file knows what was written and what was synced; so does the directory of its names. After die() the next server
-// finds what such a death leaves: of the process, everything written; of the power, what was synced and, of the rest, a
-// part that `random` picks.
+// Each file keeps its written and its synced content, the directory its written and synced names. After the death of
+// the process the next server finds everything written; after a loss of power it finds the synced content and a random
+// part of the rest.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 
 namespace shearbus::support {
 
-// What a server that died does: nothing any more.
+// Thrown in place of every call after the death of the server.
 struct Died : store::StorageError {
   Died() : StorageError("the machine has died", EIO) {}
 };
@@ -27,9 +27,9 @@ class MemoryStorage final : public store::Storage {
  public:
   enum class Call { kAppend, kTruncate, kSync, kCreate, kOpen, kRename, kRemove, kSyncDirectory, kRead, kList };
   struct Fault {
-    std::uint64_t at_call = 0;  // counted from 1, over the calls `of` picks
-    int code = 0;               // errno to fail with; 0: die
-    bool for_ever = false;      // every later call of the kind fails as well
+    std::uint64_t at_call = 0;  // number of the call, from 1, among the calls selected by `of`
+    int code = 0;               // errno of the failure; 0: the machine dies
+    bool for_ever = false;      // later calls of the kind fail, too
     std::optional<Call> of;     // none: every call
   };
 
@@ -43,7 +43,7 @@ class MemoryStorage final : public store::Storage {
   bool dead() const { return dead_; }
   bool fired() const { return fault_ && calls_ >= fault_->at_call; }
 
-  // The machine starts again.
+  // Restarts the machine.
   void die_of_process() {
     dead_ = false;
     heal();
@@ -51,7 +51,7 @@ class MemoryStorage final : public store::Storage {
   void die_of_power(std::mt19937& random) {
     dead_ = false;
     heal();
-    // Names first: each change since the last sync of the directory has happened or not, up to a point.
+    // Names: a random prefix of the changes since the last sync of the directory is kept.
     const std::size_t kept =
         changes_.empty() ? 0 : std::uniform_int_distribution<std::size_t>(0, changes_.size())(random);
     auto names = durable_names_;
@@ -64,7 +64,7 @@ class MemoryStorage final : public store::Storage {
         const std::size_t more =
             std::uniform_int_distribution<std::size_t>(0, file.written.size() - file.synced.size())(random);
         file.written.resize(file.synced.size() + more);
-        // Of a file that grew, the last blocks may never have been filled.
+        // The last blocks of a file that grew may be unwritten.
         if (random() % 4 == 0)
           std::fill(file.written.begin() + static_cast<std::ptrdiff_t>(file.synced.size()), file.written.end(),
                     std::byte{0});
@@ -116,7 +116,7 @@ class MemoryStorage final : public store::Storage {
     changes_.clear();
   }
 
-  // For tests that damage files by hand.
+  // Gives access to the bytes, for tests that damage files.
   std::vector<std::byte>& bytes(const std::string& name) { return find(name)->written; }
   void put(const std::string& name, std::vector<std::byte> bytes) {
     names_[name] = std::make_shared<Node>(Node{bytes, bytes});
@@ -143,7 +143,7 @@ class MemoryStorage final : public store::Storage {
       std::vector<std::byte> all;
       for (const store::Bytes part : parts) all.insert(all.end(), part.begin(), part.end());
       const bool fails = disk_.fails(Call::kAppend);
-      // A call that fails or dies may have written any part; half of it is the hardest to tell from whole.
+      // A call that fails may have written any part; half of it is hardest to distinguish from all of it.
       if (fails) all.resize(all.size() / 2);
       node_->written.insert(node_->written.end(), all.begin(), all.end());
       if (fails) disk_.fail();
@@ -194,7 +194,7 @@ class MemoryStorage final : public store::Storage {
 
   Names names_;
   Names durable_names_;
-  std::vector<std::function<void(Names&)>> changes_;  // of names, since the directory was synced
+  std::vector<std::function<void(Names&)>> changes_;  // changes of names since the last sync of the directory
   std::optional<Fault> fault_;
   std::uint64_t calls_ = 0;
   bool dead_ = false;

@@ -1,4 +1,4 @@
-// One model with its tiles, for tests: set inputs, step, look at a lane.
+// A model with one tile of states for tests: sets inputs, steps, reads lanes.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 #include "server/physics/material/material.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/advance_one.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/model.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::testing {
@@ -31,8 +31,8 @@ inline ModelOptions paper_options(Strategy strategy = Strategy::kVelocityDriven)
   return options;
 }
 
-// The hard body conducts too. By default on the layer's grid scaled by sqrt(alpha_h / alpha), so that heat goes as many
-// cells deep on either side.
+// Returns the options with a conducting hard body, by default on the layer's grid scaled by sqrt(alpha_h / alpha), so
+// that heat penetrates the same number of cells on both sides.
 inline ModelOptions two_sided(ModelOptions options, std::optional<GridOptions> hard = {}) {
   options.hard_grid = hard ? *hard : options.grid;
   if (!hard) options.hard_grid->thickness *= std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
@@ -45,13 +45,13 @@ inline ModelOptions graded(ModelOptions options, int cells = 60, double grading 
   return options;
 }
 
-// The shortest step the service lets a host ask for.
+// Returns the shortest step that the service accepts.
 inline double shortest_step(const ModelOptions& options) {
   const double controlled = options.tolerance ? kShortestControlledStep : 0.0;
   return options.modes ? std::max(controlled, options.modes->shortest_step) : controlled;
 }
 
-// Of a row's value in a tile; rows before z = 0 are negative.
+// Returns the index of a row's value in a tile; rows before z = 0 are negative.
 inline std::size_t place(std::size_t part, int row, int lane) {
   return part + static_cast<std::size_t>(std::ptrdiff_t{row} * kLanes + lane);
 }
@@ -68,27 +68,22 @@ class Rig {
     for (double& T : temperature) T = options.initial_temperature;
     start(temperature);
     inputs.active = active;
-    for (int l = 0; l < kLanes; ++l) inputs.mass_minus[l] = inputs.mass_plus[l] = 1.0;
+    for (int l = 0; l < kLanes; ++l) inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
   }
 
   void start(const double (&temperature)[kLanes]) { model.initialise(committed.data(), temperature); }
 
-  // The hard body, where it conducts, is somewhere else in temperature: the interface need not be the hottest place
-  // then.
+  // Sets the temperature of a conducting hard body, so that the interface need not be the hottest place.
   void start_hard(double temperature) {
     const TileLayout& layout = model.layout();
     std::fill_n(committed.data() + layout.first_temperature(), layout.num_hard_vertices * kLanes, temperature);
   }
 
-  // One accepted step of every active lane.
+  // Takes one accepted step of every active lane.
   void step(double dt) {
     if (!operators || operators->dt() != dt) operators = model.operators(dt);
-    if (model.options().tangential_components == 2) {
-      model.advance(*operators, inputs, second, committed.data(), trial.data(), outputs, second_outputs);
-    } else {
-      model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
-    }
-    std::swap(committed, trial);  // from now on `trial` is the state before
+    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
+    std::swap(committed, trial);  // `trial` is now the state before the step
   }
 
   void set_all(double velocity_jump, double pressure) {
@@ -98,7 +93,7 @@ class Rig {
     }
   }
 
-  // Of a lane that is awake. Negative vertices are the hard body's, where it conducts.
+  // Returns a temperature of a lane that is awake. Negative vertices belong to a conducting hard body.
   double T(int vertex, int lane = 0) const { return committed[place(model.layout().temperature, vertex, lane)]; }
   double ep(int vertex, int lane = 0) const { return ep_of(committed, vertex, lane); }
   double ep_of(const std::vector<double>& tile, int vertex, int lane) const {
@@ -113,8 +108,8 @@ class Rig {
 
   const HeatGrid& heat_grid() const { return heat_grid_; }
 
-  // Of all that conducts, the rows of heat_grid(), in a tile of this model: those of a lane asleep are not in its state
-  // as such. Of a model without a profile T0 alone.
+  // Returns the temperatures of the rows of heat_grid() in a tile of this model; those of a sleeping lane are computed
+  // from its modes. A model without a profile has T0 only.
   std::vector<double> temperatures(const std::vector<double>& tile, int lane) const {
     const TileLayout& layout = model.layout();
     const std::size_t rows = layout.num_hard_vertices + layout.num_vertices;
@@ -129,22 +124,22 @@ class Rig {
     profile.resize(rows);
     return profile;
   }
-  // Of the layer alone and what is behind it, from z = 0 on.
+  // Returns the temperatures of the layer and of the body behind it, from z = 0 on.
   std::vector<double> layer_temperatures(int lane) const {
     std::vector<double> all = temperatures(committed, lane);
     all.erase(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(model.layout().num_hard_vertices));
     return all;
   }
-  // Before the last step or after it.
+  // The arguments select the state before or after the last step.
   bool slept(int lane) const {
     return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
   }
 
-  // (k/alpha) integral (T - reference) over all that conducts, with the weights of the conduction.
+  // Returns (k/alpha) integral (T - reference) over both conducting bodies, with the weights of the conduction  [J/m2].
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
   double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
     if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
-      // Without a profile: of a slab, whose mode of rate 0 is its mean temperature.
+      // Without a profile the heat is known for a slab only, whose mode of rate 0 is its mean temperature.
       const double* rows = tile.data() + layout.heat_modes + lane;
       const ModelOptions& o = model.options();
       return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
@@ -157,13 +152,13 @@ class Rig {
     return sum;
   }
 
-  // Share of the friction power that heats what conducts.
+  // Returns the share of the friction power that heats the conducting bodies.
   double conducted_share() const {
     const ModelOptions& o = model.options();
     return o.hard_grid ? 1.0 : heat_partition(o.soft, o.hard);
   }
 
-  // sqrt(3) integral(ep) over the layer: the slip it has carried  [m]
+  // Returns sqrt(3) integral(ep) over the layer, the slip that it has carried  [m].
   double plastic_slip(int lane = 0) const { return plastic_slip_of(committed, lane); }
   double plastic_slip_of(const std::vector<double>& tile, int lane) const {
     double sum = 0.0;
@@ -203,17 +198,16 @@ class Rig {
   }
 
   reference::NodeInputs node_inputs(int lane) const {
-    return {inputs.velocity_jump[lane], inputs.pressure[lane],         inputs.soft_shear_rate[lane],
-            inputs.stress_minus[lane],  inputs.stress_plus[lane],      inputs.mass_minus[lane],
-            inputs.mass_plus[lane],     inputs.soft_plastic_rate[lane]};
+    return {inputs.velocity_jump[lane],   inputs.pressure[lane],
+            inputs.soft_shear_rate[lane], inputs.stress_soft[lane],
+            inputs.stress_hard[lane],     inputs.mass_soft[lane],
+            inputs.mass_hard[lane],       inputs.soft_plastic_strain_rate[lane]};
   }
 
   Model model;
   std::shared_ptr<const StepOperators> operators;
   TileInputs inputs;
   TileOutputs outputs{};
-  SecondInputs second;  // where slip has two components
-  SecondOutputs second_outputs{};
   std::vector<double> committed, trial;
 
  private:
@@ -224,7 +218,7 @@ class Rig {
   }
 
   HeatGrid heat_grid_;
-  std::optional<HeatBasis> basis_;  // of a model whose nodes sleep
+  std::optional<HeatBasis> basis_;  // set for a model with sleep
 };
 
 }  // namespace shearbus::testing

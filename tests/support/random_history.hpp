@@ -1,4 +1,4 @@
-// Random states and histories, every step held to the invariants.
+// Random states and histories; every step is held to the invariants.
 #pragma once
 
 #include <algorithm>
@@ -10,15 +10,15 @@
 
 namespace shearbus::testing {
 
-// Any state a node may be in, reached or not: temperatures that fall away from the interface on either side, strain as
-// it comes, a stress left from a higher pressure.
+// Draws a state that a history need not be able to reach: temperatures that fall with the distance from the interface,
+// any strain, and a stress left from a higher pressure.
 inline void random_state(Draw& draw, Rig& rig) {
   const TileLayout& layout = rig.model.layout();
   const ModelOptions& options = rig.model.options();
   const Grid& grid = rig.model.grid();
   const HeatGrid& heat = rig.heat_grid();
   const double T_melt = options.soft.melting_temperature;
-  if (layout.heat_modes != TileLayout::kAbsent) return;  // modes are what a history has left of itself
+  if (layout.heat_modes != TileLayout::kAbsent) return;  // modes depend on a whole history and cannot be drawn
   for (int l = 0; l < kLanes; ++l) {
     const auto set = [&](std::size_t part, int row, double value) {
       rig.committed[part + static_cast<std::size_t>(row * kLanes + l)] = value;
@@ -61,7 +61,7 @@ inline void random_state(Draw& draw, Rig& rig) {
   }
 }
 
-// `after_step`: what else is asked of a step.
+// Steps a history of random inputs. `after_step` is called after each step, before the invariants.
 template <class AfterStep>
 void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figures, const AfterStep& after_step) {
   const ModelOptions& options = rig.model.options();
@@ -71,7 +71,7 @@ void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figu
     plane ? random_vectors(draw, rig, extreme) : random_inputs(draw, rig, extreme);
     if (closed_loop && step > 0) {
       std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
-      std::copy_n(rig.second_outputs.velocity_jump_new, kLanes, rig.second.velocity_jump);
+      std::copy_n(rig.outputs.second_velocity_jump_new, kLanes, rig.inputs.second_velocity_jump);
     }
     const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
     rig.step(dt);

@@ -1,4 +1,4 @@
-// Random scenes and inputs, extremes included, for property tests. Seeds are fixed: a failure repeats.
+// Random scenes and inputs, with extremes, for property tests and the campaign. A seed repeats its draws.
 #pragma once
 
 #include <cmath>
@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -25,7 +26,7 @@ class Draw {
   std::mt19937_64 random_;
 };
 
-// The same metal under Johnson and Cook's law; what belongs to another law is not a number, so that using it shows.
+// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that any use of them shows.
 inline void follow_johnson_cook(Material& m, double B, double C, double rate, double exponent, double T_ref) {
   m.flow_law = FlowLaws::place<JohnsonCook>();
   m.hardening_modulus = B;
@@ -87,7 +88,7 @@ inline Material random_preston_tonks_wallace(Draw& draw) {
   return m;
 }
 
-// How strongly strain follows stress: d ln(dep) / d ln(a) is at most the inverse of this.
+// Returns a lower bound of d ln(a) / d ln(dep), the sensitivity of the stress to the strain increment.
 inline double flow_exponent(const Material& m) {
   const auto least = [&](std::initializer_list<double Material::*> exponents) {
     double exponent = 1.0;
@@ -99,17 +100,17 @@ inline double flow_exponent(const Material& m) {
   return least({&Material::hardening_exponent, &Material::rate_coefficient, &Material::overdriven_exponent});
 }
 
-// Strain of which the flow formulas take differences in addition to that of the state.
+// Returns the strain scale of the flow formula, for judging cancellation against the stored strain.
 inline double strain_scale(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_coefficient) ? 1.0 / m.hardening_coefficient : 1.0;
 }
 
-// Relative: what arithmetic leaves of a stress or a temperature.
+// Relative rounding error of a stress or a temperature.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
-// By how much the flow of a layer that has been stepped differs under stresses and temperatures that differ in their
-// last digits, integral(dep) [m]: near melting, and where strain follows a high power of the stress, no answer is told
-// closer. Temperatures are known to `grain` [K] beside that.
+// Returns the change of a layer's flow, integral(dep) [m], between stresses and temperatures that differ in their last
+// digits: near melting, and if strain follows a high power of the stress, no answer is more accurate. Temperatures have
+// an error of `grain` [K] in addition.
 inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
                          double grain = 0.0) {
   if (!hardens(rig.model.options().soft)) return 0.0;
@@ -180,14 +181,21 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
       options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
     }
   }
-  const bool of_one_limit = !options.taylor_quinney_factor && !options.plastic_layer && !options.junctions &&
-                            options.interface.friction_law == FrictionLaw{} &&
-                            !properties_of(soft.flow_law).first_order_in_time;
-  if (of_one_limit && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
-  if (strategy == Strategy::kForceDriven && !options.hard_grid && !options.plastic_layer && draw.chance(0.5)) {
+  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
+    options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+    options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
+    options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
+  }
+  if (goes_with(Property::kSecondOrder, options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (goes_with(Property::kModes, options) && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
+  // Drawn aside, so that the other scenes stay as they were.
+  if (Draw aside = draw; aside.chance(0.2)) {
+    adopt_flow_law(soft, random_preston_tonks_wallace(aside));
+    options.time_integrator = TimeIntegrator::kBackwardEuler;
+  }
   // Drawn aside, so that the other scenes stay those they were.
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
@@ -196,7 +204,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   return options;
 }
 
-// A layer with inertia and what goes with it.
+// Draws options with inertia and the options that it allows.
 inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
   do {
@@ -204,12 +212,13 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   } while (!properties_of(options.soft.flow_law).has_wave_return);
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
+  options.time_integrator = TimeIntegrator::kBackwardEuler;
   options.inertia = true;
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;
 }
 
-// Slip in two directions and what goes with it.
+// Draws options with two tangential components and the options that they allow.
 inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = random_options(draw, strategy, extreme);
   options.drive = Drive::kLayerShear;
@@ -217,7 +226,7 @@ inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, 
   return options;
 }
 
-// The solvers a node can be stepped by.
+// The solvers of a node.
 enum class Solver { kVelocityDriven, kForceDriven, kInertia };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
@@ -230,8 +239,8 @@ inline std::string name_of(Solver solver) {
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 
-// Where the hard body conducts it is colder or hotter than the layer as often as not: then the interface need not be
-// the layer's hottest place.
+// Half of the conducting hard bodies start colder or hotter than the layer, so that the interface need not be the
+// hottest place.
 inline void start_hard_elsewhere(Draw& draw, Rig& rig) {
   if (!rig.model.options().hard_grid || draw.chance(0.5)) return;
   const double layer = rig.model.options().initial_temperature;
@@ -243,7 +252,7 @@ inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
 }
 
-// Inputs of all lanes for one step. Mostly a small change of the last, now and then something else altogether.
+// Draws the inputs of all lanes for one step: mostly a small change of the last step's, sometimes entirely new values.
 inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   for (int l = 0; l < kLanes; ++l) {
     TileInputs& in = rig.inputs;
@@ -259,18 +268,18 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     }
     in.soft_shear_rate[l] = draw.chance(0.5) ? 0.0 : draw.sign() * draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     if (draw.chance(0.3)) {
-      in.mass_minus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
-      in.mass_plus[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_soft[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_hard[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
     }
     if (rig.model.options().plastic_layer) {
-      in.soft_plastic_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
+      in.soft_plastic_strain_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
     }
-    in.stress_minus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
-    in.stress_plus[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+    in.stress_soft[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
+    in.stress_hard[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
   }
 }
 
-// Inputs of scalar draws, each vector turned by an angle of its own.
+// Draws scalar inputs and turns each vector by its own angle.
 inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
   random_inputs(draw, rig, extreme);
   const auto turn = [&](double& first, double& second) {
@@ -280,9 +289,9 @@ inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
     second = length * std::sin(angle);
   };
   for (int l = 0; l < kLanes; ++l) {
-    turn(rig.inputs.velocity_jump[l], rig.second.velocity_jump[l]);
-    turn(rig.inputs.stress_minus[l], rig.second.stress_minus[l]);
-    turn(rig.inputs.stress_plus[l], rig.second.stress_plus[l]);
+    turn(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]);
+    turn(rig.inputs.stress_soft[l], rig.inputs.second_stress_soft[l]);
+    turn(rig.inputs.stress_hard[l], rig.inputs.second_stress_hard[l]);
   }
 }
 

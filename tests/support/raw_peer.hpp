@@ -1,4 +1,4 @@
-// Peers that do not use our client: a bare DEALER, and a bare stream socket.
+// Peers without the client library: a plain DEALER socket and a plain stream socket.
 #pragma once
 
 #include <arpa/inet.h>
@@ -27,7 +27,7 @@ class RawDealer {
   explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000)
       : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
-    socket_.set(zmq::sockopt::sndtimeo, 1000);  // to a server that has refused the connection nothing can be sent
+    socket_.set(zmq::sockopt::sndtimeo, 1000);  // sending to a server that refused the connection would block
     socket_.set(zmq::sockopt::rcvhwm, receive_hwm);
     socket_.connect(endpoint);
   }
@@ -46,7 +46,7 @@ class RawDealer {
     return frames;
   }
 
-  // The frames of the next reply, or none in time.
+  // Returns the frames of the next reply, or none after the time limit.
   std::vector<zmq::message_t> receive(std::chrono::milliseconds timeout = std::chrono::milliseconds(5000)) {
     socket_.set(zmq::sockopt::rcvtimeo, static_cast<int>(timeout.count()));
     std::vector<zmq::message_t> frames;
@@ -59,7 +59,7 @@ class RawDealer {
     return frames;
   }
 
-  // The status of the next reply; nothing where none comes in time.
+  // Returns the status of the next reply, or nothing after the time limit.
   std::optional<wire::Status> receive_status(std::chrono::milliseconds timeout = std::chrono::milliseconds(5000)) {
     const auto frames = receive(timeout);
     if (frames.empty()) return std::nullopt;
@@ -101,12 +101,12 @@ class RawStream {
     if (file_ >= 0) ::close(file_);
   }
 
-  // False once the server has closed the connection.
+  // Returns false once the server has closed the connection.
   bool send(std::span<const char> bytes) {
     return ::send(file_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
   }
 
-  // True if the server closes the connection within the time; what it sends until then is read and dropped.
+  // Returns true if the server closes the connection within the time; bytes sent until then are dropped.
   bool closed_within(std::chrono::milliseconds time) {
     const auto end = std::chrono::steady_clock::now() + time;
     while (std::chrono::steady_clock::now() < end) {

@@ -1,4 +1,4 @@
-// A server on real sockets, on a thread of the test's process: what Embedded is, with endpoints of its own.
+// A server with real sockets on a thread of the test's process: like Embedded, with its own endpoints.
 #pragma once
 
 #include <sys/eventfd.h>
@@ -41,7 +41,7 @@ class RunningServer {
     thread_.join();
   }
 
-  // "ipc", "tcp" or "inproc": where it listens by that scheme.
+  // Returns the endpoint of the scheme "ipc", "tcp" or "inproc".
   const std::string& endpoint(const std::string& scheme = "ipc") const {
     for (const std::string& endpoint : endpoints_)
       if (endpoint.starts_with(scheme + "://")) return endpoint;
@@ -60,7 +60,7 @@ class RunningServer {
 
   server::Server& server() { return server_; }
 
-  // Counters; only when stopped, or in a quiet moment after a reply.
+  // Returns the counters. Call it only when the server is stopped or idle after a reply.
   const transport::RouterCounters& transport() const { return server_.transport(); }
 
  private:

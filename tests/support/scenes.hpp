@@ -5,34 +5,47 @@
 #include <cstdint>
 #include <numeric>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "proto/scene/scene.hpp"
 #include "proto/wire/batch.hpp"
-#include "proto/wire/scene.hpp"
-#include "proto/wire/strategy_columns.hpp"
+#include "proto/wire/columns.hpp"
 
 namespace shearbus::support {
 
-inline wire::Scene velocity_scene(std::uint32_t cells = 24) {
-  wire::Scene scene;
-  scene.name = "small_velocity_driven";
-  scene.strategy = wire::Strategy::kVelocityDriven;
-  scene.soft.material = "aluminium_dlp";
-  scene.hard.material = "steel_dlp";
-  scene.layer = {.thickness_m = 20e-6, .cells = cells, .grading = 1.15};
+inline v1::Scene velocity_scene(std::uint32_t cells = 24) {
+  v1::Scene scene;
+  scene.set_name("small_velocity_driven");
+  scene.set_strategy(v1::STRATEGY_VELOCITY_DRIVEN);
+  scene.mutable_soft()->set_material("aluminium_dlp");
+  scene.mutable_hard()->set_material("steel_dlp");
+  scene.mutable_layer()->set_thickness_m(20e-6);
+  scene.mutable_layer()->set_cells(cells);
+  scene.mutable_layer()->set_grading(1.15);
   return scene;
 }
 
-inline wire::Scene force_scene(std::uint32_t cells = 24) {
-  wire::Scene scene = velocity_scene(cells);
-  scene.name = "small_force_driven";
-  scene.strategy = wire::Strategy::kForceDriven;
-  scene.interface = wire::Interface{.friction_coefficient = 0.3, .yield_strength_pa = 200e6};
+inline v1::Scene force_scene(std::uint32_t cells = 24) {
+  v1::Scene scene = velocity_scene(cells);
+  scene.set_name("small_force_driven");
+  scene.set_strategy(v1::STRATEGY_FORCE_DRIVEN);
+  scene.mutable_interface()->set_friction_coefficient(0.3);
+  scene.mutable_interface()->set_yield_strength_pa(200e6);
   return scene;
 }
 
-inline wire::Scene scene_of(wire::Strategy strategy) {
+inline v1::Scene scene_of(wire::Strategy strategy) {
   return strategy == wire::Strategy::kForceDriven ? force_scene() : velocity_scene();
+}
+
+inline wire::Strategy strategy_of(const v1::Scene& scene) {
+  return static_cast<wire::Strategy>(scene.strategy());
+}
+
+// What a client sends.
+inline std::string text_of(const v1::Scene& scene) {
+  return scene::to_toml(scene);
 }
 
 inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t first = 100) {
@@ -41,7 +54,7 @@ inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t firs
   return ids;
 }
 
-// What node `id` meets in step `step`: slow and fast slip, stick, reversal, an open interface now and then.
+// Returns the inputs of node `id` in step `step`: slow and fast slip, stick, reversals, sometimes an open interface.
 inline double input_of(wire::Field field, std::uint64_t id, int step) {
   const double a = static_cast<double>(id % 17) / 17.0;
   switch (field) {
@@ -49,20 +62,20 @@ inline double input_of(wire::Field field, std::uint64_t id, int step) {
       return (id % 5 == 4 ? -1.0 : 1.0) * (0.5 + 150.0 * a);
     case wire::Field::kPressure:
       return (id + static_cast<std::uint64_t>(step)) % 7 == 6 ? -1e8 : 5e9 + 8e9 * a;
-    case wire::Field::kStressMinus:
+    case wire::Field::kStressSoft:
       return 1e8 + 2e8 * a;
-    case wire::Field::kStressPlus:
+    case wire::Field::kStressHard:
       return 2e8 - 1e8 * a;
-    case wire::Field::kMassMinus:
+    case wire::Field::kMassSoft:
       return 0.0135 * (1.0 + a);
-    case wire::Field::kMassPlus:
+    case wire::Field::kMassHard:
       return 0.0395 * (1.0 + a);
     default:
       return 0.0;
   }
 }
 
-// The columns of a step; rows follow `ids`. `with_ids` adds the node_id column.
+// Returns the columns of a step, with rows in the order of `ids`. `with_ids` adds the node_id column.
 inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step,
                                 bool with_ids = false) {
   std::vector<wire::Field> fields;

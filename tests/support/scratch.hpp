@@ -1,4 +1,4 @@
-// A directory of a test's own, removed with it; its name is short enough for the path of a socket.
+// A temporary directory of a test, removed at its end. Its name is short enough for the path of a socket.
 #pragma once
 
 #include <stdlib.h>

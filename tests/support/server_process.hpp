@@ -1,4 +1,4 @@
-// build/bin/shearbus-server as a process of its own.
+// Runs build/bin/shearbus-server as a separate process.
 #pragma once
 
 #include <fcntl.h>
@@ -50,7 +50,7 @@ class Process {
   pid_t id() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
 
-  // Exit code (128 + n for signal n), or nothing where it still runs after the time.
+  // Returns the exit code (128 + n for signal n), or nothing if the process still runs after the time.
   std::optional<int> exit_code(std::chrono::milliseconds time) {
     const auto end = std::chrono::steady_clock::now() + time;
     while (!exit_code_) {
@@ -78,7 +78,7 @@ inline std::string text_of(const std::filesystem::path& file) {
 
 class ServerProcess {
  public:
-  // `launcher`: a command that becomes the server, such as "/usr/bin/env NAME=VALUE".
+  // `launcher`: a command that executes the server, such as "/usr/bin/env NAME=VALUE".
   explicit ServerProcess(std::vector<std::string> arguments, const std::vector<std::string>& launcher = {})
       : log_(scratch_.path() / "log"),
         endpoints_(std::max<std::ptrdiff_t>(1, std::ranges::count(arguments, "--bind"))) {
@@ -86,7 +86,7 @@ class ServerProcess {
     arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     process_.emplace(std::move(arguments), log_.string());
   }
-  // Listening on every endpoint it was given.
+  // Waits until the server listens on all its endpoints.
   bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) const {
     const auto end = std::chrono::steady_clock::now() + time;
     while (std::chrono::steady_clock::now() < end) {
@@ -95,7 +95,7 @@ class ServerProcess {
     }
     return false;
   }
-  // Where it listens on TCP, its port found by the kernel; empty where nowhere.
+  // Returns its TCP endpoint with the port chosen by the kernel, or an empty text.
   std::string tcp_endpoint() const {
     const std::string text = log();
     const std::string line = "listening on tcp://";
@@ -111,7 +111,7 @@ class ServerProcess {
   std::ptrdiff_t listening() const {
     std::istringstream lines(log());
     std::ptrdiff_t count = 0;
-    for (std::string line; std::getline(lines, line) && !lines.eof();)  // only lines that were ended
+    for (std::string line; std::getline(lines, line) && !lines.eof();)  // complete lines only
       if (line.find("listening on ") != std::string::npos) ++count;
     return count;
   }

@@ -1,4 +1,4 @@
-// A service without a socket: requests and replies pass through the codec as they would on the wire. The clock is a
+// A service without a socket. Requests and replies pass through the codec as on the wire; the clock is a
 // counter.
 #pragma once
 
@@ -48,11 +48,14 @@ struct ServiceHarness {
     return session_id;
   }
 
-  static wire::Request opening(const wire::Scene& scene, std::span<const std::uint64_t> nodes,
-                               std::uint8_t session = 1) {
+  static wire::Request opening(const v1::Scene& scene, std::span<const std::uint64_t> nodes, std::uint8_t session = 1) {
+    return opening(text_of(scene), nodes, session);
+  }
+
+  static wire::Request opening(std::string scene, std::span<const std::uint64_t> nodes, std::uint8_t session = 1) {
     wire::Request request;
     request.request_id = 1;
-    request.body = wire::OpenSession{.scene = scene, .session_id = id(session)};
+    request.body = wire::OpenSession{.scene = std::move(scene), .session_id = id(session)};
     request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
     std::copy(nodes.begin(), nodes.end(), request.batch.u64(wire::Field::kNodeId).begin());
     return request;
@@ -76,7 +79,7 @@ struct ServiceHarness {
   }
 
   std::uint64_t clock = 0;
-  bool clock_fails = false;  // the next look at it throws: a fault inside the server, on demand
+  bool clock_fails = false;  // the next reading of the clock throws, which simulates a fault inside the server
   std::vector<std::string> log;
   shard::TaskPool pool;
   service::Service service;

@@ -1,6 +1,6 @@
-// Two elastic half-spaces that slide under the thermally softened interface law (server/physics/MODEL.md, exact
-// solutions), as one Volterra equation solved here to high accuracy. Shares no line with the layer, the hydro or the
-// bus.
+// Two elastic half-spaces that slide under the thermally softened interface law (server/physics/MEASURED.md, "Exact
+// solutions"), as one Volterra equation solved here to high accuracy. Shares no code with the layer, the hydrocode or
+// the bus.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@ struct HalfSpaces {
   double friction_coefficient;  // mu
   double yield_strength;        // of the interface  [Pa]
   double initial_temperature = 300.0;
-  // The paper's constants, aluminium on steel.
+  // Constants of the paper, aluminium on steel.
   double density_soft = 2703.0, density_hard = 7900.0;
   double modulus_soft = 27.6e9, modulus_hard = 77e9;
   double conductivity_soft = 117.0, conductivity_hard = 16.1;
@@ -42,9 +42,9 @@ struct HalfSpaceState {
   double time, stress, jump, temperature;
 };
 
-// At `intervals`+1 times from 0 to `end`, quadratically graded: the solution is smooth in sqrt(t). Product integration:
-// the friction power is linear in each interval, the kernel (t - x)^(-1/2) is integrated exactly, so the error falls as
-// intervals^-2.
+// Solves at `intervals`+1 times from 0 to `end`, quadratically graded because the solution is smooth in sqrt(t).
+// Product integration: the friction power is linear in each interval and the kernel (t - x)^(-1/2) is integrated
+// exactly, so the error decreases as intervals^-2.
 inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& problem, double end, int intervals) {
   const double pi = std::acos(-1.0);
   const double factor = problem.heat_partition() / problem.conductivity_soft * std::sqrt(problem.diffusivity_soft / pi);
@@ -83,8 +83,8 @@ inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& probl
   return states;
 }
 
-// The same interface between two plates that nothing else holds: [V]' = -mobility s, mobility = 1/m_minus + 1/m_plus.
-// Both integrals by the same product rule.
+// The same interface between two free plates: [V]' = -mobility s, mobility = 1/m_soft + 1/m_hard. Both integrals use
+// the same product rule.
 inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
                                                        int intervals) {
   const double pi = std::acos(-1.0);

@@ -1,11 +1,11 @@
-// A layer with inertia, seen from inside: one lane's fields and the step of them alone.
+// The fields of one lane of a layer with inertia, and their step without the rest of the model.
 #pragma once
 
 #include <algorithm>
 #include <limits>
 #include <vector>
 
-#include "server/physics/solver/layer_waves.hpp"
+#include "server/physics/solver/velocity_driven/waves.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -43,7 +43,7 @@ inline WaveStep wave_step(const Rig& rig, int lane, const Material& soft_at_pres
       .coulomb = o.friction_coefficient ? *o.friction_coefficient * pressure : std::numeric_limits<double>::infinity()};
 }
 
-// What the next step of the lane starts from.
+// Returns the fields that the lane's next step starts from.
 inline void fill_fields(const Rig& rig, int lane, WaveFields& fields) {
   const HeatGrid& grid = rig.heat_grid();
   std::vector<double> T(rig.committed.size());

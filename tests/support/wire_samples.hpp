@@ -1,4 +1,4 @@
-// One message of every kind with every field set, and frames as a socket would hand them out.
+// One message of every kind with every field set, and their frames as a socket delivers them.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ inline Bytes to_bytes(std::string_view text) {
   return {bytes.begin(), bytes.end()};
 }
 
-// The frames of one message, owned.
+// Owns the frames of one message.
 struct Frames {
   std::vector<Bytes> frames;
 
@@ -42,22 +42,14 @@ inline SessionId session_id() {
   return {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 255};
 }
 
-inline Scene scene() {
-  Scene scene;
-  scene.name = "sample";
-  scene.source = "made up \xC3\xA9";
-  scene.strategy = Strategy::kForceDriven;
-  scene.soft = {.material = "aluminium_dlp", .given = {{"yield_strength_pa", 210e6}, {"hardening_exponent", 0.1}}};
-  scene.hard = {.material = "steel_dlp", .given = {}};
-  scene.layer = {.thickness_m = 200e-6,
-                 .cells = 60,
-                 .grading = 1.08,
-                 .far_boundary = FarBoundary::kHalfSpace,
-                 .initial_temperature_k = 310.0};
-  scene.velocity_driven = {.drive = Drive::kInterfaceSlip, .friction_coefficient = 0.2};
-  scene.interface = Interface{.friction_coefficient = 0.3, .yield_strength_pa = 200e6};
-  return scene;
-}
+inline const std::string kScene =
+    "name = \"sample\"\nsource = \"made up \xC3\xA9\"\nstrategy = \"force_driven\"\n[soft]\nmaterial = "
+    "\"aluminium_dlp\"\n"
+    "yield_strength_pa = 210e6\nhardening_exponent = 0.1\n[hard]\nmaterial = \"steel_dlp\"\n[layer]\nthickness_m = "
+    "200e-6\n"
+    "cells = 60\ngrading = 1.08\nfar_boundary = \"half_space\"\ninitial_temperature_k = 310\n[velocity_driven]\n"
+    "drive = \"interface_slip\"\nfriction_coefficient = 0.2\n[interface]\nfriction_coefficient = 0.3\n"
+    "yield_strength_pa = 200e6\n";
 
 template <typename Message, typename Body>
 Message enveloped(Body body) {
@@ -107,7 +99,8 @@ inline std::vector<std::pair<std::string, Request>> requests() {
     nodes.f64(Field::kInitialTemperature)[i] = 300.0 + static_cast<double>(i);
   }
   Batch more_nodes = Batch::of(std::span(opening, 1), 2);
-  add("open_session", OpenSession{.scene = scene(), .session_id = session_id()}, std::move(nodes));
+  add("open_session", OpenSession{.scene = kScene, .scene_file = "sample.toml", .session_id = session_id()},
+      std::move(nodes));
   add("downscale",
       Downscale{.dt_s = 1e-9,
                 .time_s = 42e-9,
@@ -121,7 +114,7 @@ inline std::vector<std::pair<std::string, Request>> requests() {
   add("rollback", Rollback{});
   add("close_session", CloseSession{.reason = "done"});
   add("server_status", ServerStatusQuery{});
-  add("open_session_to_resume", OpenSession{.scene = scene(), .session_id = session_id(), .resume_token = session_id()},
+  add("open_session_to_resume", OpenSession{.scene = kScene, .session_id = session_id(), .resume_token = session_id()},
       std::move(more_nodes));
   add("resume_session", ResumeSession{.resume_token = session_id(), .claim = 3, .claimant = 77});
   add("mark", Mark{.name = "dump 17"});
@@ -135,7 +128,7 @@ inline std::vector<std::pair<std::string, Request>> requests() {
     for (double& value : batch.f64(Field::kInitialTemperature)) value = 300.0;
     return batch;
   };
-  add("open_session_in_a_domain", OpenSession{.scene = scene(), .session_id = session_id(), .domain = "crash 7"});
+  add("open_session_in_a_domain", OpenSession{.scene = kScene, .session_id = session_id(), .domain = "crash 7"});
   add("downscale_all_or_nothing", Downscale{.dt_s = 1e-9, .policy = Policy::kAllOrNothing}, step_columns(2));
   add("register_nodes", RegisterNodes{}, some_nodes(opening));
   add("retire_nodes", RetireNodes{}, some_nodes(std::span(opening, 1)));
@@ -157,8 +150,16 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
                          .capabilities = {"trial", "mask"},
                          .durability = "none",
                          .access = "key"});
-  add("session_opened",
-      SessionOpened{.effective_scene = scene(), .bytes_per_node = 16384, .warnings = {"thin layer", "weak hard side"}});
+  add("session_opened", SessionOpened{.effective_scene = kScene,
+                                      .bytes_per_node = 16384,
+                                      .warnings = {"thin layer", "weak hard side"},
+                                      .strategy = Strategy::kForceDriven,
+                                      .tangential_components = 2,
+                                      .required_columns = {Field::kVelocityJump, Field::kPressure},
+                                      .optional_columns = {Field::kSoftPlasticStrainRate},
+                                      .reply_columns = {Field::kShearStress, Field::kRegime},
+                                      .columns_on_request = {Field::kErrorEstimate},
+                                      .scene_name = "sample"});
   Reply& upscale =
       add("upscale", Upscale{.nodes = 5, .state_version = 6, .solver_ns = 7, .service_ns = 8, .flagged_nodes = 2});
   upscale.batch = answer_columns(5);
@@ -168,7 +169,7 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
   add("session_closed", SessionClosed{.requests = 11, .node_steps = 12, .solver_ns = 13});
   add("server_status", ServerStatus{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, "0.1.0"});
   Reply& resumed =
-      add("session_resumed", SessionResumed{.session = {.effective_scene = scene(), .bytes_per_node = 16384},
+      add("session_resumed", SessionResumed{.session = {.effective_scene = kScene, .bytes_per_node = 16384},
                                             .last_sequence = 14,
                                             .state_version = 15,
                                             .trial_stands = true,

@@ -1,7 +1,11 @@
 #!/usr/bin/python3
-"""Holds the tree to the design: who may include whom (the table in server/ARCHITECTURE.md), what the top level holds, that every source is
-built, and that no file names a machine. Run with --self-test to see each rule fail on a tree made for it."""
+"""Holds the tree to the design: who may include whom (the table in server/ARCHITECTURE.md), what the top level holds, that every
+source is built, that references to pages and their headings resolve, and that no file names a machine. Run with --self-test to see
+each rule fail on a tree made for it.
+
+A reference to a page of the tree is `PAGE.md` or `PAGE.md, "Heading"`; in a page it may be a link, [text](PAGE.md#heading)."""
 import argparse
+import bisect
 import json
 import pathlib
 import re
@@ -11,12 +15,15 @@ import tempfile
 TOP_LEVEL = {"CMakeLists.txt", "README.md", "proto", "server", "client", "hydro_stub", "tests", "deploy"}
 SOURCES = ("proto", "server", "client", "hydro_stub")
 LIBRARIES = {  # library of the table -> what its headers look like
-    "protobuf": r"google/protobuf/.*|shearbus/v1/.*\.pb\.h",
+    "protobuf": r"google/protobuf/.*|(shearbus/v1|hydro_stub)/.*\.pb\.h",
     "tomlplusplus": r"toml\+\+/.*|toml\.hpp",
     "xxhash": r"xxhash\.h",
     "HDF5": r"hdf5\.h|H5.*",
     "cppzmq": r"zmq.*",
     "Eigen": r"Eigen/.*",
+    "utfcpp": r"utf8\.h|utf8/.*",
+    "nlohmann-json": r"nlohmann/.*",
+    "prometheus-cpp": r"prometheus/.*",
     "fmt": r"fmt/.*",
     "spdlog": r"spdlog/.*",
     "CLI11": r"CLI/.*",
@@ -24,6 +31,13 @@ LIBRARIES = {  # library of the table -> what its headers look like
 STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|experimental/simd|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
 MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b|\bFIXM[E]\b")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
+# References: in comments and texts of these files, except the corpora of fuzzing.
+REFERRING = {".md", ".cpp", ".hpp", ".h", ".py", ".proto", ".cmake", ".txt", ".toml"}
+COMMENT = re.compile(r"^\s*(?://+|#)\s?")
+PAGE = re.compile(r'(?<![\w/.*<-])((?:[\w.-]+/)*[\w-]+\.md)\b(?:,? \\?"([^"\\]+)\\?")?')
+NUMBERED = re.compile(r"\b[Ss]ections? \d|(?<=\.md)[,:]? \d")
+FOREIGN = re.compile(r"\b(?:DLP|hydrodynamics|RFC)\b[^.]{0,40}$")  # sections of a publication have numbers
+LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
 def table(page):
@@ -81,6 +95,62 @@ def machine_faults(root):
                         yield f"{path.relative_to(root)}:{number}: names a machine or leaves a loose end: {line.strip()[:80]}"
 
 
+def headings(page):
+    """Heading -> the anchor that GitHub makes of it."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
+    found = [re.sub(r"[`*]", "", h).strip() for h in re.findall(r"^#+ (.+)$", text, re.M)]
+    return {h: re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in found}
+
+
+def joined(text):
+    """The text with its lines joined without the marks of comments, and the place of each line's beginning."""
+    starts, parts, at = [], [], 0
+    for line in text.splitlines():
+        line = COMMENT.sub("", line).strip() + " "
+        starts.append(at)
+        parts.append(line)
+        at += len(line)
+    return "".join(parts), starts
+
+
+def page_named(name, path, root, pages):
+    """The page that a reference means: in the file's directory or the nearest one above, or the only one whose path ends so."""
+    for directory in path.resolve().parents:
+        if (directory / name).is_file():
+            return directory / name
+        if directory == root.resolve():
+            break
+    ending = [p for p in pages if p.as_posix().endswith("/" + name)]
+    return ending[0] if len(ending) == 1 else None
+
+
+def reference_faults(root):
+    files = sorted(p for house in TOP_LEVEL for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*"))
+                   if p.suffix in REFERRING and "corpus" not in p.parts and p.name != pathlib.Path(__file__).name)
+    pages = {p.resolve(): headings(p) for p in files if p.suffix == ".md"}
+    for path in files:
+        text, starts = joined(path.read_text(errors="replace"))
+        place = lambda match: f"{path.relative_to(root)}:{bisect.bisect_right(starts, match.start())}"
+        for match in PAGE.finditer(text):
+            page = page_named(match[1], path, root, pages)
+            if not page:
+                yield f"{place(match)}: names a page that does not exist: {match[1]}"
+            elif match[2] and match[2] not in pages.get(page, {}):
+                yield f'{place(match)}: {match[1]} has no heading "{match[2]}"'
+        for match in NUMBERED.finditer(text):
+            if not FOREIGN.search(text[max(0, match.start() - 60) : match.start()]):
+                yield f"{place(match)}: refers to a section by number; name the page and its heading: {text[max(0, match.start() - 40) : match.end() + 5]!r}"
+        for match in LINK.finditer(text) if path.suffix == ".md" else ():
+            target, _, anchor = match[1].partition("#")
+            if "://" in target:
+                continue
+            page = (path.parent / target).resolve() if target else path.resolve()
+            if not page.exists():
+                yield f"{place(match)}: link to a file that does not exist: {match[1]}"
+            elif anchor and anchor not in pages.get(page, {}).values():
+                yield f"{place(match)}: link to a heading that does not exist: {match[1]}"
+
+
 def unbuilt_faults(root, compile_commands):
     built = {pathlib.Path(entry["file"]).resolve() for entry in compile_commands}
     for house in (*SOURCES, "tests"):
@@ -93,6 +163,7 @@ def faults(root, compile_commands):
     yield from include_faults(root, table((root / "server/ARCHITECTURE.md").read_text()))
     yield from top_level_faults(root)
     yield from machine_faults(root)
+    yield from reference_faults(root)
     yield from unbuilt_faults(root, compile_commands)
 
 
@@ -111,10 +182,19 @@ def self_test():
         (root / "server/service/handle.cpp").write_text('#include "server/physics/material/material.hpp"\n'
                                                         '#include "server/physics/layer/grid.hpp"\n')
         (root / "client/stray.cpp").write_text("")
+        (root / "server/MODEL.md").write_text("# Model\n\n## Heat of `q`\n\n```sh\n# no heading\n```\n")
+        (root / "server/physics/layer/layer.hpp").write_text(
+            '// Sound: server/MODEL.md, "Heat\n// of q", MODEL.md and DLP section 6.3. Not: MODEL.md, "no\n// heading"; server/MODEL.md section 3;\n'
+            "// METHODS.md.\n")
+        (root / "server/physics/layer/page.md").write_text(
+            "[sound](../../MODEL.md#heat-of-q), [file](../../GONE.txt), [heading](../../MODEL.md#no-heading), section 4b\n")
         built = [{"file": str(root / f)} for f in ("server/physics/layer/heat.cpp", "server/service/handle.cpp")]
         found = "\n".join(faults(root, built))
         expected = ["may not include zmq.hpp", "service may not include server/physics/layer/grid.hpp", "extra: the top level",
-                    "CMakeLists.txt:1: names a machine", "stray.cpp: belongs to no room", "stray.cpp: no target builds it"]
+                    "CMakeLists.txt:1: names a machine", "stray.cpp: belongs to no room", "stray.cpp: no target builds it",
+                    'layer.hpp:2: MODEL.md has no heading "no heading"', "layer.hpp:3: refers to a section by number",
+                    "layer.hpp:4: names a page that does not exist: METHODS.md", "page.md:1: link to a file that does not exist",
+                    "page.md:1: link to a heading that does not exist", "page.md:1: refers to a section by number"]
         missed = [e for e in expected if e not in found]
         return [f"self-test: rule did not fire: {m}" for m in missed] + (
             [] if len(found.splitlines()) == len(expected) else [f"self-test: expected {len(expected)} faults, found:\n{found}"])

@@ -202,9 +202,9 @@ TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
     for (int n = 0; n < 40; ++n) {
       cycle.advance(1.0);
       const hydro::InterfaceInputs& in = cycle.contact().inputs();
-      ASSERT_GE(in.zone_plastic_rate[middle], 0.0);
+      ASSERT_GE(in.soft_plastic_strain_rate[middle], 0.0);
       const double begin = in.time - in.dt;
-      sum += in.zone_plastic_rate[middle] * (begin - time);  // of the step before
+      sum += in.soft_plastic_strain_rate[middle] * (begin - time);  // of the step before
       time = begin;
     }
     const double strain = cycle.contact().inputs().zone_plastic_strain[middle];

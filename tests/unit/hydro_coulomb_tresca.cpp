@@ -7,6 +7,7 @@
 
 #include "hydro_stub/coulomb_tresca_law.hpp"
 #include "hydro_stub/shear_column.hpp"
+#include "proto/scene/rules.hpp"
 #include "server/physics/material/strength.hpp"
 #include "tests/support/hydro_laws.hpp"
 
@@ -50,22 +51,26 @@ TEST(CoulombTresca, FrictionThatRisesWithVelocityHasItsRootToo) {
 }
 
 struct Plates {
-  explicit Plates(std::vector<double> jumps, double pressure, wire::FarEnd end)
+  explicit Plates(std::vector<double> jumps, double pressure, guest::FarEnd end)
       : problem(test::aluminium_on_steel(std::move(jumps), 100)),
         soft(catalog_material("aluminium_dlp")),
         hard(catalog_material("steel_dlp")) {
     problem.soft.far_end = problem.hard.far_end = end;
     problem.pressure = hydro::PressureHistory({}, std::vector<double>(problem.columns, pressure));
   }
-  hydro::CoulombTrescaLaw law() const { return {wire::CoulombTresca{}, soft, hard, problem.initial_temperature}; }
+  hydro::CoulombTrescaLaw law() const {
+    guest::CoulombTresca constants;
+    scene::fill_defaults(constants);
+    return {constants, soft, hard, problem.initial_temperature};
+  }
 
-  hydro::Problem problem;
+  hydro::ColumnProblem problem;
   physics::Material soft, hard;
 };
 
 TEST(CoulombTresca, StressIsAtTheLimitWhereItSlipsAndBelowWhereItSticks) {
   for (const double pressure : {0.05e9, 0.4e9, 3e9, 11.2e9}) {
-    const Plates plates({2.0, 10.0, 28.0, 60.0, -150.0, 400.0}, pressure, wire::FarEnd::kFree);
+    const Plates plates({2.0, 10.0, 28.0, 60.0, -150.0, 400.0}, pressure, guest::FAR_END_FREE);
     ShearColumn column(plates.problem);
     hydro::CoulombTrescaLaw law = plates.law();
     std::vector<double> temperature = plates.problem.initial_temperature;  // of the zone, at the start of the step
@@ -93,7 +98,7 @@ TEST(CoulombTresca, StressIsAtTheLimitWhereItSlipsAndBelowWhereItSticks) {
 }
 
 TEST(CoulombTresca, AJumpThatIsStoppedDoesNotRing) {
-  const Plates plates({5.0, 28.0, 45.0, 60.0, 90.0}, 11.2e9, wire::FarEnd::kFree);
+  const Plates plates({5.0, 28.0, 45.0, 60.0, 90.0}, 11.2e9, guest::FAR_END_FREE);
   ShearColumn column(plates.problem);
   hydro::CoulombTrescaLaw law = plates.law();
   std::vector<int> stopped(5, 0), reversals(5, 0);
@@ -114,7 +119,7 @@ TEST(CoulombTresca, AJumpThatIsStoppedDoesNotRing) {
 }
 
 TEST(CoulombTresca, LedgersCloseAndTheZoneHoldsItsShareOfTheHeat) {
-  const Plates plates({100.0, 250.0}, 11.2e9, wire::FarEnd::kTransmitting);
+  const Plates plates({100.0, 250.0}, 11.2e9, guest::FAR_END_TRANSMITTING);
   ShearColumn column(plates.problem);
   hydro::CoulombTrescaLaw law = plates.law();
   std::vector<double> heat(2, 0.0);
@@ -133,7 +138,7 @@ TEST(CoulombTresca, LedgersCloseAndTheZoneHoldsItsShareOfTheHeat) {
 }
 
 TEST(CoulombTresca, AnOpenInterfaceCarriesNothing) {
-  const Plates plates({100.0}, -1e9, wire::FarEnd::kTransmitting);
+  const Plates plates({100.0}, -1e9, guest::FAR_END_TRANSMITTING);
   ShearColumn column(plates.problem);
   hydro::CoulombTrescaLaw law = plates.law();
   for (int step = 0; step < 50; ++step) {

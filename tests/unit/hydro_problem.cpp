@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "hydro_stub/problem.hpp"
-#include "proto/wire/scene_file.hpp"
+#include "hydro_stub/scene.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -11,8 +11,8 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-wire::Scene scene_with(const std::string& lists) {
-  return wire::parse_scene(
+guest::HydroScene scene_with(const std::string& lists) {
+  return parse_scene(
              "name = \"lists\"\nstrategy = \"force_driven\"\n"
              "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"
              "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 200e6\n"
@@ -23,14 +23,14 @@ wire::Scene scene_with(const std::string& lists) {
 }
 
 TEST(HydroProblem, PairedListsMakeOneColumnPerEntry) {
-  const Problem problem = make_problem(scene_with("velocity_jump_m_per_s = [10, 20]\npressure_pa = 1e9\n"));
+  const ColumnProblem problem = make_problem(scene_with("velocity_jump_m_per_s = [10, 20]\npressure_pa = 1e9\n"));
   EXPECT_EQ(problem.columns, 2U);
   EXPECT_THAT(problem.initial_jump, ElementsAre(10.0, 20.0));
   EXPECT_THAT(problem.initial_temperature, ElementsAre(300.0, 300.0));
 }
 
 TEST(HydroProblem, CombinedListsMakeEveryCombination) {
-  const Problem problem = make_problem(
+  const ColumnProblem problem = make_problem(
       scene_with("lists = \"combined\"\nvelocity_jump_m_per_s = [10, 20]\ninitial_temperature_k = [300, 400]\n"
                  "pressure_pa = [1e9, 2e9, 3e9]\n"));
   EXPECT_EQ(problem.columns, 12U);

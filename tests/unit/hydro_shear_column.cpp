@@ -35,8 +35,8 @@ TEST(ShearColumn, ConstantFrictionGivesTheExactJumpFromTheFirstInstant) {
 
 // A plate with a free back: the face loses 2 s / Z at every return of the wave.
 TEST(ShearColumn, FinitePlateSlowsByTwiceTheWaveAtEveryReturn) {
-  hydro::Problem problem = aluminium_on_steel({100.0}, 200);
-  problem.soft.far_end = wire::FarEnd::kFree;
+  hydro::ColumnProblem problem = aluminium_on_steel({100.0}, 200);
+  problem.soft.far_end = guest::FAR_END_FREE;
   ShearColumn column(problem);
   ConstantFrictionLaw law(50e6);
   const double round_trip = 2.0 * 2e-3 / problem.soft.wave_speed();
@@ -119,8 +119,8 @@ class RandomTraction : public hydro::InterfaceLaw {
 
 TEST(ShearColumn, LedgersCloseToRoundingForAnyLaw) {
   for (const double courant : {1.0, 0.9, 0.4}) {
-    for (const wire::FarEnd end : {wire::FarEnd::kFree, wire::FarEnd::kTransmitting}) {
-      hydro::Problem problem = aluminium_on_steel({100.0, 20.0, -400.0}, 60, 2e-3, courant);
+    for (const guest::FarEnd end : {guest::FAR_END_FREE, guest::FAR_END_TRANSMITTING}) {
+      hydro::ColumnProblem problem = aluminium_on_steel({100.0, 20.0, -400.0}, 60, 2e-3, courant);
       problem.soft.far_end = end;
       problem.hard.far_end = end;
       RandomTraction random;
@@ -143,8 +143,8 @@ TEST(ShearColumn, LedgersCloseToRoundingForAnyLaw) {
 
 // A free plate set into its second standing wave, V = A cos(2 pi z / L), comes back after L / c.
 double standing_wave_error(std::size_t zones, double courant) {
-  hydro::Problem problem = aluminium_on_steel({0.0}, zones, 2e-3, courant);
-  problem.soft.far_end = wire::FarEnd::kFree;
+  hydro::ColumnProblem problem = aluminium_on_steel({0.0}, zones, 2e-3, courant);
+  problem.soft.far_end = guest::FAR_END_FREE;
   ShearColumn column(problem);
   ConstantFrictionLaw law(test::kFreeSlip);
   const double wave = 2.0 * std::numbers::pi / 2e-3;

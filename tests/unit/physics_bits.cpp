@@ -13,14 +13,14 @@ namespace {
 std::uint64_t fingerprint(const ModelOptions& options) {
   Rig rig(options);
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_minus[l] = 6.7575e-3;
-    rig.inputs.mass_plus[l] = 19.75e-3;
+    rig.inputs.mass_soft[l] = 6.7575e-3;
+    rig.inputs.mass_hard[l] = 19.75e-3;
   }
   for (int n = 0; n < 400; ++n) {
     for (int l = 0; l < kLanes; ++l) {
       rig.inputs.velocity_jump[l] = (l % 2 == 0 ? 1.0 : -1.0) * (1.0 + 40.0 * l) * (n < 300 ? 1.0 : -0.25);
       rig.inputs.pressure[l] = n % 100 == 99 ? -1e9 : 1e9 * (1.0 + l);
-      rig.inputs.stress_minus[l] = 2e7 * l;
+      rig.inputs.stress_soft[l] = 2e7 * l;
     }
     rig.step(n % 3 == 0 ? 1e-9 : 2.5e-9);
   }

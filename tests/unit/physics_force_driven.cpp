@@ -12,8 +12,8 @@ namespace {
 // Half zones of 5 um of the paper's pair.
 void set_masses(Rig& rig, double zone = 5e-6) {
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_minus[l] = 2703.0 * 0.5 * zone;
-    rig.inputs.mass_plus[l] = 7900.0 * 0.5 * zone;
+    rig.inputs.mass_soft[l] = 2703.0 * 0.5 * zone;
+    rig.inputs.mass_hard[l] = 7900.0 * 0.5 * zone;
   }
 }
 
@@ -21,9 +21,9 @@ TEST(PhysicsForceDriven, OpenContactAcceleratesFreely) {
   Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
   set_masses(rig);
   rig.set_all(3.0, -1e9);
-  rig.inputs.stress_minus[0] = 1e8;
+  rig.inputs.stress_soft[0] = 1e8;
   rig.step(1e-9);
-  const double jump_new = 3.0 + 1e-9 * (1e8 / rig.inputs.mass_minus[0]);
+  const double jump_new = 3.0 + 1e-9 * (1e8 / rig.inputs.mass_soft[0]);
   EXPECT_DOUBLE_EQ(rig.outputs.velocity_jump_new[0], jump_new);
   EXPECT_DOUBLE_EQ(rig.outputs.sliding_velocity[0], 0.5 * (3.0 + jump_new));
   EXPECT_EQ(rig.outputs.shear_stress[0], 0.0);
@@ -58,8 +58,8 @@ TEST(PhysicsForceDriven, StickingDoesNotRing) {
   double jump = 1.0;
   for (int n = 0; n < 500; ++n) {
     rig.set_all(jump, 11.2e9);
-    rig.inputs.stress_minus[0] = 5e7 * std::sin(0.01 * n);
-    rig.inputs.stress_plus[0] = 3e7 * std::cos(0.02 * n);
+    rig.inputs.stress_soft[0] = 5e7 * std::sin(0.01 * n);
+    rig.inputs.stress_hard[0] = 3e7 * std::cos(0.02 * n);
     rig.step(1e-9);
     jump = rig.outputs.velocity_jump_new[0];
     ASSERT_EQ(jump, 0.0) << n;
@@ -77,13 +77,13 @@ TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   rig.set_all(2.0, 11.2e9);
   rig.step(1e-9);
   ASSERT_EQ(rig.outputs.regime[0], Regime::kStick);
-  const double reduced = 1.0 / (1.0 / rig.inputs.mass_minus[0] + 1.0 / rig.inputs.mass_plus[0]);
+  const double reduced = 1.0 / (1.0 / rig.inputs.mass_soft[0] + 1.0 / rig.inputs.mass_hard[0]);
   const double beta_T = heat_partition(rig.model.options().soft, rig.model.options().hard);
   EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
 }
 
-// MODEL.md section 6: half zones of 5 um, dt 1 ns, T_ad 1215 K, [V]mid without friction 33.888 m/s, interface yield
-// 0.68 GPa.
+// MODEL.md, "Force-driven step": half zones of 5 um, dt 1 ns, T_ad 1215 K, [V]mid without friction 33.888 m/s,
+// interface yield 0.68 GPa.
 struct ThreeRoots {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   ThreeRoots() {
@@ -134,7 +134,7 @@ TEST(PhysicsForceDriven, AStepWithSeveralAnswersIsDivided) {
     set_masses(rig);
     rig.set_all(0.0, 11.2e9);
     rig.committed[rig.model.layout().regime] = static_cast<double>(previous);
-    rig.inputs.stress_minus[0] = 2 * 33.888 / 1e-9 * rig.inputs.mass_minus[0];
+    rig.inputs.stress_soft[0] = 2 * 33.888 / 1e-9 * rig.inputs.mass_soft[0];
     const double heat_before = rig.stored_heat(300.0);
     rig.step(1e-9);
     EXPECT_EQ(rig.outputs.outcome[0], kSubstepped);
@@ -154,10 +154,10 @@ TEST(PhysicsForceDriven, SubstepsKeepTheMomentumAndHeatOfTheStep) {
   for (int n = 0; n < 200; ++n) {
     rig.set_all(jump, 11.2e9);
     const double acceleration = 6e10 * std::sin(0.05 * n);
-    rig.inputs.stress_minus[0] = acceleration * rig.inputs.mass_minus[0];
+    rig.inputs.stress_soft[0] = acceleration * rig.inputs.mass_soft[0];
     const double heat_before = rig.stored_heat(300.0);
     rig.step(1e-9);
-    const double b = 1e-9 * (1 / rig.inputs.mass_minus[0] + 1 / rig.inputs.mass_plus[0]);
+    const double b = 1e-9 * (1 / rig.inputs.mass_soft[0] + 1 / rig.inputs.mass_hard[0]);
     const double s = rig.outputs.shear_stress[0];
     ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump + 1e-9 * acceleration - s * b, 1e-12 * (60 + std::abs(s * b)))
         << n;

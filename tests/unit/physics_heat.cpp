@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-// Backward Euler on a uniform grid with an insulated end, exactly: MODEL.md section 3.
+// Backward Euler on a uniform grid with an insulated end, exactly: METHODS.md, "Conduction".
 double exact_response(double dt, double dz, int cells, const Material& m) {
   const double Fo = m.diffusivity * dt / (dz * dz);
   const double theta = 2.0 * std::asinh(0.5 / std::sqrt(Fo));

@@ -1,4 +1,4 @@
-// Heat in the modes of its grid (server/physics/MODEL.md section 3b).
+// Heat in the modes of its grid (server/physics/METHODS.md, "Sleep").
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {

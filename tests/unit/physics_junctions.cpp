@@ -1,4 +1,4 @@
-// Junctions (MODEL.md section 7): DLP (49-54) in their limits, and what they cost those who do not ask.
+// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limits, and what they cost those who do not ask.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -69,8 +69,8 @@ TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
     for (int l = 0; l < kLanes; ++l) {
       r->inputs.pressure[l] = 11.2e9;
       r->inputs.velocity_jump[l] = 20.0 * (l + 1);
-      r->inputs.mass_minus[l] = 2703 * 50e-6;
-      r->inputs.mass_plus[l] = 7900 * 50e-6;
+      r->inputs.mass_soft[l] = 2703 * 50e-6;
+      r->inputs.mass_hard[l] = 7900 * 50e-6;
     }
   }
   bool stuck = false, slipping = false;
@@ -97,7 +97,7 @@ TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   options.interface.friction_coefficient = 1.0;
   for (double dt : {1e-9, 1e-8}) {
     Rig rig(options, 1);
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e9;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e9;
     for (int n = 1; n <= 50; ++n) {
       rig.set_all(50.0, 11.2e9);
       rig.step(dt);
@@ -113,7 +113,7 @@ TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
 // An open contact leaves the junctions as they were; a sticking one does not work them.
 TEST(PhysicsJunctions, OnlySlipWorksThem) {
   Rig rig(with_junctions(0.5, 1e-7), 1);
-  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 0.01;
+  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 0.01;
   rig.set_all(50.0, 11.2e9);
   rig.step(1e-9);
   const double worked = rig.junction_strain();
@@ -123,7 +123,7 @@ TEST(PhysicsJunctions, OnlySlipWorksThem) {
   rig.step(1e-9);
   EXPECT_EQ(rig.junction_strain(), worked);
   rig.set_all(0.0, 11.2e9);
-  rig.inputs.stress_minus[0] = 1e6;
+  rig.inputs.stress_soft[0] = 1e6;
   rig.step(1e-9);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
   EXPECT_EQ(rig.junction_strain(), worked);

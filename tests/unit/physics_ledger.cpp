@@ -1,4 +1,4 @@
-// The energy ledger (MODEL.md section 7b): what closes to rounding, and bounds of what does not.
+// The energy ledger (MODEL.md, "Energy ledger"): what closes to rounding, and bounds of what does not.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ namespace {
 TileLedger booked_step(Rig& rig, double dt) {
   rig.step(dt);  // swaps: what was committed is in trial now
   TileLedger ledger;
-  rig.model.book(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
+  rig.model.record_energy(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
   return ledger;
 }
 
@@ -80,7 +80,7 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
         const TileInputs& in = rig.inputs;
         const double s = std::abs(rig.outputs.shear_stress[l]);
         const double driven =
-            dt * (std::abs(in.stress_minus[l]) / in.mass_minus[l] + std::abs(in.stress_plus[l]) / in.mass_plus[l]);
+            dt * (std::abs(in.stress_soft[l]) / in.mass_soft[l] + std::abs(in.stress_hard[l]) / in.mass_hard[l]);
         // Jumps are differences, and a flow is a difference of strains: their rounding.
         double grain = kNothing + 1e-12 * s * (std::abs(in.velocity_jump[l]) + driven) * dt;
         if (rig.model.options().plastic_layer) grain += 1e-8 * s * (rig.plastic_slip(l) + driven * dt);
@@ -183,7 +183,7 @@ TEST(PhysicsLedgerOfForces, WithoutAProfileTheHeatIsStillStored) {
     options.modes.emplace();
     Rig rig(options, 1);
     rig.set_all(100.0, 11.2e9);
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 10.0;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 10.0;
     const HeatKernel kernel(options.soft, options.grid);
     EXPECT_EQ(kernel.far_face_unfelt(options.modes->longest_time), far == FarBoundary::kHalfSpace);
     for (int n = 0; n < 300; ++n) {

@@ -19,8 +19,8 @@ ModelOptions plastic_options() {
 
 void set_masses(Rig& rig, double zone = 5e-6) {
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_minus[l] = 2703.0 * 0.5 * zone;
-    rig.inputs.mass_plus[l] = 7900.0 * 0.5 * zone;
+    rig.inputs.mass_soft[l] = 2703.0 * 0.5 * zone;
+    rig.inputs.mass_hard[l] = 7900.0 * 0.5 * zone;
   }
 }
 
@@ -44,10 +44,10 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     for (int step = 0; step < 20; ++step) {
       random_inputs(draw, rig, scene % 2 == 1);
       for (int l = 0; l < kLanes; ++l) {
-        rig.inputs.soft_plastic_rate[l] = 0.0;  // the simplified model knows no such thing
+        rig.inputs.soft_plastic_strain_rate[l] = 0.0;  // the simplified model knows no such thing
         // Of the masses, those a server lets through: below, the jump's last digit decides what sticks.
-        rig.inputs.mass_minus[l] = std::max(rig.inputs.mass_minus[l], 1e-9);
-        rig.inputs.mass_plus[l] = std::max(rig.inputs.mass_plus[l], 1e-9);
+        rig.inputs.mass_soft[l] = std::max(rig.inputs.mass_soft[l], 1e-9);
+        rig.inputs.mass_hard[l] = std::max(rig.inputs.mass_hard[l], 1e-9);
       }
       other.inputs = rig.inputs;
       const double dt = random_dt(draw, scene % 2 == 1);
@@ -88,7 +88,7 @@ TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
   ModelOptions imposed = graded(paper_options(Strategy::kVelocityDriven));
   Rig rig(options, 1), other(imposed, 1);
   const double jump = 1.0;
-  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e6;
+  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e6;
   rig.set_all(jump, 11.2e9);
   other.set_all(jump, 11.2e9);
   for (int n = 0; n < 50; ++n) {
@@ -180,7 +180,7 @@ TEST(PhysicsPlasticLayer, StickingDoesNotRing) {
   int flowing = 0;
   for (int n = 0; n < 500; ++n) {
     rig.set_all(jump, 11.2e9);
-    rig.inputs.stress_minus[0] = 2.9e8 * std::sin(0.05 * n);
+    rig.inputs.stress_soft[0] = 2.9e8 * std::sin(0.05 * n);
     rig.step(1e-9);
     const double before = jump;
     jump = rig.outputs.velocity_jump_new[0];
@@ -207,7 +207,7 @@ TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
       ModelOptions options = plastic_options();
       options.interface.yield_strength = yield;
       Rig rig(options, 1);
-      rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e3;  // keeps the jump
+      rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e3;  // keeps the jump
       int turns = 0, changes = 0;
       double s_before = 0.0, ds_before = 0.0;
       Regime regime = Regime::kOpen;
@@ -234,7 +234,7 @@ TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
   options.soft.yield_strength_max = 300e6;
   options.interface = {0.0125, 1e9};  // mu P = 140 MPa, below 300 MPa g / sqrt(3) when cold
   Rig rig(options, 1);
-  rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 1e3;
+  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e3;
   bool shared = false;
   for (int n = 0; n < 3000; ++n) {
     rig.set_all(300.0, 11.2e9);
@@ -284,7 +284,7 @@ TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   Rig one(options, 1), two(two_sided(options), 1);
   for (int n = 0; n < 1000; ++n) {
     for (Rig* rig : {&one, &two}) {
-      rig->inputs.mass_minus[0] = rig->inputs.mass_plus[0] = 1e3;
+      rig->inputs.mass_soft[0] = rig->inputs.mass_hard[0] = 1e3;
       rig->set_all(150.0, 11.2e9);
       rig->step(1e-9);
     }
@@ -309,7 +309,7 @@ TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
   ASSERT_GT(there.soft.melting_temperature, 1700.0);
   for (int n = 0; n < 1500; ++n) {
     for (Rig* rig : {&varying, &fixed}) {
-      rig->inputs.mass_minus[0] = rig->inputs.mass_plus[0] = 1e3;
+      rig->inputs.mass_soft[0] = rig->inputs.mass_hard[0] = 1e3;
       rig->set_all(150.0, 11.2e9);
       rig->step(1e-9);
     }
@@ -330,7 +330,7 @@ TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
     set_masses(*r);
     r->set_all(100.0, 11.2e9);
   }
-  rig.inputs.soft_plastic_rate[0] = 1e5;
+  rig.inputs.soft_plastic_strain_rate[0] = 1e5;
   rig.step(1e-9);
   still.step(1e-9);
   const double drive = kSqrt3 * options.grid.thickness * 1e5;
@@ -338,7 +338,7 @@ TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], mid + drive, 1e-9);
   EXPECT_GT(rig.outputs.sliding_velocity[0], still.outputs.sliding_velocity[0] + 0.9 * drive);
   rig.set_all(0.0, 11.2e9);
-  rig.inputs.stress_minus[0] = 1e6;
+  rig.inputs.stress_soft[0] = 1e6;
   rig.step(1e-9);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
   EXPECT_DOUBLE_EQ(rig.outputs.velocity_jump_new[0], -drive);

@@ -23,7 +23,7 @@ ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary fa
 template <typename Look>
 void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Look& look) {
   double jump_one = jump, jump_two = jump;
-  for (Rig* rig : {&one, &two}) rig->inputs.stress_minus[0] = rig->inputs.stress_plus[0] = 170e6;  // keeps it sliding
+  for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;  // keeps it sliding
   for (int n = 1; n <= steps; ++n) {
     one.set_all(jump_one, 11.2e9);
     two.set_all(jump_two, 11.2e9);

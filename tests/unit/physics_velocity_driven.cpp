@@ -24,7 +24,7 @@ void expect_history(const ModelOptions& options, const std::vector<Point>& point
   }
 }
 
-// MODEL.md section 10: h/500, dt = 1 ns, to rounding.
+// server/physics/MEASURED.md, "Exact solutions": h/500, dt = 1 ns, to rounding.
 TEST(PhysicsVelocityDriven, PaperCaseToTenDigits) {
   expect_history(paper_options(), {{10, 398.146970801, 229.2063259e6},
                                    {100, 685.320394816, 280.5250815e6},

@@ -20,19 +20,19 @@ TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
     const double P = draw.log_uniform(1e8, 1e11), c = draw.uniform(-20.0, 400.0), b = draw.log_uniform(1e-9, 1e-6);
     const double a_stick = draw.log_uniform(1e6, 1e11);
     const VelocityWeakening law{0.3, 0.02, 0.01};
-    const Friction friction = VelocityWeakening::friction(kPaper, P, c, b, a_stick);
+    const SlidingFriction friction = VelocityWeakening::of_step(kPaper, P, c, b, a_stick);
     const auto h = [&](double a) { return law.coefficient(std::max(0.0, c - b * a)) * P - a; };
     EXPECT_NEAR(friction.holding, h(a_stick) + a_stick, 1e-9 * P);
     EXPECT_NEAR(h(friction.sliding), 0.0, 1e-11 * P);
     for (int i = 0; i < 300; ++i) ASSERT_GT(h(friction.sliding * (i + 0.5) / 300.5), 0.0);
-    // Beyond the sliding state friction is too weak until it is regained, and from there on again enough.
+    // Above the sliding state friction is too weak up to `exceeds_again`, and from there on strong enough again.
     const double end = std::min(c / b, 2.0 * 0.3 * P);
     for (int i = 1; i < 300 && friction.sliding < end; ++i) {
       const double a = friction.sliding + (end - friction.sliding) * i / 300;
-      if (std::abs(a / friction.regained - 1.0) < 1e-9 || a / friction.sliding - 1.0 < 1e-9) continue;
-      ASSERT_EQ(h(a) > 0.0, a > friction.regained) << "c " << c << " b " << b << " P " << P << " a " << a;
+      if (std::abs(a / friction.exceeds_again - 1.0) < 1e-9 || a / friction.sliding - 1.0 < 1e-9) continue;
+      ASSERT_EQ(h(a) > 0.0, a > friction.exceeds_again) << "c " << c << " b " << b << " P " << P << " a " << a;
     }
-    several += std::isfinite(friction.regained);
+    several += std::isfinite(friction.exceeds_again);
   }
   EXPECT_GT(several, 50);
 }
@@ -60,7 +60,7 @@ TEST(PhysicsVelocityWeakening, WithoutDecayItIsCoulombsLaw) {
 // One node: the friction may hold at rest and slide beside it. Who sticks goes on sticking, who slips slipping.
 struct TwoAnswers {
   TwoAnswers() : rig(options(), 1) {
-    rig.inputs.mass_minus[0] = rig.inputs.mass_plus[0] = 6.8e-3;
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 6.8e-3;
     rig.inputs.pressure[0] = 1e9;
   }
   static ModelOptions options() {
@@ -72,7 +72,7 @@ struct TwoAnswers {
   // From a jump, under far stresses that pull at both bodies.
   void step(double jump, double pull, double dt) {
     rig.inputs.velocity_jump[0] = jump;
-    rig.inputs.stress_minus[0] = rig.inputs.stress_plus[0] = pull;
+    rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = pull;
     rig.step(dt);
   }
   Rig rig;
@@ -121,7 +121,7 @@ TEST(PhysicsVelocityWeakening, AnAmbiguousStepIsDividedAndSaysSo) {
 // Where the shortest substep is still ambiguous, a slipping interface slips on and the reply says that it had a choice.
 TEST(PhysicsVelocityWeakening, AnUnresolvedChoiceIsTold) {
   TwoAnswers node;
-  for (double* mass : {node.rig.inputs.mass_minus, node.rig.inputs.mass_plus}) mass[0] = 1e-5;
+  for (double* mass : {node.rig.inputs.mass_soft, node.rig.inputs.mass_hard}) mass[0] = 1e-5;
   node.step(2.0, 100e6, 1e-9);
   EXPECT_EQ(node.rig.outputs.outcome[0], kSubstepped | kMultipleRoots);
   EXPECT_EQ(node.rig.outputs.regime[0], Regime::kCoulomb);

@@ -76,7 +76,7 @@ struct Parts {
   std::function<void(RawFile&)> time = [](RawFile& f) { f.put("time", {3}, {1e-9, 2e-9, 3e-9}); };
   std::function<void(RawFile&)> node_id = [](RawFile& f) { f.put("node_id", {2}, {7, 8}, H5T_NATIVE_INT64); };
   std::function<void(RawFile&)> pressure = [](RawFile& f) { f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}); };
-  std::function<void(RawFile&)> mass = [](RawFile& f) { f.put("mass_minus", {2}, {1, 2}); };
+  std::function<void(RawFile&)> mass = [](RawFile& f) { f.put("mass_soft", {2}, {1, 2}); };
 };
 
 std::string error_of_reading(const fs::path& path) {
@@ -84,7 +84,7 @@ std::string error_of_reading(const fs::path& path) {
     HistoryReader reader(path);
     std::vector<double> row(reader.nodes());
     for (std::size_t step = 0; step < reader.steps(); ++step) reader.row("pressure", step, row);
-    reader.per_node("mass_minus");
+    reader.per_node("mass_soft");
   } catch (const Error& error) {
     EXPECT_EQ(error.status().code, Code::kInvalidValue);
     const std::string text = error.what();
@@ -124,7 +124,7 @@ TEST(RecordingDamage, MissingDatasetIsNamed) {
   EXPECT_THAT(error_of({.time = nothing}), HasSubstr("has no dataset /time"));
   EXPECT_THAT(error_of({.node_id = nothing}), HasSubstr("has no dataset /node_id"));
   EXPECT_THAT(error_of({.pressure = nothing}), HasSubstr("has no dataset /pressure"));
-  EXPECT_THAT(error_of({.mass = nothing}), HasSubstr("has no dataset /mass_minus"));
+  EXPECT_THAT(error_of({.mass = nothing}), HasSubstr("has no dataset /mass_soft"));
 }
 
 TEST(RecordingDamage, GroupInPlaceOfDatasetIsRefused) {
@@ -162,9 +162,9 @@ TEST(RecordingDamage, WrongShapeIsToldWithTheRightOne) {
               HasSubstr("has shape [2, 2]"));
   EXPECT_THAT(error_of({.mass =
                             [](RawFile& f) {
-                              f.put("mass_minus", {3}, {1, 2, 3});
+                              f.put("mass_soft", {3}, {1, 2, 3});
                             }}),
-              HasSubstr("/mass_minus has shape [3]; expected [N] = [2]"));
+              HasSubstr("/mass_soft has shape [3]; expected [N] = [2]"));
 }
 
 TEST(RecordingDamage, WrongTypeIsRefused) {
@@ -175,7 +175,7 @@ TEST(RecordingDamage, WrongTypeIsRefused) {
                               f.put("node_id", {2}, {7, 8});
                             }}),
               HasSubstr("/node_id holds float values; expected integers"));
-  EXPECT_THAT(error_of({.mass = [](RawFile& f) { f.put_text("mass_minus", 2); }}), HasSubstr("/mass_minus holds text"));
+  EXPECT_THAT(error_of({.mass = [](RawFile& f) { f.put_text("mass_soft", 2); }}), HasSubstr("/mass_soft holds text"));
 }
 
 TEST(RecordingDamage, NotFiniteIsNamedByPlace) {
@@ -191,9 +191,9 @@ TEST(RecordingDamage, NotFiniteIsNamedByPlace) {
               AllOf(HasSubstr("/pressure[2, 0]"), HasSubstr("node 7"), HasSubstr("-inf")));
   EXPECT_THAT(error_of({.mass =
                             [](RawFile& f) {
-                              f.put("mass_minus", {2}, {1, kInf});
+                              f.put("mass_soft", {2}, {1, kInf});
                             }}),
-              HasSubstr("/mass_minus[1] (node 8) is inf"));
+              HasSubstr("/mass_soft[1] (node 8) is inf"));
   EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put("time", {3}, {1, kNan, 3}); }}), HasSubstr("/time[1] is nan"));
 }
 
@@ -288,7 +288,7 @@ fs::path written(const Scratch& scratch, std::size_t steps) {
   const fs::path path = scratch / "written.h5";
   const std::vector<std::uint64_t> ids = {7, 8};
   HistoryWriter writer(path, ids, {{.name = "pressure", .units = "Pa", .long_name = "pressure"}}, {});
-  writer.add_static({.name = "mass_minus", .units = "kg m-2", .long_name = "mass"}, std::vector{1.0, 2.0});
+  writer.add_static({.name = "mass_soft", .units = "kg m-2", .long_name = "mass"}, std::vector{1.0, 2.0});
   for (std::size_t step = 0; step < steps; ++step) {
     writer.begin_row(static_cast<double>(step + 1));
     writer.set(0, std::vector{1e9 + static_cast<double>(step), 2e9});
@@ -361,7 +361,7 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
         reader.row("pressure", step, row);
         wrong += reader.steps() != 3 || row[0] != 1e9 + static_cast<double>(step) || row[1] != 2e9;
       }
-      const std::vector<double> masses = reader.per_node("mass_minus");
+      const std::vector<double> masses = reader.per_node("mass_soft");
       wrong += masses[0] != 1.0 || masses[1] != 2.0;
     } catch (const Error&) {
       ++refused;

@@ -151,13 +151,13 @@ TEST(Recording, HashOfFileIsThatOfXxhsum) {
 TEST(Recording, StaticValuesAreReadPerNode) {
   const Scratch scratch;
   HistoryWriter writer(scratch / "history.h5", some_ids(3), kQuantities, {});
-  writer.add_static({.name = "mass_minus", .units = "kg m-2", .long_name = "mass"}, std::vector{1.0, 2.0, 3.0});
+  writer.add_static({.name = "mass_soft", .units = "kg m-2", .long_name = "mass"}, std::vector{1.0, 2.0, 3.0});
   write_rows(writer, 1, 3);
   writer.close();
   const HistoryReader reader(scratch / "history.h5");
-  EXPECT_THAT(reader.per_node("mass_minus"), ElementsAre(1.0, 2.0, 3.0));
-  EXPECT_TRUE(reader.has("mass_minus"));
-  EXPECT_FALSE(reader.has("mass_plus"));
+  EXPECT_THAT(reader.per_node("mass_soft"), ElementsAre(1.0, 2.0, 3.0));
+  EXPECT_TRUE(reader.has("mass_soft"));
+  EXPECT_FALSE(reader.has("mass_hard"));
 }
 
 TEST(Recording, RegimesAreAnEnumOfBytes) {

@@ -16,7 +16,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::uint64_t bytes_of_session(const wire::Scene& scene) {
+Explanation explain(const v1::Scene& scene) {
+  return server::explain(support::text_of(scene), "scene");
+}
+
+std::uint64_t bytes_of_session(const v1::Scene& scene) {
   support::ServiceHarness harness;
   const auto ids = support::node_ids(3);
   const support::Answer opened = harness.ask(support::ServiceHarness::opening(scene, ids));
@@ -28,13 +32,13 @@ const ScenePart& part(const Explanation& told, const std::string& name) {
 }
 
 TEST(Explain, MemoryIsThatOfASession) {
-  wire::Scene scene = support::force_scene();
+  v1::Scene scene = support::force_scene();
   const Explanation told = explain(scene);
   EXPECT_EQ(told.cost.bytes_per_node, bytes_of_session(scene));
   // What a part would take is what it takes once it is there.
   const std::int64_t without = static_cast<std::int64_t>(bytes_of_session(scene));
   const std::int64_t would = part(told, "hard_layer").bytes_per_node;
-  scene.hard_layer.emplace();
+  scene.mutable_hard_layer();
   EXPECT_EQ(static_cast<std::int64_t>(bytes_of_session(scene)), without + would);
   const Explanation with = explain(scene);
   EXPECT_TRUE(part(with, "hard_layer").on);
@@ -43,24 +47,9 @@ TEST(Explain, MemoryIsThatOfASession) {
   EXPECT_GT(with.everything.bytes_per_node, with.cost.bytes_per_node);
 }
 
-TEST(Explain, AShadowIsPaidFor) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.heat = wire::Heat::kModes;
-  const Explanation without = explain(scene, false);
-  scene.layer.shadow_share = 0.3;
-  const Explanation with = explain(scene, false);
-  EXPECT_EQ(with.cost.bytes_per_node, bytes_of_session(scene));
-  const ScenePart& shadow = part(with, "layer.shadow_share");
-  EXPECT_TRUE(shadow.on);
-  EXPECT_EQ(shadow.bytes_per_node, static_cast<std::int64_t>(with.cost.bytes_per_node) -
-                                       static_cast<std::int64_t>(without.cost.bytes_per_node));
-  EXPECT_GT(shadow.slipping_s, 0.0);
-  EXPECT_TRUE(part(with, "layer.heat = \"profile\"").excluded.empty());
-}
-
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
-  EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("needs strategy velocity_driven"));
+  EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("does not go with strategy"));
   EXPECT_THAT(forced.text(), HasSubstr("off layer.inertia"));
   const Explanation driven = explain(support::velocity_scene());
   EXPECT_TRUE(part(driven, "layer.inertia").excluded.empty());
@@ -68,7 +57,7 @@ TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
 }
 
 TEST(Explain, TimesAreMeasured) {
-  wire::Scene scene = support::velocity_scene(60);
+  v1::Scene scene = support::velocity_scene(60);
   const Explanation told = explain(scene);
   for (const SceneCost& cost : {told.cost, told.everything}) {
     EXPECT_GT(cost.slipping_s, 1e-8);
@@ -80,22 +69,27 @@ TEST(Explain, TimesAreMeasured) {
   EXPECT_THAT(told.text(10), HasSubstr("a step of 10 nodes"));
 }
 
-TEST(Explain, ARunIsToldWhatSlept) {
-  wire::Scene scene = support::force_scene();
-  EXPECT_EQ(spared(scene, {.node_steps = 10}, false).lines.size(), 1U);
-  scene.layer.sleep = true;
-  scene.layer.shadow_share = 0.5;
-  const auto [lines, json] = spared(
-      scene,
-      {.node_steps = 200, .asleep_node_steps = 50, .shadowed_node_steps = 20, .shadow_temperature_error_k = 3e-11},
-      true);
-  ASSERT_EQ(lines.size(), 3U);
+TEST(OmittedCost, NamesTheMissingPartsTheirMemoryAndTheShareAsleep) {
+  v1::Scene scene = support::force_scene();
+  const OmittedCost awake = omitted_cost(support::text_of(scene), {.node_steps = 10});
+  EXPECT_EQ(awake.lines().size(), 1U);
+  EXPECT_FALSE(awake.share_asleep);
+  EXPECT_EQ(awake.bytes_per_node, bytes_of_session(scene));
+  EXPECT_EQ(awake.bytes_per_node_with_everything, explain(scene).everything.bytes_per_node);
+  scene.mutable_layer()->set_sleep(true);
+  const OmittedCost omitted = omitted_cost(support::text_of(scene), {.node_steps = 200, .asleep_node_steps = 50});
+  ASSERT_FALSE(omitted.parts.empty());
+  EXPECT_EQ(omitted.parts.front(), "hard_layer");
+  EXPECT_EQ(omitted.share_asleep, 0.25);
+  const auto lines = omitted.lines();
+  ASSERT_EQ(lines.size(), 2U);
   EXPECT_THAT(lines[0].second, HasSubstr("hard_layer"));
   EXPECT_THAT(lines[1].second, HasSubstr("25.0 %"));
-  EXPECT_THAT(lines[2].second, HasSubstr("20 node-steps"));
-  EXPECT_THAT(lines[2].second, HasSubstr("3.0e-11 K"));
-  EXPECT_THAT(json, HasSubstr(R"("left_out": ["hard_layer", )"));
-  EXPECT_THAT(json, HasSubstr(R"("share_asleep": 0.25, "shadowed_node_steps": 20)"));
+}
+
+TEST(OmittedCost, IsTheSameInEveryRun) {
+  const v1::Scene scene = support::velocity_scene(60);
+  EXPECT_EQ(omitted_cost(support::text_of(scene), {}).lines(), omitted_cost(support::text_of(scene), {}).lines());
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ INSTANTIATE_TEST_SUITE_P(Strategies, Memory,
 TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   if (kHasItsOwnMemory) GTEST_SKIP() << "under a sanitizer memory is its own";
   const auto ids = support::node_ids(kNodes);
-  const wire::Scene scene = support::scene_of(GetParam());
+  const v1::Scene scene = support::scene_of(GetParam());
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));  // whatever is made once
   harness.ask(

@@ -54,7 +54,7 @@ TEST(Histogram, EveryDurationFallsIntoTheBucketOfItsPowerOfTwo) {
     service::Histogram histogram;
     EXPECT_TRUE(histogram.empty());
     histogram.add(ns);
-    const wire::Histogram told = histogram.told("x");
+    const wire::Histogram told = histogram.on_wire("x");
     ASSERT_EQ(told.counts.size(), service::Histogram::kBuckets);
     EXPECT_EQ(told.counts[bucket], 1u) << ns;
     EXPECT_EQ(told.sum_ns, ns);
@@ -157,8 +157,8 @@ TEST_F(Top, HottestAndFastestAreThoseOfTheLastAnswer) {
 }
 
 TEST(Operations, WithoutAProfileTheHottestAreToldToo) {
-  wire::Scene scene = support::force_scene();
-  scene.layer.heat = wire::Heat::kModes;
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, kNodes), kOther);
   const Answer answer =

@@ -19,7 +19,7 @@ using Ids = std::vector<std::uint64_t>;
 class Ownership : public testing::Test {
  protected:
   support::Answer open(std::uint8_t session, const Ids& ids, const std::string& domain = "run 1",
-                       const wire::Scene& scene = support::velocity_scene()) {
+                       const v1::Scene& scene = support::velocity_scene()) {
     wire::Request request = ServiceHarness::opening(scene, ids, session);
     std::get<wire::OpenSession>(request.body).domain = domain;
     if (ids.empty()) request.batch = {};
@@ -171,8 +171,8 @@ TEST_F(Ownership, AnOfferIsTakenOnceByWhoShowsItsNumber) {
   ASSERT_EQ(open(3, {5}, "elsewhere").code(), Code::kOk);
   ASSERT_EQ(open(4, {6}, "run 1", support::velocity_scene(12)).code(), Code::kOk);
   ASSERT_EQ(open(5, {7}, "").code(), Code::kOk);
-  wire::Scene renamed = support::velocity_scene();
-  renamed.name = "the same layers";
+  v1::Scene renamed = support::velocity_scene();
+  renamed.set_name("the same layers");
   ASSERT_EQ(open(6, {8}, "run 1", renamed).code(), Code::kOk);
   ASSERT_EQ(ask(1, wire::OfferNodes{transfer(1)}, {2}).code(), Code::kOk);
   EXPECT_EQ(ask(1, wire::OfferNodes{transfer(1)}, {3}).code(), Code::kInvalidValue) << "the number waits already";

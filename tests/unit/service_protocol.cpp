@@ -24,7 +24,7 @@ wire::Batch columns(Strategy strategy, int step) {
 
 class ServiceOf : public testing::TestWithParam<Strategy> {
  protected:
-  wire::Scene scene() const { return support::scene_of(GetParam()); }
+  v1::Scene scene() const { return support::scene_of(GetParam()); }
   wire::Batch columns(int step) const { return service::columns(GetParam(), step); }
 };
 INSTANTIATE_TEST_SUITE_P(Strategies, ServiceOf, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
@@ -64,7 +64,16 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
   ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
   const auto& opened = std::get<wire::SessionOpened>(answer.reply.body);
   EXPECT_EQ(answer.reply.session_id, ServiceHarness::id(1));
-  EXPECT_GE(opened.effective_scene.soft.given.size(), 10u);
+  const v1::Scene effective = scene::parse(opened.effective_scene, "effective").scene;
+  EXPECT_GE(scene::numbers_of(effective.soft()).size(), 10u);
+  EXPECT_EQ(opened.scene_name, scene().name());
+  EXPECT_EQ(opened.strategy, GetParam());
+  EXPECT_EQ(opened.tangential_components, 1u);
+  const auto columns = wire::columns_of(GetParam());
+  EXPECT_TRUE(std::ranges::equal(opened.required_columns, columns.required));
+  EXPECT_TRUE(std::ranges::equal(opened.reply_columns, columns.reply));
+  EXPECT_TRUE(opened.optional_columns.empty()) << "no slip drives the layer, and it does not flow";
+  EXPECT_TRUE(std::ranges::equal(opened.columns_on_request, wire::kLedgerColumns));
   EXPECT_GT(opened.bytes_per_node, 24u * 2 * 8);
   const wire::ServerStatus status = harness.service.status();
   EXPECT_EQ(status.sessions, 1u);
@@ -77,10 +86,10 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
 TEST_P(ServiceOf, OpeningTheEffectiveSceneAgainGivesTheSameScene) {
   ServiceHarness harness;
   const auto first = harness.ask(ServiceHarness::opening(scene(), kNodes, 1));
-  const auto& effective = std::get<wire::SessionOpened>(first.reply.body).effective_scene;
+  const std::string& effective = std::get<wire::SessionOpened>(first.reply.body).effective_scene;
   const auto second = harness.ask(ServiceHarness::opening(effective, kNodes, 2));
   ASSERT_TRUE(second.reply.status.ok()) << describe(second.reply.status);
-  EXPECT_EQ(std::get<wire::SessionOpened>(second.reply.body).effective_scene.soft.given, effective.soft.given);
+  EXPECT_EQ(std::get<wire::SessionOpened>(second.reply.body).effective_scene, effective);
 }
 
 TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
@@ -94,7 +103,7 @@ TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
   EXPECT_EQ(harness.service.status().sessions, 1u);
   // The same id for another scene is not a repetition.
   auto other = scene();
-  other.name = "other";
+  other.set_name("other");
   EXPECT_EQ(harness.ask(ServiceHarness::opening(other, kNodes)).code(), Code::kSequenceReused);
 }
 
@@ -242,9 +251,9 @@ TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
 }
 
 TEST_P(ServiceOf, TheErrorEstimateIsToldOfScenesWithATolerance) {
-  wire::Scene controlled = scene();
-  controlled.layer = {};
-  controlled.tolerance = 1e-3;
+  v1::Scene controlled = scene();
+  controlled.clear_layer();
+  controlled.set_tolerance(1e-3);
   ServiceHarness harness, plain;
   ASSERT_TRUE(harness.ask(ServiceHarness::opening(controlled, kNodes)).reply.status.ok());
   plain.ask(ServiceHarness::opening(scene(), kNodes));
@@ -370,7 +379,7 @@ TEST(Service, SessionAndMemoryLimitsAreHeld) {
   ServiceHarness small(1, {.max_state_bytes = 1 << 20});
   EXPECT_TRUE(small.ask(ServiceHarness::opening(support::velocity_scene(100), nodes, 1)).reply.status.ok());
   auto fine = support::velocity_scene(1000);
-  fine.layer.grading = 1.0;
+  fine.mutable_layer()->set_grading(1.0);
   const Answer refused = small.ask(ServiceHarness::opening(fine, nodes, 2));
   EXPECT_EQ(refused.code(), Code::kLimit);
   EXPECT_NE(refused.reply.status.text.find("64 nodes"), std::string::npos);
@@ -379,7 +388,7 @@ TEST(Service, SessionAndMemoryLimitsAreHeld) {
 TEST(Service, LogLinesStayOneLine) {
   ServiceHarness harness;
   auto scene = support::velocity_scene();
-  scene.name = "first\nsecond\x1b[31m";
+  scene.set_name("first\nsecond\x1b[31m");
   harness.ask(ServiceHarness::opening(scene, kNodes));
   ASSERT_EQ(harness.log.size(), 1u);
   EXPECT_EQ(harness.log[0].find('\n'), std::string::npos);

@@ -95,11 +95,11 @@ std::vector<Case> force_driven_cases() {
   std::vector<Case> cases;
   for (const Field field : wire::columns_of(Strategy::kForceDriven).required)
     for (const double bad : {kNan, kInf, -kInf, 1e300}) cases.push_back(value(Strategy::kForceDriven, field, bad));
-  for (const Field field : {Field::kMassMinus, Field::kMassPlus})
+  for (const Field field : {Field::kMassSoft, Field::kMassHard})
     for (const double bad : {0.0, -1.0, 5e-324}) cases.push_back(value(Strategy::kForceDriven, field, bad));
   for (const double bad : {0.0, -1e-9, 1.5, kNan, kInf, 5e-324}) cases.push_back(dt(bad));
-  cases.push_back(shape("missing", Code::kShape, Field::kMassPlus,
-                        [] { return without(Strategy::kForceDriven, Field::kMassPlus); }));
+  cases.push_back(shape("missing", Code::kShape, Field::kMassHard,
+                        [] { return without(Strategy::kForceDriven, Field::kMassHard); }));
   cases.push_back(shape("surplus", Code::kShape, Field::kSoftShearRate,
                         [] { return with(Strategy::kForceDriven, Field::kSoftShearRate); }));
   cases.push_back(shape("reply column", Code::kShape, Field::kShearStress,
@@ -147,8 +147,8 @@ std::vector<Case> velocity_driven_cases() {
     for (const double bad : {kNan, kInf, 1e300}) cases.push_back(value(Strategy::kVelocityDriven, field, bad));
   cases.push_back(shape("shear rate without its drive", Code::kShape, Field::kSoftShearRate,
                         [] { return with(Strategy::kVelocityDriven, Field::kSoftShearRate); }));
-  cases.push_back(shape("force column", Code::kShape, Field::kMassMinus,
-                        [] { return with(Strategy::kVelocityDriven, Field::kMassMinus); }));
+  cases.push_back(shape("force column", Code::kShape, Field::kMassSoft,
+                        [] { return with(Strategy::kVelocityDriven, Field::kMassSoft); }));
   return cases;
 }
 
@@ -201,7 +201,7 @@ TEST(Refusals, AtMostSixteenNodesAreNamed) {
 
 TEST(Refusals, ShearRateIsTakenByInterfaceSlip) {
   auto scene = support::velocity_scene();
-  scene.velocity_driven.drive = wire::Drive::kInterfaceSlip;
+  scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, kNodes));
   auto batch = with(Strategy::kVelocityDriven, Field::kSoftShearRate);
@@ -214,7 +214,7 @@ TEST(Refusals, ShearRateIsTakenByInterfaceSlip) {
 
 TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
   auto scene = support::force_scene();
-  scene.interface->plastic_layer = true;
+  scene.mutable_interface()->set_plastic_layer(true);
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, kNodes));
   auto batch = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
@@ -227,7 +227,7 @@ TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
 
 TEST(Refusals, PlasticStrainRateReachesTheLayer) {
   auto scene = support::force_scene();
-  scene.interface->plastic_layer = true;
+  scene.mutable_interface()->set_plastic_layer(true);
   double slip[2];
   for (const int driven : {0, 1}) {
     ServiceHarness harness;
@@ -244,7 +244,7 @@ struct OpeningCase {
   const char* name;
   Code code;
   const char* field;
-  std::function<void(wire::Request&, wire::Scene&)> damage;
+  std::function<void(wire::Request&, v1::Scene&)> damage;
 };
 
 wire::Batch opening_columns(std::vector<std::uint64_t> ids, std::vector<double> temperatures = {}) {
@@ -258,58 +258,60 @@ wire::Batch opening_columns(std::vector<std::uint64_t> ids, std::vector<double> 
 
 TEST(Refusals, OpeningsAreRefusedWhole) {
   using wire::OpenSession;
-  const auto scene_damage = [](auto change) { return [=](wire::Request&, wire::Scene& scene) { change(scene); }; };
+  const auto scene_damage = [](auto change) { return [=](wire::Request&, v1::Scene& scene) { change(scene); }; };
   const std::vector<OpeningCase> cases = {
       {"unknown material", Code::kInvalidScene, "soft.material",
-       scene_damage([](auto& s) { s.soft.material = "aluminum_dlp"; })},
+       scene_damage([](auto& s) { s.mutable_soft()->set_material("aluminum_dlp"); })},
       {"unknown hard material", Code::kInvalidScene, "hard.material",
-       scene_damage([](auto& s) { s.hard.material = "mithril"; })},
+       scene_damage([](auto& s) { s.mutable_hard()->set_material("mithril"); })},
       {"negative strength", Code::kInvalidScene, "soft.yield_strength_pa", scene_damage([](auto& s) {
-         s.soft.given = {{"yield_strength_pa", -1.0}};
+         scene::set_numbers({{"yield_strength_pa", -1.0}}, *s.mutable_soft());
        })},
       {"NaN constant", Code::kInvalidScene, "hard.density_kg_per_m3", scene_damage([](auto& s) {
-         s.hard.given = {{"density_kg_per_m3", kNan}};
+         scene::set_numbers({{"density_kg_per_m3", kNan}}, *s.mutable_hard());
        })},
-      {"no cells", Code::kInvalidScene, "layer.cells", scene_damage([](auto& s) { s.layer.cells = 0; })},
+      {"no cells", Code::kInvalidScene, "layer.cells", scene_damage([](auto& s) { s.mutable_layer()->set_cells(0); })},
       {"too hot", Code::kInvalidScene, "layer.initial_temperature_k",
-       scene_damage([](auto& s) { s.layer.initial_temperature_k = 1220.0; })},
+       scene_damage([](auto& s) { s.mutable_layer()->set_initial_temperature_k(1220.0); })},
       {"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
-       scene_damage([](auto& s) { s.layer.initial_temperature_k = -3.0; })},
+       scene_damage([](auto& s) { s.mutable_layer()->set_initial_temperature_k(-3.0); })},
       {"no strategy", Code::kInvalidScene, "",  // what is missing is missing from the table around it
-       scene_damage([](auto& s) { s.strategy = wire::Strategy::kUnspecified; })},
+       scene_damage([](auto& s) { s.clear_strategy(); })},
       {"force-driven without interface", Code::kInvalidScene, "strategy",
-       scene_damage([](auto& s) { s.strategy = wire::Strategy::kForceDriven; })},
+       scene_damage([](auto& s) { s.set_strategy(v1::STRATEGY_FORCE_DRIVEN); })},
       {"no id", Code::kInvalidValue, "session_id",
-       [](wire::Request& r, wire::Scene&) { std::get<OpenSession>(r.body).session_id = {}; }},
-      {"no nodes", Code::kShape, "node_id", [](wire::Request& r, wire::Scene&) { r.batch = wire::Batch(); }},
-      {"empty nodes", Code::kShape, "node_id", [](wire::Request& r, wire::Scene&) { r.batch = opening_columns({}); }},
+       [](wire::Request& r, v1::Scene&) { std::get<OpenSession>(r.body).session_id = {}; }},
+      {"no nodes", Code::kShape, "node_id", [](wire::Request& r, v1::Scene&) { r.batch = wire::Batch(); }},
+      {"empty nodes", Code::kShape, "node_id", [](wire::Request& r, v1::Scene&) { r.batch = opening_columns({}); }},
       {"twice the same node", Code::kDuplicateNode, "node_id",
-       [](wire::Request& r, wire::Scene&) {
+       [](wire::Request& r, v1::Scene&) {
          r.batch = opening_columns({7, 8, 7});
        }},
       {"too many nodes", Code::kLimit, "node_id",
-       [](wire::Request& r, wire::Scene&) {
+       [](wire::Request& r, v1::Scene&) {
          r.batch = opening_columns(support::node_ids(wire::kMaxNodesPerSession + 1));
        }},
       {"a molten node", Code::kInvalidValue, "initial_temperature_k",
-       [](wire::Request& r, wire::Scene&) {
+       [](wire::Request& r, v1::Scene&) {
          r.batch = opening_columns({7, 8}, {300, 1300});
        }},
       {"a node below absolute zero", Code::kInvalidValue, "initial_temperature_k",
-       [](wire::Request& r, wire::Scene&) {
+       [](wire::Request& r, v1::Scene&) {
          r.batch = opening_columns({7, 8}, {-300, 300});
        }},
       {"a foreign column", Code::kShape, "pressure_pa",
-       [](wire::Request& r, wire::Scene&) {
+       [](wire::Request& r, v1::Scene&) {
          r.batch = wire::Batch::of(std::vector{Field::kNodeId, Field::kPressure}, 2);
        }},
-      {"a sequence", Code::kSequenceGap, "", [](wire::Request& r, wire::Scene&) { r.sequence = 4; }},
+      {"a sequence", Code::kSequenceGap, "", [](wire::Request& r, v1::Scene&) { r.sequence = 4; }},
   };
   ServiceHarness harness;
   for (const OpeningCase& c : cases) {
     SCOPED_TRACE(c.name);
-    auto request = ServiceHarness::opening(support::velocity_scene(), kNodes);
-    c.damage(request, std::get<wire::OpenSession>(request.body).scene);
+    v1::Scene scene = support::velocity_scene();
+    auto request = ServiceHarness::opening(scene, kNodes);
+    c.damage(request, scene);
+    std::get<wire::OpenSession>(request.body).scene = support::text_of(scene);
     const Answer answer = harness.ask(request);
     EXPECT_EQ(answer.code(), c.code) << describe(answer.reply.status);
     EXPECT_EQ(answer.reply.status.field, c.field) << describe(answer.reply.status);

@@ -6,6 +6,7 @@
 #include <random>
 #include <set>
 
+#include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 #include "tests/support/scenes.hpp"
@@ -54,17 +55,13 @@ class Changing : public testing::TestWithParam<wire::Strategy> {
                  std::vector<double>(ids.size(), 300.0), pool, {.nodes_per_task = 4});
   }
   std::vector<double> advance(Shard& shard, const Ids& ids, const Rows& rows, int step) {
-    using wire::Field;
     const wire::Batch batch = support::step_columns(GetParam(), ids, step);
     std::vector<double> temperature(ids.size()), stress(ids.size());
-    shard.step(rows, *shard.operators(kDt),
-               {.velocity_jump = batch.f64(Field::kVelocityJump),
-                .pressure = batch.f64(Field::kPressure),
-                .stress_minus = batch.f64(Field::kStressMinus),
-                .stress_plus = batch.f64(Field::kStressPlus),
-                .mass_minus = batch.f64(Field::kMassMinus),
-                .mass_plus = batch.f64(Field::kMassPlus)},
-               {.shear_stress = stress, .interface_temperature = temperature});
+    wire::Batch no_reply;
+    StepColumns columns = service::step_columns(batch, no_reply);
+    columns.outputs = {AnswerColumn{&physics::TileOutputs::shear_stress, std::span(stress)},
+                       AnswerColumn{&physics::TileOutputs::interface_temperature, std::span(temperature)}};
+    shard.step(rows, *shard.operators(kDt), columns);
     shard.commit();
     temperature.insert(temperature.end(), stress.begin(), stress.end());
     return temperature;
@@ -97,12 +94,12 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
     if (kind == 0) {
       Ids fresh(random() % 25 + 1);
       for (std::uint64_t& id : fresh) id = next_id++;
-      shard.take(shard.adding(fresh, std::vector<double>(fresh.size(), 300.0)));
+      shard.apply(shard.adding(fresh, std::vector<double>(fresh.size(), 300.0)));
       for (const std::uint64_t id : fresh) alone.emplace(id, make({id}));
       ids.insert(ids.end(), fresh.begin(), fresh.end());
     } else if (kind == 1) {
       const Ids leaving = pick(random() % 18 + 1);
-      shard.take(shard.removing(shard.nodes().locate(leaving).slots));
+      shard.apply(shard.removing(shard.nodes().locate(leaving).slots));
       for (const std::uint64_t id : leaving) {
         std::erase(ids, id);
         alone.erase(id);
@@ -111,8 +108,8 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
       const Ids moving = pick(random() % 9 + 1);
       const Rows rows = shard.nodes().locate(moving);
       const States states = shard.states_of(rows.slots, false);
-      shard.take(shard.removing(rows.slots));
-      shard.take(shard.adding(moving, std::vector<double>(moving.size(), 300.0), &states));
+      shard.apply(shard.removing(rows.slots));
+      shard.apply(shard.adding(moving, std::vector<double>(moving.size(), 300.0), &states));
       for (const std::uint64_t id : moving) std::erase(ids, id);
       ids.insert(ids.end(), moving.begin(), moving.end());
     }
@@ -148,8 +145,8 @@ TEST_P(Changing, ManyNodesGrowAndShrinkBlockByBlock) {
   Shard twin = make(ids);
   advance(twin, ids, all, 0);
   const Ids more = support::node_ids(900, 5000);
-  shard.take(shard.adding(more, std::vector<double>(more.size(), 400.0)));
-  shard.take(shard.removing(shard.nodes().locate(more).slots));
+  shard.apply(shard.adding(more, std::vector<double>(more.size(), 400.0)));
+  shard.apply(shard.removing(shard.nodes().locate(more).slots));
   EXPECT_EQ(shard.nodes().ids(), ids);
   EXPECT_EQ(shard.state_bytes(), twin.state_bytes());
   EXPECT_EQ(advance(shard, ids, all, 1), advance(twin, ids, all, 1));
@@ -162,14 +159,9 @@ TEST_P(Changing, AnAttemptChangesNothingUntilItIsTaken) {
   Rows all;
   all.all = true;
   const wire::Batch batch = support::step_columns(GetParam(), ids, 3);
-  using wire::Field;
-  const StepInputs inputs{.velocity_jump = batch.f64(Field::kVelocityJump),
-                          .pressure = batch.f64(Field::kPressure),
-                          .stress_minus = batch.f64(Field::kStressMinus),
-                          .stress_plus = batch.f64(Field::kStressPlus),
-                          .mass_minus = batch.f64(Field::kMassMinus),
-                          .mass_plus = batch.f64(Field::kMassPlus)};
-  const auto trial = [&](Shard& of) { of.step(all, *of.operators(kDt), inputs, {}); };
+  wire::Batch no_reply;
+  const StepColumns columns = service::step_columns(batch, no_reply);
+  const auto trial = [&](Shard& of) { of.step(all, *of.operators(kDt), columns); };
   const auto same = [](const States& a, const States& b) {
     for (std::size_t i = 0; i < a.columns.size(); ++i)
       if (a.columns[i].values != b.columns[i].values) return false;
@@ -177,11 +169,11 @@ TEST_P(Changing, AnAttemptChangesNothingUntilItIsTaken) {
   };
   trial(shard);
   trial(twin);
-  const auto attempt = shard.attempt(all, *shard.operators(kDt), inputs, {}, true);
+  const auto attempt = shard.attempt(all, *shard.operators(kDt), columns, true);
   EXPECT_TRUE(same(shard.committed_states(), twin.committed_states()));
   EXPECT_TRUE(same(shard.trial_states(), twin.trial_states()));
   shard.commit();
-  shard.take(attempt);
+  shard.adopt(attempt);
   twin.commit();
   trial(twin);
   EXPECT_TRUE(same(shard.trial_states(), twin.trial_states()));

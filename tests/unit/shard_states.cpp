@@ -5,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 #include "tests/support/scenes.hpp"
@@ -12,7 +13,6 @@
 namespace shearbus::shard {
 namespace {
 
-using wire::Field;
 using wire::Strategy;
 
 constexpr double kDt = 1e-9;
@@ -23,14 +23,15 @@ struct Outputs {
 
   explicit Outputs(std::size_t rows)
       : stress(rows), slip(rows), temperature(rows), jump(rows), heat(rows), regime(rows), outcome(rows) {}
-  StepOutputs spans() {
-    return {.shear_stress = stress,
-            .sliding_velocity = slip,
-            .interface_temperature = temperature,
-            .velocity_jump_new = jump,
-            .friction_heat = heat,
-            .regime = regime,
-            .outcome = outcome};
+  std::vector<OutputColumn> columns() {
+    using physics::TileOutputs;
+    return {AnswerColumn{&TileOutputs::shear_stress, std::span(stress)},
+            AnswerColumn{&TileOutputs::sliding_velocity, std::span(slip)},
+            AnswerColumn{&TileOutputs::interface_temperature, std::span(temperature)},
+            AnswerColumn{&TileOutputs::velocity_jump_new, std::span(jump)},
+            AnswerColumn{&TileOutputs::friction_heat, std::span(heat)},
+            AnswerColumn{&TileOutputs::regime, std::span(regime)},
+            AnswerColumn{&TileOutputs::outcome, std::span(outcome)}};
   }
 
   // Every output of one row, as bits.
@@ -43,15 +44,6 @@ struct Outputs {
     return bits;
   }
 };
-
-StepInputs inputs_of(const wire::Batch& batch) {
-  return {.velocity_jump = batch.f64(Field::kVelocityJump),
-          .pressure = batch.f64(Field::kPressure),
-          .stress_minus = batch.f64(Field::kStressMinus),
-          .stress_plus = batch.f64(Field::kStressPlus),
-          .mass_minus = batch.f64(Field::kMassMinus),
-          .mass_plus = batch.f64(Field::kMassPlus)};
-}
 
 class Fixture {
  public:
@@ -73,7 +65,10 @@ class Fixture {
       rows = shard.nodes().locate(some);
     EXPECT_TRUE(rows.ok());
     Outputs outputs(rows_ids.size());
-    shard.step(rows, *shard.operators(kDt), inputs_of(batch), outputs.spans());
+    wire::Batch no_reply;
+    StepColumns columns = service::step_columns(batch, no_reply);
+    columns.outputs = outputs.columns();
+    shard.step(rows, *shard.operators(kDt), columns);
     return outputs;
   }
   Outputs advance(int step, const std::vector<std::uint64_t>& some = {}) {

@@ -1,7 +1,7 @@
 // The C++ client of the shearbus subgrid service.
 //
 //   shearbus::Client client({.endpoint = "ipc:///run/user/1000/shearbus/bus"});
-//   shearbus::Session session = client.open(scene, node_ids);
+//   shearbus::Session session = client.open(scene_text, "scene.toml", node_ids);
 //   auto request = session.request();                       // columns of the scene's strategy, to be filled in
 //   std::ranges::copy(jumps, request.f64(Field::kVelocityJump).begin());
 //   const shearbus::StepResult& result = session.advance(request, {.dt_s = 1e-9});
@@ -27,7 +27,6 @@
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/messages.hpp"
-#include "proto/wire/scene.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus {
@@ -37,7 +36,6 @@ using wire::Code;
 using wire::Error;
 using wire::Field;
 using wire::Policy;
-using wire::Scene;
 using wire::Status;
 using wire::TransferId;
 
@@ -145,7 +143,9 @@ class Session {
 
   void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
   void want_energy_ledger();  // wire::kLedgerColumns beside all of the strategy's, where the scene has a ledger
-  const Scene& effective_scene() const;  // every default and constant filled in, as the server understood it
+  const std::string& effective_scene()
+      const;  // canonical TOML text with every default and constant, as the server understood it
+  const wire::SessionOpened& opened() const;  // the same, with the strategy and the columns of this session's steps
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;  // in the order of the rows
@@ -188,7 +188,10 @@ class Client {
   ~Client();
 
   const wire::Welcome& welcome() const;
-  Session open(const Scene& scene, std::span<const std::uint64_t> node_ids, const OpenOptions& options = {});
+  // Opens a session of a scene: TOML text, which the server reads. `scene_file` names it in messages; a scene at fault throws kInvalidScene
+  // with a line "scene_file:line:column: ..." for each fault.
+  Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
+               const OpenOptions& options = {});
   // The session of a client that has gone, where it was left. One client at a time: the first must be gone.
   Session resume(const Session::Ticket& ticket);
   wire::ServerStatus server_status();

@@ -1,19 +1,22 @@
 // Coulomb's law with a constant coefficient: DLP (65).
 #pragma once
 
-#include <string_view>
-
 #include "server/physics/interface/friction.hpp"
 
 namespace shearbus::physics {
 
 struct ConstantFriction {
   static constexpr std::string_view kName = "constant";
+  static constexpr std::string_view kEquation = "DLP (65)";
+  static constexpr std::string_view kAdds = "mu P, one coefficient";
+  static constexpr std::string_view kWhen = "the default";
+  static constexpr bool kDependsOnSlip = false;
+  static constexpr bool kDependsOnTemperature = false;
 
-  static Friction friction(const InterfaceOptions& law, double pressure, double /*c*/, double /*b*/,
-                           double /*a_stick*/) {
-    const double limit = law.friction_coefficient * pressure;
-    return {limit, limit};
+  static InterfaceOptions typical(const InterfaceOptions& options, const Material& /*soft*/) { return options; }
+  static LawFault fault_of(const InterfaceOptions& /*options*/, const Material& /*soft*/) { return {}; }
+  static FrictionValue at(const InterfaceOptions& options, const Material& /*soft*/, double /*T0*/, double /*slip*/) {
+    return {options.friction_coefficient, 0.0, 0.0};
   }
 };
 

@@ -1,37 +1,97 @@
-// What a law of dry friction is to the force-driven step (server/ARCHITECTURE.md, "Adding a law"): one file with one
-// class, registered by one line in friction_laws.hpp. The interface law is
+// The friction law of an interface, as the rest of the model needs it. A law is one file with one class, registered by
+// one line in friction_laws.hpp (server/ARCHITECTURE.md, "Adding a law"). The interface carries at most
 //
-//   |s| <= min(mu(|[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
+//   |s| <= min(mu(T0, |[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
 //
-// and a friction law is the branch mu(|[v]|). It offers
-//
-//   kName                                  what scenes call it
-//   friction(options, P, c, b, a_stick)    its stresses in a step whose slip is c - b a, 0 where that is negative
+// and a friction law is the coefficient mu. The concepts below list what a law must offer.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <limits>
+#include <string_view>
+#include <type_traits>
+
+#include "server/physics/material/flow_law.hpp"
+#include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
 
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;  // mu, or mu_0 at rest
+  double friction_coefficient = 0.0;  // mu, or its value without slip and below the reference temperature
   double yield_strength = 0.0;        // [Pa]
   FrictionLaw friction_law{};
-  double friction_coefficient_fast = 0.0;  // mu_inf; of laws that depend on velocity
-  double velocity_decay = 0.0;             // theta  [s/m]
+  double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
+  double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
+  double friction_reference_temperature = 0.0;  // T_ref of thermal softening   [K]
+  double friction_softening_exponent = 0.0;     // m of thermal softening, at least 1
 };
 
-// Since slip does not depend on temperature but through the stress, a step in which mu(c - b a) P holds the stress has
-// its answer before T0 is known: a constant limit for the rest of the solver.
-struct Friction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: of the states that slip, the one that slips most  [Pa]
-  double holding;  // mu P at the slip of a = a_stick: what an interface that sticks can count on               [Pa]
-  // From this stress on friction carries more than asked again, because less slip makes it stronger: beside the sliding
-  // state there may be others. Infinity: nowhere.
-  double regained = std::numeric_limits<double>::infinity();  // [Pa]
+// mu and its slopes.
+struct FrictionValue {
+  double coefficient;
+  double slope;       // d mu / d T0      [1/K]
+  double slip_slope;  // d mu / d |[v]|   [s/m]
+};
+
+// Friction of one step with slip c - b a, of a law that depends on slip and not on temperature. Slip does not depend on
+// temperature except through the stress, so a step in which mu(c - b a) P holds the stress has its answer before T0 is
+// known: for the rest of the solver the limit is a constant.
+struct SlidingFriction {
+  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: among the sliding states the one with the most slip  [Pa]
+  double holding;  // mu P at the slip of a = a_stick: the limit of an interface that sticks                       [Pa]
+  // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist with
+  // the sliding one. Infinity: never.
+  double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
+};
+
+// The properties of a friction law. Options of a model are allowed or refused by them, never by the name of a law. None
+// has a default: a law that does not declare all of them does not compile.
+struct FrictionLawProperties {
+  bool depends_on_slip;         // of the step itself
+  bool depends_on_temperature;  // T0 at the end of the step
+};
+
+template <class Law>
+concept DeclaresFrictionLawProperties = requires {
+  typename std::bool_constant<Law::kDependsOnSlip>;
+  typename std::bool_constant<Law::kDependsOnTemperature>;
+};
+
+template <DeclaresFrictionLawProperties Law>
+constexpr FrictionLawProperties properties_of_law() {
+  return {.depends_on_slip = Law::kDependsOnSlip, .depends_on_temperature = Law::kDependsOnTemperature};
+}
+
+// A law whose coefficient falls with T0. Solvers count on mu(T0) being continuous, without a rise, and 0 from T_melt on.
+template <class Law>
+concept TemperatureDependentFriction =
+    !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {
+  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| from T to T  [1/K]
+};
+
+// A law whose coefficient depends on slip solves a step by itself.
+template <class Law>
+concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
+  // P, c, b, a_stick
+  { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
+};
+
+template <class Law>
+concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDependentFriction<Law> &&
+    SlipDependentFriction<Law> && requires(const InterfaceOptions& options, const Material& soft, double value) {
+  { Law::kName } -> std::convertible_to<std::string_view>;      // the word of scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // of the options page
+  { Law::kAdds } -> std::convertible_to<std::string_view>;      // what the law adds to constant friction
+  { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use it
+  // A fault in the constants of the law together; its field is a key of [interface].
+  { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
+  // Replaces the constants of the law by typical ones; mu and the yield strength are given.
+  { Law::typical(options, soft) } -> std::same_as<InterfaceOptions>;
+  // At T0 and |[v]|; `soft` at the pressure of the node.
+  { Law::at(options, soft, value, value) } -> std::same_as<FrictionValue>;
 };
 
 }  // namespace shearbus::physics

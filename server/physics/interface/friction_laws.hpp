@@ -1,15 +1,38 @@
-// The friction laws there are. A law's place in this list is its FrictionLaw, and one less than its number in the
-// scene's enum.
+// The friction laws. The place of a law in this list is its FrictionLaw, and one less than its number in the scene's
+// enum.
 #pragma once
 
+#include <span>
+
 #include "server/physics/interface/coulomb.hpp"
+#include "server/physics/interface/state_variable.hpp"
+#include "server/physics/interface/thermal_softening.hpp"
 #include "server/physics/interface/velocity_weakening.hpp"
 #include "server/physics/material/law_list.hpp"
 
 namespace shearbus::physics {
 
-using FrictionLaws = LawList<FrictionLaw,       // one line each
-                             ConstantFriction,  //
-                             VelocityWeakening>;
+template <FrictionLawClass... Laws>
+using FrictionLawList = LawList<FrictionLaw, Laws...>;
+
+using FrictionLaws = FrictionLawList<ConstantFriction,   // one line each
+                                     VelocityWeakening,  //
+                                     ThermalSoftening>;
+
+inline FrictionLawProperties properties_of(FrictionLaw law) {
+  return FrictionLaws::with(law, [](auto own) { return properties_of_law<typename decltype(own)::type>(); });
+}
+
+// The states that a law declares as `static constexpr StateVariable kStates[]`; none without that member.
+inline std::span<const StateVariable> states_of(FrictionLaw law) {
+  return FrictionLaws::with(law, [](auto own) -> std::span<const StateVariable> {
+    using Law = typename decltype(own)::type;
+    if constexpr (requires { Law::kStates; }) {
+      return Law::kStates;
+    } else {
+      return {};
+    }
+  });
+}
 
 }  // namespace shearbus::physics

@@ -1,8 +1,12 @@
-// Junctions (MODEL.md section 7): the bodies touch on a fraction f of the area, through junctions of height d that
-// harden as they are sheared, DLP (49-54) corrected:
+// Junctions (MODEL.md, "Junctions"): the bodies touch on a fraction f of the area, through junctions of height d that
+// harden with the slip, DLP (49-54) corrected:
 //   dep_a/dt = |[v]| / (sqrt(3) d),   Tresca: s <= f Y_a / sqrt(3),   Y_a = min(Y_max_a, Y0_a (1 + beta_a ep_a)^n_a) g
 #pragma once
 
+#include <optional>
+#include <span>
+
+#include "server/physics/interface/state_variable.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::physics {
@@ -13,15 +17,17 @@ struct JunctionOptions {
   Material metal;                 // its hardening: Y0_a, Y_max_a, beta_a, n_a
 };
 
-// The junctions of one node in one step.
+// The junctions of one node in one step; their strain is a state of the node.
 struct Junctions {
-  const JunctionOptions* options = nullptr;  // null: none, the bodies touch everywhere and the interface is as it is
+  static constexpr StateVariable kStates[] = {{"junction_strain", "1"}};  // ep_a
+
+  const JunctionOptions* options = nullptr;  // null: no junctions, the bodies touch everywhere
   double strain_old = 0.0;                   // ep_a
   double strain_per_slip = 0.0;              // dt / (sqrt(3) d)  [s/m]
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }
 
-  // f Y_a / (g sqrt(3)) after a step of that slip velocity, and its slope in it.
+  // f Y_a / (g sqrt(3)) after a step of that slip velocity, and its slope in the slip velocity.
   struct Value {
     double strength;  // [Pa]
     double slope;     // [Pa s/m]
@@ -35,6 +41,10 @@ struct Junctions {
     return {strength, hardened < m.yield_strength_max ? strength * rate : 0.0};
   }
 };
+
+inline std::span<const StateVariable> states_of(const std::optional<JunctionOptions>& options) {
+  return options ? std::span(Junctions::kStates) : std::span<const StateVariable>{};
+}
 
 inline Junctions junctions_of(const JunctionOptions* options, double strain_old, double dt) {
   if (options == nullptr) return {};

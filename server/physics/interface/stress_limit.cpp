@@ -38,11 +38,55 @@ double polished(const StressLimit& limit, const FrictionHeating& heating, double
 
 }  // namespace
 
+StressLimit interface_strength(const InterfaceOptions& options, const Material& soft, double pressure,
+                               SearchEffort* effort) {
+  StressLimit limit{std::numeric_limits<double>::infinity(), options.yield_strength / kSqrt3, pressure, &soft};
+  limit.effort = effort;
+  const FrictionLawProperties law = properties_of(options.friction_law);
+  if (law.depends_on_slip || law.depends_on_temperature)
+    limit.varying = &options;
+  else
+    limit.coulomb = FrictionLaws::with(options.friction_law, [&](auto own) {
+      return decltype(own)::type::at(options, soft, 0.0, 0.0).coefficient * pressure;
+    });
+  return limit;
+}
+
+StressLimit::Value StressLimit::varying_friction(double temperature, double slip) const {
+  const FrictionValue mu = FrictionLaws::with(
+      varying->friction_law, [&](auto own) { return decltype(own)::type::at(*varying, *soft, temperature, slip); });
+  const double load = share * pressure;
+  return {mu.coefficient * load, mu.slope * load, true, mu.slip_slope * load};
+}
+
+std::optional<SlidingFriction> StressLimit::friction_of_step(double c, double b, double a_stick) const {
+  if (varying == nullptr) return {};
+  return FrictionLaws::with(varying->friction_law, [&](auto own) -> std::optional<SlidingFriction> {
+    using Law = typename decltype(own)::type;
+    if constexpr (Law::kDependsOnSlip) return Law::of_step(*varying, pressure, c, b, a_stick);
+    return {};
+  });
+}
+
 double StressLimit::steepest(double coldest, double hottest, double most_slip) const {
   const double strength = junctions.options ? junctions.at(most_slip).strength : tresca;
-  return strength * FlowLaws::with(soft->flow_law, [&](auto law) {
-           return decltype(law)::type::steepest_softening(*soft, pressure, coldest, hottest);
-         });
+  const double yield = strength * FlowLaws::with(soft->flow_law, [&](auto law) {
+                         return decltype(law)::type::steepest_softening(*soft, pressure, coldest, hottest);
+                       });
+  if (varying == nullptr) return yield;
+  const double rubbing = share * pressure * FrictionLaws::with(varying->friction_law, [&](auto own) {
+                           using Law = typename decltype(own)::type;
+                           if constexpr (Law::kDependsOnTemperature)
+                             return Law::steepest(*varying, *soft, coldest, hottest);
+                           else
+                             return 0.0;
+                         });
+  // Both branches fall with T0. Where one is below the other over the whole range it is the limit alone.
+  const double yield_cold = strength * softening(*soft, pressure, coldest).g;
+  const double yield_hot = strength * softening(*soft, pressure, hottest).g;
+  if (friction(coldest).stress < yield_hot) return rubbing;
+  if (yield_cold <= friction(hottest).stress) return yield;
+  return std::max(yield, rubbing);
 }
 
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a) {
@@ -104,8 +148,8 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
   const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   if (2.0 * heating.b * end <= heating.c || heating.c <= 0.0) return true;  // heating rises with stress all the way
   const double hottest = heating.temperature(0.5 * heating.c / heating.b);
-  // Behind the stress of most heating slip is at most c/2.
-  if (limit.at(hottest, heating.slip(end)).is_coulomb) return true;  // the limit depends on nothing here
+  // Above the stress of most heating the slip is at most c/2.
+  if (limit.is_constant_below(hottest, heating.slip(end))) return true;
   const double coldest = heating.temperature(end);
   return heating.rise * limit.steepest(coldest, hottest, 0.5 * heating.c) * (2.0 * heating.b * end - heating.c) < 1.0;
 }

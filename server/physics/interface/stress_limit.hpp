@@ -1,7 +1,15 @@
-// The stress the interface can carry (DLP 65, and the ceiling of a layer with Y_max): min(coulomb, tresca g(P, T0)),
-// where junctions make `tresca` grow with the slip of the step.
+// The strength of the interface (DLP 65): the largest stress it carries at an interface temperature T0 and a slip,
+//
+//   s_lim(T0, [v]) = min(mu(T0, [v]) P, Y([v]) g(P, T0) / sqrt(3)),
+//
+// where Y is a yield strength, or that of junctions, which grows with the slip of the step. All solvers take this one
+// object; the ceiling of a layer (Y_max) is one without friction.
 #pragma once
 
+#include <limits>
+#include <optional>
+
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/interface/junctions.hpp"
 #include "server/physics/interface/search_effort.hpp"
 #include "server/physics/material/strength.hpp"
@@ -9,13 +17,15 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  double coulomb;   // what friction carries; infinity: no such limit          [Pa]
-  double tresca;    // yield strength / sqrt(3), where there are no junctions  [Pa]
-  double pressure;  // P                               [Pa]
+  double coulomb;   // mu P of constant friction; infinity: no friction limit                 [Pa]
+  double tresca;    // yield strength / sqrt(3), without junctions                            [Pa]
+  double pressure;  // P                                                                      [Pa]
   const Material* soft;
-  Junctions junctions = {};
-  double offset = 0.0;  // added to the lesser of the two  [Pa]
-  SearchEffort* effort = nullptr;
+  Junctions junctions = {};                   // with the state of the node
+  double offset = 0.0;                        // added to the limit                              [Pa]
+  SearchEffort* effort = nullptr;             // counts evaluations
+  const InterfaceOptions* varying = nullptr;  // a friction law that is not constant, in place of `coulomb`
+  double share = 1.0;                         // factor on the friction of `varying`
 
   struct Value {
     double stress;  // [Pa]
@@ -27,16 +37,54 @@ struct StressLimit {
     const Softening soften = softening(*soft, pressure, temperature);
     const Junctions::Value hardened = junctions.options ? junctions.at(slip) : Junctions::Value{tresca, 0.0};
     const double yield = hardened.strength * soften.g;
-    if (coulomb <= yield) return {offset + coulomb, 0.0, true};
+    if (varying == nullptr) {
+      if (coulomb <= yield) return {offset + coulomb, 0.0, true};
+    } else if (const Value rubbing = friction(temperature, slip); rubbing.stress < yield) {
+      return {offset + rubbing.stress, rubbing.slope, true, rubbing.slip_slope};
+    }
     return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
-  // The same under this friction.
-  StressLimit beside(double friction) const { return {friction, tresca, pressure, soft, junctions, offset, effort}; }
+  // The friction branch alone, without `offset`.
+  Value friction(double temperature, double slip = 0.0) const {
+    if (varying == nullptr) return {coulomb, 0.0, true};
+    return varying_friction(temperature, slip);
+  }
 
-  // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`.
+  // The friction of a step with slip c - b a, of a law that depends on slip; nothing for other laws.
+  std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const;
+
+  // The same limit with a constant friction stress.
+  StressLimit with_friction(double stress) const {
+    StressLimit other = *this;
+    other.coulomb = stress;
+    other.varying = nullptr;
+    return other;
+  }
+  // Both branches times `factor`, then `shift` added: a stage of a second-order step. Without junctions.
+  StressLimit scaled(double factor, double shift) const {
+    StressLimit other = *this;
+    other.coulomb *= factor;
+    other.tresca *= factor;
+    other.share *= factor;
+    other.offset = shift;
+    return other;
+  }
+
+  // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`  [Pa/K].
   double steepest(double coldest, double hottest, double most_slip) const;
+  // Whether constant friction is the limit at a temperature, and so at all colder ones.
+  bool is_constant_below(double temperature, double slip) const {
+    return varying == nullptr && at(temperature, slip).is_coulomb;
+  }
+
+ private:
+  Value varying_friction(double temperature, double slip) const;
 };
+
+// The strength of an interface without junctions, of one node: `soft` is the soft body at the pressure of the node.
+StressLimit interface_strength(const InterfaceOptions& options, const Material& soft, double pressure,
+                               SearchEffort* effort);
 
 // Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
 struct FrictionHeating {
@@ -49,23 +97,24 @@ struct FrictionHeating {
   double temperature(double a) const { return T_ad + rise * (a * slip(a)); }
 };
 
-// H(a) = s_lim(T0(a), v(a)) - a: positive where the interface can carry more than a.
+// H(a) = s_lim(T0(a), v(a)) - a: positive if the interface can carry more than a  [Pa].
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
-// The stress in [0, a_max] with H = 0 where H has one zero there (or none: then a_max, which the interface carries).
+// The zero of H in [0, a_max], for an H with one zero there; a_max, which the interface carries, for one with none.
+// Starts at `guess`. A NaN if no zero was found.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
-// `a`, or the last stress below it under which the interface, heated by partition * work, stays below T_melt, where it
-// was below: an ulp of temperature can be more than all that is left to melting.
+// The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt; `a` if the
+// interface was molten before. Needed because one ulp of temperature can exceed what is left to melting.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
 // Whether H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0| (2 b a - c) < 1.
-// (Junctions only make it fall faster: less slip hardens them less.)
+// Sufficient, not necessary. Junctions make H fall faster: less slip hardens them less.
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
-// The smallest zero of H in [0, a_max], which is the answer with the most slip, whatever H does behind it.
+// The smallest zero of H in [0, a_max], which is the answer with the most slip, for any number of zeros.
 struct SlipSearch {
-  double stress;  // a_max or the limit there, where there is no zero   [Pa]
+  double stress;  // the zero; without one a_max, or the limit there   [Pa]
   bool found;
   bool several;  // H has other zeros in [0, a_max]
 };

@@ -11,7 +11,7 @@ namespace {
 constexpr int kMaxIterations = 200;  // bisection alone needs some 60
 constexpr double kArrived = 1e-15;   // relative
 
-// The balance h(a) of a step, and where it is least.
+// The balance h(a) = mu(c - b a) P - a of a step.
 struct Balance {
   const VelocityWeakening& law;
   double pressure, c, b;
@@ -19,7 +19,8 @@ struct Balance {
   double value(double a) const { return law.coefficient(c - b * a) * pressure - a; }
   double slope(double a) const { return (law.coefficient(c - b * a) - law.fast) * law.decay * b * pressure - 1.0; }
   double end_of_slip() const { return c / b; }
-  // Falling friction alone makes h turn; then at the a where b theta (mu_0 - mu_inf) P exp(-theta v) = 1.
+  // The a of the least h. Only friction that falls with velocity makes h turn, at b theta (mu_0 - mu_inf) P
+  // exp(-theta v) = 1.
   double turn() const {
     const double steepness = (law.at_rest - law.fast) * pressure * law.decay * b;
     if (!(steepness > 0.0)) return end_of_slip();
@@ -27,7 +28,7 @@ struct Balance {
   }
 };
 
-// The only zero of h in [left, right], from `a`; `rising`: h is negative at the left.
+// The only zero of h in [left, right], by Newton steps from `a` and bisection; `rising`: h is negative at the left end.
 double zero_between(const Balance& h, double left, double right, double a, bool rising) {
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const double value = h.value(a);
@@ -55,16 +56,30 @@ double sliding_stress(const VelocityWeakening& law, double pressure, double c, d
   return zero_between(h, 0.0, turn, 0.0, false);
 }
 
-Friction VelocityWeakening::friction(const InterfaceOptions& options, double pressure, double c, double b,
-                                     double a_stick) {
-  const VelocityWeakening law{options.friction_coefficient, options.friction_coefficient_fast, options.velocity_decay};
-  Friction friction{sliding_stress(law, pressure, c, b), law.coefficient(c - b * a_stick) * pressure};
+InterfaceOptions VelocityWeakening::typical(const InterfaceOptions& options, const Material& /*soft*/) {
+  InterfaceOptions typical = options;
+  typical.friction_coefficient_fast = 0.1 * options.friction_coefficient;
+  typical.velocity_decay = 0.01;
+  return typical;
+}
+
+FrictionValue VelocityWeakening::at(const InterfaceOptions& options, const Material& /*soft*/, double /*T0*/,
+                                    double slip) {
+  const VelocityWeakening law = of(options);
+  const double mu = law.coefficient(slip);
+  return {mu, 0.0, -law.decay * (mu - law.fast)};
+}
+
+SlidingFriction VelocityWeakening::of_step(const InterfaceOptions& options, double pressure, double c, double b,
+                                           double a_stick) {
+  const VelocityWeakening law = of(options);
+  SlidingFriction friction{sliding_stress(law, pressure, c, b), law.coefficient(c - b * a_stick) * pressure};
   if (c <= 0.0) return friction;
   const Balance h{law, pressure, c, b};
   const double end = h.end_of_slip();
   const double turn = h.turn();
   if (friction.sliding <= turn && turn < end && h.value(end) > 0.0) {
-    friction.regained = zero_between(h, turn, end, end, true);
+    friction.exceeds_again = zero_between(h, turn, end, end, true);
   }
   return friction;
 }

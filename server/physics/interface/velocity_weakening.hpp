@@ -14,6 +14,11 @@ namespace shearbus::physics {
 
 struct VelocityWeakening {
   static constexpr std::string_view kName = "velocity_weakening";
+  static constexpr std::string_view kEquation = "DLP (3), (5)";
+  static constexpr std::string_view kAdds = "friction that falls with the sliding velocity";
+  static constexpr std::string_view kWhen = "dry friction below the yield limit";
+  static constexpr bool kDependsOnSlip = true;
+  static constexpr bool kDependsOnTemperature = false;
 
   double at_rest;  // mu_0
   double fast;     // mu_inf
@@ -21,11 +26,17 @@ struct VelocityWeakening {
 
   double coefficient(double velocity) const;
 
-  static Friction friction(const InterfaceOptions& law, double pressure, double c, double b, double a_stick);
+  static VelocityWeakening of(const InterfaceOptions& options) {
+    return {options.friction_coefficient, options.friction_coefficient_fast, options.velocity_decay};
+  }
+  static InterfaceOptions typical(const InterfaceOptions& options, const Material& soft);
+  static LawFault fault_of(const InterfaceOptions& /*options*/, const Material& /*soft*/) { return {}; }
+  static FrictionValue at(const InterfaceOptions& options, const Material& soft, double T0, double slip);
+  static SlidingFriction of_step(const InterfaceOptions& options, double pressure, double c, double b, double a_stick);
 };
 
-// The smallest a >= 0 with a = mu(max(0, c - b a)) P. There is always one; where friction falls steeply with velocity
-// there may be three, and sliding goes on in this one.
+// The smallest a >= 0 with a = mu(max(0, c - b a)) P. One exists always; where friction falls steeply with velocity
+// there may be three, and the sliding state continues in the smallest.
 double sliding_stress(const VelocityWeakening& law, double pressure, double c, double b);
 
 }  // namespace shearbus::physics

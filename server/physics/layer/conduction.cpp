@@ -27,8 +27,7 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
     weight.push_back(0.5 * width.back());
   }
   if (!grid.matched) return;
-  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; cells longer by this to heat undo
-  // it.
+  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; longer conduction lengths compensate.
   const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
   for (double& cell : width) cell *= stretch;
 }
@@ -53,7 +52,7 @@ double HeatGrid::capacity(int vertex, const Material& soft, const Material& hard
 namespace {
 
 struct Coupling {
-  double before, after;  // a, c: what a step takes over from the neighbours
+  double before, after;  // a, c: coefficients of the neighbours
 };
 
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
@@ -87,8 +86,7 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   const std::size_t n = grid.weight.size();
   const std::size_t first = static_cast<std::size_t>(interface);
 
-  // With kept = 1 - outward, what a vertex does not get back from the outer one: pivot = 1 + kept c + a, the
-  // elimination's 1 + a + c - c outward written without the difference.
+  // kept = 1 - outward. pivot = 1 + kept c + a is the elimination's 1 + a + c - c outward without the difference.
   const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
     const double own = 1.0 + outer * kept_outside;
     const double pivot = own + inner;
@@ -128,8 +126,8 @@ SpreadHeat::SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, cons
 
 namespace {
 
-// Values of kWidth lanes that are neighbours in their tile. By name and not by loops over lanes, which the compiler
-// takes one value at a time where the next vertex hangs on this one.
+// Values of kWidth neighbouring lanes, as SIMD vectors: the compiler does not vectorise a loop over lanes inside a
+// recurrence over vertices.
 template <int kWidth>
 using Row = std::experimental::fixed_size_simd<double, kWidth>;
 
@@ -177,23 +175,22 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
 
 namespace {
 
-// The vertices of one body behind z = 0.
+// The vertices of one body, without z = 0.
 struct Arm {
-  std::ptrdiff_t heated;     // the outermost that is above the far temperature in any lane; z = 0 if none is
-  std::ptrdiff_t outermost;  // of all
-  std::ptrdiff_t outwards;   // to the next vertex: 1 or -1
+  std::ptrdiff_t heated;     // outermost vertex above the far temperature in any lane; z = 0 if there is none
+  std::ptrdiff_t outermost;  // outermost vertex
+  std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };
 
-// The sweeps of a step without flux, over the old temperatures, in place. They work on the temperature above `far`,
-// that of the colder end, the coldest there is: a uniform layer stays uniform to the last bit and no vertex falls below
-// the coldest by rounding.
+// The sweeps of a step without flux, in place. They work on the temperature above `far`, the temperature of the colder
+// end: a uniform layer stays uniform to the last bit, and no vertex falls below the coldest one by rounding.
 template <int kWidth>
 class Sweeps {
  public:
   Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
       : far_(far), heat_(heat), T_(temperature) {}
 
-  // From the outermost heated vertex on: from zeros come zeros. The last one is that next to z = 0.
+  // Inwards from the outermost heated vertex (zeros beyond give zeros) to the neighbour of z = 0.
   Row<kWidth> eliminate(Arm arm) const {
     Row<kWidth> t = 0.0;
     for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
@@ -203,7 +200,7 @@ class Sweeps {
     return t;
   }
 
-  // z = 0, from what both arms bring it.
+  // z = 0, from both bodies.
   Row<kWidth> meet(const Row<kWidth>& from_soft, const Row<kWidth>& from_hard) const {
     const std::ptrdiff_t i = heat_.interface;
     Row<kWidth> t =
@@ -212,7 +209,7 @@ class Sweeps {
     return t;
   }
 
-  // From `t`, that of z = 0, until no lane changes any more: what arrives behind the heated vertices only falls.
+  // Outwards from `t`, the value at z = 0, until no lane changes any more: beyond the heated vertices values decay.
   void substitute(Arm arm, Row<kWidth> t) const {
     std::ptrdiff_t i = heat_.interface;
     while (i != arm.heated) {
@@ -243,8 +240,8 @@ void sweep(const HeatOperator& heat, int num_vertices, const double* before, dou
   const std::ptrdiff_t last = num_vertices - 1;
   const Row<kWidth> far = min(load<kWidth>(before), load<kWidth>(before + last * kLanes));
 
-  // 1. The old temperatures, and how far heat has come. From the front on: read from the far ends, the states of more
-  // nodes than the cache holds come a quarter more slowly.
+  // 1. Copy the old temperatures and find how far heat has come. The loop reads in ascending addresses: reading inwards
+  // from the far ends is a quarter slower when the states exceed the cache.
   Arm soft{interface, last, 1}, hard{interface, 0, -1};
   for (std::ptrdiff_t i = 0; i <= last; ++i) {
     const Row<kWidth> T = load<kWidth>(before + i * kLanes);
@@ -254,7 +251,7 @@ void sweep(const HeatOperator& heat, int num_vertices, const double* before, dou
     soft.heated = std::max(soft.heated, i);
   }
 
-  // 2. The same bits as those of sweeps from end to end.
+  // 2. The sweeps over the heated vertices give the same bits as sweeps over all vertices.
   const Sweeps<kWidth> sweeps(heat, far, after);
   const Row<kWidth> from_soft = sweeps.eliminate(soft);
   const Row<kWidth> from_hard = sweeps.eliminate(hard);

@@ -5,7 +5,8 @@ namespace shearbus::physics {
 Grid::Grid(const GridOptions& options) : grading(options.grading), matched(options.matched) {
   const int n = options.cells;
   const double r = options.grading;
-  // Widths w r^j with sum h. Summed, not by the closed form: its powers would take their last bits from the C library.
+  // Widths w r^j with sum h. The sum is formed term by term: powers of the closed form would depend on the C library's
+  // last bits.
   double ratio_sum = 0.0;
   double ratio = 1.0;
   for (int j = 0; j < n; ++j, ratio *= r) ratio_sum += ratio;

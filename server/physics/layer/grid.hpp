@@ -5,7 +5,7 @@
 
 namespace shearbus::physics {
 
-inline constexpr int kMaxBasisVertices = 1000;  // that conduct, of nodes that sleep: their modes are a square matrix
+inline constexpr int kMaxBasisVertices = 1000;  // of both bodies, where nodes sleep: the modes are a square matrix
 
 enum class FarBoundary { kInsulated, kHalfSpace };
 
@@ -14,8 +14,8 @@ struct GridOptions {
   int cells = 500;
   double grading = 1.0;  // ratio of neighbouring cells, growing from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
-  // Graded cells conduct a little less, so that z = 0 feels the body and not the grading; what lies behind goes on with
-  // the same grading (MODEL.md section 3c).
+  // The conduction lengths compensate the error of the grading in the response at z = 0, and a half-space continues with
+  // the same grading (METHODS.md, tolerance).
   bool matched = false;
 };
 

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <limits>
 
-#include "server/physics/solver/wide.hpp"
+#include "server/physics/layer/wide.hpp"
 
 namespace shearbus::physics {
 namespace {
 
-// Of an amplitude: a thousand modes below this add up to less than half an ulp of 300 K.
+// Smallest live amplitude: a thousand modes below it sum to less than half an ulp of 300 K.
 constexpr double kDead = 1e-17;  // [K]
 
 }  // namespace
@@ -32,7 +32,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  mode.col(0) = root / root.norm();  // what the solver has to rounding only: heat is kept exactly
+  mode.col(0) = root / root.norm();  // exact, so that heat is conserved exactly; the solver gives it to rounding
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
@@ -44,7 +44,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
       projection.push_back(mode(i, k) * root[i] * scale);
-      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 of the soft body alone
+      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 the soft body's part
       if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
       if (k == 0) heat += grid.capacity(i, soft, hard);
     }
@@ -67,7 +67,7 @@ SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     const double* projection = basis.projection.data() + k * n;
-    double part[kLanes] = {};  // so many sums at once
+    double part[kLanes] = {};  // independent partial sums
     std::ptrdiff_t i = 0;
     for (; i + kLanes <= n; i += kLanes)
       for (int j = 0; j < kLanes; ++j) part[j] += projection[i + j] * temperature[i + j];
@@ -83,7 +83,7 @@ SHEARBUS_WIDE void to_profile(const HeatBasis& basis, int num_live, int lane, co
   const std::ptrdiff_t n = basis.num_modes();
   double sum[kMaxBasisVertices];
   std::fill_n(sum, n, 0.0);
-  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // the mean last: its size would cost the others their digits
+  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // the mean last: added first it would round the others off
     const double* shape = basis.shape.data() + k * n;
     const double amplitude = amplitudes[k * kLanes + lane];
     for (std::ptrdiff_t i = 0; i < n; ++i) sum[i] += amplitude * shape[i];

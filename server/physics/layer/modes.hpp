@@ -1,13 +1,14 @@
-// Heat without a profile (MODEL.md section 3): where only T0 is asked for, its response to the flux q at z = 0,
-//   T0(t) = T_start + integral of K(t - x) q(x) dx,
-// is all there is to know, and K is a sum of few decaying exponentials: one number per node for each of them.
+// Heat without a temperature profile (METHODS.md). A model that needs only T0 needs only the response of T0 to the flux
+// q at z = 0,
+//   T0(t) = T_start + integral of K(t - x) q(x) dx.
+// K is approximated by a sum of decaying exponentials, so a node stores one number per exponential.
 #pragma once
 
 #include <vector>
 
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/lanes.hpp"
 #include "server/physics/material/material.hpp"
-#include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
 
@@ -17,14 +18,14 @@ struct ModesOptions {
   double longest_time = 1e-4;    // [s]
 };
 
-// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space, and with its images that of an insulated slab.
+// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds its images.
 struct HeatKernel {
   HeatKernel(const Material& soft, const GridOptions& layer);
 
   double at(double t) const;
-  double integral(double t) const;  // of K from 0 to t: the response B0 to unit flux, exact in time and space [K m2/W]
-  double moment(double t) const;    // of s K(s) from 0 to t                                           [K m2 s/W]
-  bool far_face_unfelt(double t) const;  // the images are below rounding until t
+  double integral(double t) const;       // integral of K from 0 to t: B0, exact in time and space  [K m2/W]
+  double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
+  bool far_face_unfelt(double t) const;  // whether the images are below rounding until t
 
   double thickness;     // of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
@@ -33,16 +34,16 @@ struct HeatKernel {
 };
 
 // K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on.
-// The spectrum of K over mu = sqrt(rate) - even for a half-space, lines for a slab - is cut into panels, and each is
-// replaced by its own Gauss rule: nodes inside the panel, positive weights. Rules get longer until the error measured
-// over the range is below the accuracy asked for.
+// The spectrum of K over mu = sqrt(rate), uniform for a half-space and lines for a slab, is divided into panels; a Gauss
+// rule with positive weights replaces each panel. The rules are lengthened until the measured relative error of K is
+// below the requested accuracy.
 struct HeatModes {
-  static constexpr double kHalvingsCovered = 64.0;  // substeps are this much shorter at most
+  static constexpr double kHalvingsCovered = 64.0;  // largest ratio of a step to its shortest substep
 
   HeatModes(const HeatKernel& kernel, const ModesOptions& options);
 
   HeatKernel kernel;
-  std::vector<double> rate;    // [1/s], rising; 0 for the heat a slab keeps
+  std::vector<double> rate;    // [1/s], ascending; 0: the mean temperature of a slab
   std::vector<double> weight;  // [K m2/J]
   double error;                // measured, relative
 
@@ -50,13 +51,14 @@ struct HeatModes {
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
 };
 
-// A step of length dt. The share of the step's own flux uses K itself, which no sum of exponentials follows to t = 0.
+// A step of length dt. The response to the flux of the step itself uses the exact K, because no sum of exponentials
+// approximates K down to t = 0.
 //   constant flux:             T0 = T_start + sum of decay u + B0 q
-//   flux through two points:   q = q_early at `early` dt, q at dt, straight between and before
+//   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
   ModeOperator(const HeatModes& modes, double step, double early);
-  // Its memory alone, for fill().
+  // Allocates; fill() computes the values.
   ModeOperator(int num_rows, double step);
   void fill(const HeatModes& modes);
 
@@ -71,7 +73,7 @@ struct ModeOperator {
   const double* layer_response() const { return &response; }
 };
 
-// As those of conduction.hpp, on the rows of HeatModes.
+// The functions of conduction.hpp for rows of HeatModes.
 void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after);
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);

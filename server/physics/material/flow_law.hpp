@@ -95,6 +95,9 @@ template <class Law>
 concept FlowLawFunctions = requires(const Material& m, double ep, double dep, double rate, double dt, double P,
                                     double T) {
   { Law::kName } -> std::convertible_to<std::string_view>;                  // the word of scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;              // the source; this and the next two are
+  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // printed in OPTIONS.md
+  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // a fault of its constants together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT

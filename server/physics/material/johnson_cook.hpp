@@ -25,6 +25,9 @@ namespace shearbus::physics {
 class JohnsonCook {
  public:
   static constexpr std::string_view kName = "johnson_cook";
+  static constexpr std::string_view kEquation = "Johnson, Cook 1983";
+  static constexpr std::string_view kAdds = "a flow stress with its rate, solved with the strain";
+  static constexpr std::string_view kWhen = "metals known by that law only";
   static constexpr std::array kConstants = {&Material::yield_strength,        &Material::hardening_modulus,
                                             &Material::hardening_exponent,    &Material::rate_coefficient,
                                             &Material::reference_strain_rate, &Material::thermal_exponent,

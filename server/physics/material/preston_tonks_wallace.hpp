@@ -38,6 +38,10 @@ namespace shearbus::physics {
 class PrestonTonksWallace {
  public:
   static constexpr std::string_view kName = "preston_tonks_wallace";
+  static constexpr std::string_view kEquation = "Preston, Tonks, Wallace 2003";
+  static constexpr std::string_view kAdds =
+      "a flow stress whose rate and temperature are coupled, up to overdriven shocks";
+  static constexpr std::string_view kWhen = "rates from 1e-3 to 1e12 1/s, where the rate matters";
   static constexpr std::array kConstants = {
       &Material::molar_mass,          &Material::work_hardening_rate,  &Material::work_hardening_curvature,
       &Material::saturation_cold,     &Material::saturation_hot,       &Material::yield_cold,

@@ -20,6 +20,9 @@ namespace shearbus::physics {
 class SteinbergCochranGuinan {
  public:
   static constexpr std::string_view kName = "steinberg_cochran_guinan";
+  static constexpr std::string_view kEquation = "DLP (14), (15)";
+  static constexpr std::string_view kAdds = "hardening with strain, gain with pressure, softening with temperature";
+  static constexpr std::string_view kWhen = "the default: metals at high rates, where the rate no longer matters";
   static constexpr std::array kConstants = {&Material::yield_strength,        &Material::yield_strength_max,
                                             &Material::hardening_coefficient, &Material::hardening_exponent,
                                             &Material::pressure_coefficient,  &Material::temperature_coefficient};

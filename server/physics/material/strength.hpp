@@ -1,4 +1,4 @@
-// The flow stress of a material, whatever its law, as point functions (server/physics/MODEL.md section 2).
+// The flow stress of a material, whatever its law, as point functions (server/physics/MODEL.md, "Flow stress").
 #pragma once
 
 #include "server/physics/material/flow_laws.hpp"

@@ -19,6 +19,24 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
+double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip) {
+  if (options.strategy == Strategy::kVelocityDriven)
+    return options.friction_coefficient.value_or(std::numeric_limits<double>::infinity());
+  const InterfaceOptions& law = options.interface;
+  const double mu = law.friction_coefficient;
+  if (law.friction_law == FrictionLaws::place<VelocityWeakening>()) {  // DLP (3)
+    const double fast = law.friction_coefficient_fast;
+    return fast + (mu - fast) * std::exp(-law.velocity_decay * std::max(0.0, slip));
+  }
+  if (law.friction_law == FrictionLaws::place<ThermalSoftening>()) {
+    const double T_melt = at_pressure(options.soft, pressure).melting_temperature;
+    const double T_ref = law.friction_reference_temperature;
+    const double T = std::clamp((T0 - T_ref) / (T_melt - T_ref), 0.0, 1.0);
+    return mu * (1.0 - std::pow(T, law.friction_softening_exponent));
+  }
+  return mu;
+}
+
 namespace {
 
 NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
@@ -61,7 +79,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   const double compliance = kSqrt3 * soft.shear_modulus / h;
   const auto balance = [&](double a) { return a - std::abs(trial) + (a > 0.0 ? compliance * slip(a) : 0.0); };
 
-  // The three things that can hold the stress: the flow of the layer, Y_max at the hottest vertex, mu P.
+  // Three limits can hold the stress: the flow of the layer, Y_max at the hottest vertex, and mu P.
   const double flowing = bisect(balance, 0.0, std::abs(trial) * 2.0);
   const auto weakest_g = [&](double a) {
     double g = std::numeric_limits<double>::infinity();
@@ -78,8 +96,9 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
       0.0, std::abs(trial) * 2.0);
   const bool molten = weakest_g(0.0) <= 0.0;  // a vertex carries nothing at all
   double a = molten ? 0.0 : std::min({flowing, ceiling, std::abs(trial)});
-  const bool coulomb = options.friction_coefficient && *options.friction_coefficient * in.pressure < a;
-  if (coulomb) a = *options.friction_coefficient * in.pressure;
+  const double friction = friction_coefficient(options, in.pressure, T_ad[0], V) * in.pressure;
+  const bool coulomb = friction < a;
+  if (coulomb) a = friction;
 
   const double flux = heating * a;
   const std::vector<double> ep_old = state.plastic_strain;
@@ -131,25 +150,26 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   return out;
 }
 
-// DLP (65).
+// DLP (65), of friction that does not depend on slip.
 struct InterfaceLaw {
   const ModelOptions& options;
   double pressure;
+  double friction(double T0) const { return friction_coefficient(options, pressure, T0, 0.0) * pressure; }
   double limit(double T0) const {
     const double yield = options.interface.yield_strength / kSqrt3 * softening(options.soft, pressure, T0).g;
-    return std::min(options.interface.friction_coefficient * pressure, yield);
+    return std::min(friction(T0), yield);
   }
 };
 
-// SDIRK2 of a node that slips one way from the start to the end of the step, with the stresses s1 and s2 of its stages;
-// nothing where it does not.
+// SDIRK2 of a node that slips in one direction from the start to the end of the step; s1 and s2 are the stresses of its
+// stages. Returns false, with the state unchanged, for any other step.
 bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
                          NodeOutputs& out) {
   const InterfaceLaw law{options, in.pressure};
   const double beta_T = conducted_share(options);
   const Profile old = profile_of(state);
-  const double acceleration = in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus;
-  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
+  const double acceleration = in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard;
+  const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
   const double V = in.velocity_jump;
   const double direction = (V != 0.0 ? V : acceleration) < 0.0 ? -1.0 : 1.0;
   const auto jump = [&](double t, double s) { return direction * (V + t * acceleration) - t * s * mobility; };
@@ -199,11 +219,11 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
   out.velocity_jump_new = rests ? 0.0 : direction * jump(dt, mean);
   out.friction_heat = dt * ((1.0 - kGamma) * q1 + kGamma * q2);
   out.interface_temperature = state.temperature[0];
-  const double coulomb = options.interface.friction_coefficient * in.pressure;
+  const double coulomb = law.friction(state.temperature[0]);
   out.regime = state.regime =
       open                                                                                        ? Regime::kOpen
       : rests                                                                                     ? Regime::kStick
-      : coulomb <= law.limit(state.temperature[0])                                                ? Regime::kCoulomb
+      : coulomb > 0.0 && coulomb <= law.limit(state.temperature[0])                               ? Regime::kCoulomb
       : state.temperature[0] >= 0.99 * at_pressure(options.soft, in.pressure).melting_temperature ? Regime::kMelting
                                                                                                   : Regime::kTresca;
   return true;
@@ -232,19 +252,17 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const double beta_T = conducted_share(options);
 
   // DLP (61).
-  const double jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
-  const double per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+  const double jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+  const double per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
   const double direction = jump_free < 0.0 ? -1.0 : 1.0;
   const auto jump_new = [&](double a) { return jump_free - direction * a * per_stress; };
   const auto slip = [&](double a) { return std::max(0.0, direction * 0.5 * (in.velocity_jump + jump_new(a))); };
   const auto T0 = [&](double a) { return T_ad[0] + B[0] * beta_T * a * slip(a); };
-  // DLP (65), or with (5)'s friction.
+  // DLP (65), or with another law of friction.
   const InterfaceOptions& law = options.interface;
   const bool weakens = law.friction_law == FrictionLaws::place<VelocityWeakening>();
   const auto coulomb = [&](double a) {
-    if (!weakens) return law.friction_coefficient * in.pressure;
-    const double fast = law.friction_coefficient_fast;
-    return (fast + (law.friction_coefficient - fast) * std::exp(-law.velocity_decay * slip(a))) * in.pressure;
+    return friction_coefficient(options, in.pressure, T0(a), slip(a)) * in.pressure;
   };
   // DLP (49-54): ep_a grows with the slip it resists.
   const auto junction_strain = [&](double v) {
@@ -268,8 +286,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = 0.5 * (in.velocity_jump + jump_free);
     out.velocity_jump_new = jump_free;
   } else {
-    // Every stress between none and the one that sticks at which what the interface carries is what it is asked to
-    // carry.
+    // All roots: every stress between 0 and the sticking stress that equals the stress the interface carries.
     const double a_stick = std::abs(jump_free) / per_stress;
     const double most = yield(T_ad[0], slip(0.0));
     const double end = std::min(a_stick, weakens ? most : std::min(coulomb(0.0), most));
@@ -284,14 +301,14 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, met without heating
+    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, reached without heating
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
     const bool stick = can_stick && (rests || slips.empty());
     a = stick ? a_stick : slips.empty() ? end : slips.front();
     out.sliding_velocity = direction * slip(a);
     out.velocity_jump_new = stick ? 0.0 : jump_new(a);
-    const bool coulomb_acts = coulomb(a) <= yield(T0(a), slip(a));
+    const bool coulomb_acts = coulomb(a) > 0.0 && coulomb(a) <= yield(T0(a), slip(a));
     out.regime = stick                                                                ? Regime::kStick
                  : coulomb_acts                                                       ? Regime::kCoulomb
                  : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting

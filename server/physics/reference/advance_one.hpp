@@ -1,6 +1,6 @@
-// The step of one node, scalar, slow and obvious: the oracle the fast solvers are tested against. It shares the grid
-// and the material laws with them and nothing else: Eigen's sparse LU for the heat equation, plain bisection for every
-// root.
+// The step of one node, scalar, slow and obvious: the oracle of the fast solvers. It shares only the grid and the
+// softening of the materials with them; the laws are written here as printed. The heat equation is solved by Eigen's
+// sparse LU, every root by bisection.
 #pragma once
 
 #include <vector>
@@ -27,12 +27,12 @@ struct NodeInputs {
   double velocity_jump = 0.0;
   double pressure = 0.0;
   double soft_shear_rate = 0.0;
-  double stress_minus = 0.0;
-  double stress_plus = 0.0;
-  double mass_minus = 1.0;
-  double mass_plus = 1.0;
-  double soft_plastic_rate = 0.0;
-  bool backward_euler = false;  // whatever the options say: what the fast solver fell back to
+  double stress_soft = 0.0;
+  double stress_hard = 0.0;
+  double mass_soft = 1.0;
+  double mass_hard = 1.0;
+  double soft_plastic_strain_rate = 0.0;
+  bool backward_euler = false;  // first order in spite of the options, as the fast solver fell back to
 };
 
 struct NodeOutputs {
@@ -43,9 +43,9 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // with a tolerance
-  bool first_order = false;     // SDIRK2 was asked for and left its domain
-  int answers = 1;  // how many stresses satisfied the step (force-driven; seen on a fine scan); with a plastic layer
-                    // only those that its rule does not tell apart
+  bool first_order = false;     // the options ask for SDIRK2, and the step left its domain
+  int answers = 1;  // number of stresses that satisfy the step (force-driven; found on a fine scan); with a plastic
+                    // layer those among which its rule does not choose
 };
 
 NodeState initial_state(const ModelOptions& options);

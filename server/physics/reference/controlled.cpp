@@ -1,4 +1,4 @@
-// A step of the twin under a tolerance.
+// The step of the twin under a tolerance.
 #include <algorithm>
 #include <cmath>
 
@@ -8,10 +8,10 @@ namespace shearbus::physics::reference {
 
 namespace {
 
-// A jump that turns or seems to stop in a substep: by how much it may be off.
+// Error bound of a jump that changes sign or seems to stop in a substep  [m/s].
 double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
-  const double mobility = 1.0 / in.mass_minus + 1.0 / in.mass_plus;
-  const double acceleration = std::abs(in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
+  const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
+  const double acceleration = std::abs(in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
   if (before == 0.0 || before * after > 0.0) return 0.0;
   if (after == 0.0) return acceleration <= mobility * std::abs(s_before) ? 0.0 : std::abs(before);
   const double after_turning = (std::abs(before) + std::abs(after)) / dt;
@@ -20,8 +20,8 @@ double turning_error(const NodeInputs& in, double dt, double before, double afte
 
 }  // namespace
 
-// By substeps, in parts of the step: each is accepted where two halves of it change T0, heat
-// and jump by little, else tried again half as long; where they change very little the next is twice as long.
+// Times are in parts of the step. A substep is accepted if its two halves change T0, heat and jump by little, else it is
+// halved; after a very small change the next substep is twice as long.
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool forced = options.strategy == Strategy::kForceDriven;
   const double T_melt = options.soft.melting_temperature;

@@ -1,4 +1,4 @@
-// The force-driven step with plastic strain, every equation said once and every answer looked for.
+// The force-driven step with plastic strain: each equation is written once, and all roots are searched for.
 #include <algorithm>
 #include <cmath>
 
@@ -8,23 +8,23 @@
 namespace shearbus::physics::reference {
 namespace {
 
-// One way the step of a flowing layer may end.
+// A candidate solution of the step of a flowing layer.
 struct Candidate {
   double stress, flux, slip;
   bool sticks;
 };
 
-// Everything DLP (48), (61), (64) and the interface law ask of the step of a flowing layer, said once per equation.
+// The equations of the step of a flowing layer: DLP (48), (61), (64) and the interface law, a function each.
 struct FlowingStep {
   FlowingStep(const ModelOptions& model_options, double step, const NodeInputs& inputs, const NodeState& state)
       : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
     T_ad = conduct(options, dt, {}, profile_of(state));
     B = unit_response(options, dt, {}, T_ad);
-    jump_free = in.velocity_jump + dt * (in.stress_minus / in.mass_minus + in.stress_plus / in.mass_plus);
-    per_stress = dt * (1.0 / in.mass_minus + 1.0 / in.mass_plus);
+    jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+    per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
     const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
     direction = leads < 0.0 ? -1.0 : 1.0;
-    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_rate : 0.0;
+    drive = leads != 0.0 ? kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate : 0.0;
     ceiling_strength = strength_ceiling(soft);
     T_melt = at_pressure(soft, in.pressure).melting_temperature;
   }
@@ -37,9 +37,9 @@ struct FlowingStep {
   }
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
+  double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
   double limit(double q) const {  // of the interface
-    return std::min(options.interface.friction_coefficient * in.pressure,
-                    options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
+    return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
   double ceiling(double q) const {  // of the layer
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
@@ -66,7 +66,7 @@ struct FlowingStep {
   double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
 };
 
-// The one stress at which the slip has ended by the end of the step.
+// The stress at which the slip has ended by the end of the step.
 Candidate stick_of(const FlowingStep& step, double beta_T) {
   const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
   const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
@@ -77,7 +77,7 @@ Candidate stick_of(const FlowingStep& step, double beta_T) {
   return {stress, flux(stress), step.stopping_slip(stress), true};
 }
 
-// Fluxes up to the one that melts the vertex, fine near melting.
+// Appends heat fluxes up to the flux that melts the vertex, closely spaced near melting.
 void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& fluxes) {
   const double to_melting = step.T_melt - step.T_ad[vertex];
   for (int i = 0; i < kScan / 8 && to_melting > 0.0; ++i) {
@@ -88,7 +88,7 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
   }
 }
 
-// Every slip: with the heat flux given, T0 is, and with it the stress; the slip must make that heat. In flux's order.
+// All sliding solutions, by rising heat flux. The flux gives T0, T0 the stress; the work of that stress must be the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
   if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // molten
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
@@ -100,17 +100,17 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   fluxes.erase(std::unique(fluxes.begin(), fluxes.end()), fluxes.end());
   const auto stress = [&](double q) { return std::min(step.limit(q), step.ceiling(q)); };
   const auto balance = [&](double q) { return q - beta_T * stress(q) * step.slip(stress(q), q); };
-  // At the ceiling the layer takes any slip: the interface slips beside it only where its own limit is as low.
+  // A layer at its ceiling takes any slip, so the interface slips only where its own limit is not higher.
   const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
   std::vector<Candidate> found;
   const auto add = [&](double q) {
-    if (stress(q) > a_stick) return;  // it would have stuck before the step was over
+    if (stress(q) > a_stick) return;  // the interface would stick before the end of the step
     const double a = stress(q);
     found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
   };
   for (std::size_t i = 0; i + 1 < fluxes.size(); ++i) {
     double lo = fluxes[i], hi = fluxes[i + 1];
-    if (at_interface(lo) != at_interface(hi)) {  // where both hold the layer takes what is left
+    if (at_interface(lo) != at_interface(hi)) {  // where the two limits are equal the layer takes the rest of the slip
       const bool from_interface = at_interface(lo);
       const double both = bisect([&](double x) { return at_interface(x) == from_interface ? -1.0 : 1.0; }, lo, hi);
       if (balance(both) <= 0.0) add(both);
@@ -145,19 +145,19 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
     return out;
   }
 
-  // 1. Every answer. A stuck interface sticks if it can; a slipping one goes on beside a layer that does not flow, and
-  //    where that is none it sticks if it can.
+  // 1. All solutions. A stuck interface sticks if it can. A slipping interface continues next to a layer that does not
+  //    flow; without such a solution it sticks if it can.
   const Candidate stick = stick_of(step, beta_T);
   const bool can_stick = stick.stress <= step.limit(stick.flux) * (1.0 + 1e-13);
   const std::vector<Candidate> slips = slips_of(step, beta_T, stick.stress);
   const auto rigid_under = [&](double a, double q) { return step.flow(a, q) == 0.0 && a <= step.ceiling(q); };
   const bool rigid_slip = !slips.empty() && rigid_under(slips.back().stress * (1.0 - 1e-11), slips.back().flux);
   const bool by_rounding = rigid_slip && !rigid_under(slips.back().stress * (1.0 + 1e-9), slips.back().flux);
-  const bool molten = step.limit(0.0) <= 0.0;  // sticks to nothing
+  const bool molten = step.limit(0.0) <= 0.0;  // a molten interface cannot stick
   const bool sticks = (can_stick && !molten && (state.sticking || !rigid_slip)) || slips.empty();
   const Candidate taken = sticks ? stick : slips.back();
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
-  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // whether the layer flows decides, and just does
+  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the layer flows
 
   // 2. Strain, the surplus over (48) at the hottest vertex where the ceiling holds the stress.
   const double a = taken.stress;
@@ -186,7 +186,8 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.friction_heat = taken.flux * dt;
   out.interface_temperature = state.temperature[0];
   const bool melting = state.temperature[taken.sticks ? hottest : 0] >= 0.99 * step.T_melt;
-  const bool coulomb = options.interface.friction_coefficient * in.pressure <= step.limit(taken.flux);
+  const double friction = step.friction(taken.flux);
+  const bool coulomb = friction > 0.0 && friction <= step.limit(taken.flux);
   out.regime = taken.sticks && !flows     ? Regime::kStick
                : !taken.sticks && coulomb ? Regime::kCoulomb
                : melting                  ? Regime::kMelting

@@ -40,7 +40,7 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 
 namespace {
 
-// The rows of a node without profile, read as those before z = 0 and z = 0 itself: HeatModes' list, K's own integral.
+// State rows of a model without a temperature profile: one row per mode of HeatModes, then T0, by the exact integral of K.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;

@@ -1,4 +1,4 @@
-// What the twin's steps are made of.
+// Pieces of the twin's steps.
 #pragma once
 
 #include <functional>
@@ -10,7 +10,7 @@ namespace shearbus::physics::reference {
 
 inline constexpr int kScan = 4000;  // points in the search for sign changes
 
-// The only zero of f in [lo, hi], f rising from negative. No tolerance: until no number lies between.
+// The only zero of f in [lo, hi], where f rises from negative values. Bisects until no number lies between the ends.
 double bisect(const std::function<double(double)>& f, double lo, double hi);
 
 // One value per row of the heat grid, read from z = 0 into the soft body.
@@ -22,14 +22,14 @@ struct Profile {
 
 Profile profile_of(const NodeState& state);
 
-// Share of the friction power that heats what conducts.
+// Share of the friction power that heats the conducting bodies.
 double conducted_share(const ModelOptions& options);
 
 // Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
 // body and insulated far ends: DLP (20-31).
 Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old);
 
-// To 1 W/m2 at z = 0, or shared over the layer as `shape` says.
+// The response of the temperatures to 1 W/m2 at z = 0, or distributed over the layer by `shape`.
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like);
 
 // T at the end of a step with flux q: T_ad + q B.
@@ -37,18 +37,22 @@ struct Heat {
   Profile T_ad, B;
 };
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old);
-// The second stage of SDIRK2 from the rows the first one ended with.
+// The second stage of SDIRK2, from the temperatures at the end of the first stage.
 inline constexpr double kGamma = 0.29289321881345254;
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
-// Whether a second-order step stays between what was there and melting.
+// Whether the temperatures of a second-order step stay between the coldest old one and melting.
 bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T);
 
-// T = T_ad + q B, kept.
+// Sets the temperatures of the state to T_ad + q B.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
 
 // dep of one vertex under a stress magnitude [Pa], by the flow law of the material as its paper prints it.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
+
+// The friction coefficient at z = 0, as printed: of the interface law, or of a velocity-driven layer the coefficient of
+// its Coulomb limit; infinity without friction.
+double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip);
 
 // The force-driven step with plastic strain.
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
@@ -56,7 +60,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
 // The velocity-driven step of a layer with inertia.
 NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
-// A step by the options' own integrator, and one cut until its error is below the options' tolerance.
+// A step by the integrator of the options, and a step in substeps whose error is below the tolerance of the options.
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 

@@ -1,9 +1,8 @@
-// The step of one layer with inertia, scalar and slow: the twin of solver/layer_waves.
+// The step of one layer with inertia, scalar and slow: the twin of solver/velocity_driven/waves.
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/material/strength.hpp"
@@ -21,14 +20,11 @@ struct Layer {
 
   int cells() const { return grid.num_cells(); }
   double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
-  double coulomb() const {
-    return options.friction_coefficient ? *options.friction_coefficient * in.pressure
-                                        : std::numeric_limits<double>::infinity();
-  }
+  double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
 };
 
-// What a vertex keeps of a trial stress magnitude: s + sqrt(3) G0 dep = t, s = Y(ep + dep)/sqrt(3), by bisection in
-// dep.
+// Return of a trial stress magnitude t to the flow stress at a vertex: s + sqrt(3) G0 dep = t, s = Y(ep + dep)/sqrt(3),
+// by bisection in dep.
 struct Kept {
   double stress, growth, slope;
 };
@@ -43,7 +39,7 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
     (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
   }
-  // How fast the strength rises there, from the law itself.
+  // Slope of the strength there, from the law.
   const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
   const bool capped = m.yield_strength * std::pow(hardened, m.hardening_exponent) >= m.yield_strength_max;
   const double rate = capped ? 0.0 : yield(lo) * m.hardening_exponent * m.hardening_coefficient / hardened;
@@ -81,7 +77,7 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   }
 }
 
-// rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36): how far from it.
+// Residual of rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
 Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
   Eigen::VectorXd r(layer.cells());
   for (int c = 0; c < layer.cells(); ++c) {
@@ -91,8 +87,8 @@ Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
   return r;
 }
 
-// At given temperatures the balance is that of a convex energy: Newton steps cut to where the energy is lowest along
-// them.
+// At given temperatures the balance is the gradient of a convex energy: Newton steps, each cut to the lowest energy along
+// it.
 void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
   const int n = layer.cells();
   look(layer, T, at);
@@ -155,7 +151,7 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
     for (int i = 0; i <= n; ++i) T[i] = T_ad[i] + q * B[i];
     balance(layer, T, at);
     return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
-           q;  // heat made beyond that assumed
+           q;  // heat released less the heat assumed
   };
   double flux = 0.0;
   double hi = std::max(0.0, (soft.melting_temperature - T_ad[0]) / B[0]);

@@ -2,11 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/ledger.hpp"
+#include "server/physics/solver/around/discretisation.hpp"
+#include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/around/tolerance.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/sleep.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
 
@@ -17,75 +23,21 @@ namespace {
 // side 2^1.5 smaller: six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
-TileLayout make_layout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes,
-                       int layer_vertices) {
-  TileLayout layout;
-  if (modes != nullptr) {
-    layout.num_vertices = 1;
-    layout.num_heat_modes = static_cast<std::size_t>(modes->num_rows()) - 1;
-    layout.heat_modes = 0;
-    layout.temperature = layout.num_heat_modes * kLanes;
-  } else {
-    layout.num_hard_vertices = static_cast<std::size_t>(heat_grid.interface);
-    layout.num_vertices = static_cast<std::size_t>(heat_grid.num_vertices()) - layout.num_hard_vertices;
-    if (layout.num_hard_vertices > 0) layout.hard_temperature = 0;
-    layout.temperature = layout.num_hard_vertices * kLanes;
-  }
-  layout.doubles = layout.temperature + layout.num_vertices * kLanes;
-  if (options.strategy == Strategy::kVelocityDriven || options.plastic_layer) {
-    layout.plastic_strain = layout.doubles;
-    layout.num_strain_vertices = static_cast<std::size_t>(layer_vertices);
-    layout.doubles += layout.num_strain_vertices * kLanes;
-  }
-  if (options.taylor_quinney_factor) {
-    layout.heat_shape = layout.doubles;
-    layout.doubles += layout.num_strain_vertices * kLanes;
-  }
-  if (options.inertia) {
-    layout.num_stress_vertices = static_cast<std::size_t>(layer_vertices);
-    layout.num_velocity_cells = layout.num_stress_vertices - 1;
-  }
-  layout.shear_stress = layout.doubles;
-  layout.doubles += layout.num_stress_vertices * kLanes;
-  if (options.inertia) {
-    layout.layer_velocity = layout.doubles;
-    layout.doubles += layout.num_velocity_cells * kLanes;
-  }
-  if (options.tangential_components == 2) {
-    layout.second_stress = layout.doubles;
-    layout.doubles += kLanes;
-  }
-  layout.regime = layout.doubles;
-  layout.doubles += kLanes;
-  if (options.plastic_layer) {
-    layout.sticking = layout.doubles;
-    layout.doubles += kLanes;
-  }
-  if (options.junctions) {
-    layout.junction_strain = layout.doubles;
-    layout.doubles += kLanes;
-  }
-  if (options.sleep) {
-    layout.resting = layout.doubles;
-    layout.doubles += std::size_t{2} * kLanes;
-  }
-  if (options.sleep && layout.plastic_strain != TileLayout::kAbsent) {
-    layout.weakest = layout.doubles;
-    layout.doubles += std::size_t{2} * kLanes;
-  }
-  return layout;
-}
-
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// The model that a sample of the nodes is solved with beside: nobody sleeps, and the heat has its profile.
-ModelOptions in_full(ModelOptions options) {
-  options.shadow_share = 0.0;
-  options.sleep = false;
-  options.modes.reset();
+// A velocity-driven interface has no yield limit of its own, and friction where the options name it.
+InterfaceOptions interface_of(const ModelOptions& options) {
+  if (options.strategy == Strategy::kForceDriven) return options.interface;
+  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  return {.friction_coefficient = options.friction_coefficient.value_or(kUnlimited), .yield_strength = kUnlimited};
+}
+
+// The options, or the exception that says what excludes what.
+const ModelOptions& possible(const ModelOptions& options) {
+  if (std::vector<Refusal> found = refusals(options); !found.empty()) throw RefusedOptions(std::move(found));
   return options;
 }
 
@@ -93,13 +45,14 @@ ModelOptions in_full(ModelOptions options) {
 
 Problem::Problem(const ModelOptions& model_options)
     : options(model_options),
+      interface(interface_of(model_options)),
       grid(model_options.grid),
       heat_grid(make_heat_grid(model_options, grid)),
       modes(model_options.modes
                 ? std::optional<HeatModes>(std::in_place, HeatKernel(model_options.soft, model_options.grid),
                                            *model_options.modes)
                 : std::nullopt),
-      layout(make_layout(model_options, heat_grid, modes ? &*modes : nullptr, grid.num_vertices())),
+      layout(model_options, heat_grid, modes ? &*modes : nullptr, grid.num_vertices()),
       basis(model_options.sleep
                 ? std::optional<HeatBasis>(std::in_place, heat_grid, model_options.soft, model_options.hard)
                 : std::nullopt),
@@ -108,25 +61,10 @@ Problem::Problem(const ModelOptions& model_options)
       heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {}
 
 struct Model::Impl : Problem {
-  explicit Impl(const ModelOptions& model_options) : Problem(model_options), whole(layout) {
-    if (model_options.shadow_share <= 0.0) return;
-    full.emplace(in_full(model_options));
-    whole.shadowed = layout.doubles;
-    whole.shadow = whole.shadowed + kLanes;
-    whole.doubles = whole.shadow + full->layout().doubles;
-  }
-
-  // Brings the shadow of a tile from `committed` to `trial`, stepping the lanes that are sampled, and says how far
-  // their answers are from `outputs`. `second`: where slip has two components, else null.
-  void step_shadow(const StepOperators& operators, const TileInputs& inputs, const SecondInputs* second,
-                   const double* committed, double* trial, TileOutputs& outputs,
-                   const SecondOutputs* second_outputs) const;
-
-  TileLayout whole;           // with the shadow, of which no solver knows
-  std::optional<Model> full;  // that which solves it
+  using Problem::Problem;
 };
 
-Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(possible(options))) {}
 Model::~Model() = default;
 Model::Model(Model&&) noexcept = default;
 
@@ -137,10 +75,7 @@ const Grid& Model::grid() const {
   return impl_->grid;
 }
 const TileLayout& Model::layout() const {
-  return impl_->whole;
-}
-const Model* Model::full() const {
-  return impl_->full ? &*impl_->full : nullptr;
+  return impl_->layout;
 }
 
 std::vector<std::string> Model::warnings() const {
@@ -200,9 +135,8 @@ double Model::interface_temperature(const double* tile, int lane) const {
 }
 
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
-  const TileLayout& layout = impl_->whole;
-  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen, nobody shadowed
-  if (impl_->full) impl_->full->initialise(tile + layout.shadow, temperature);
+  const TileLayout& layout = impl_->layout;
+  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
   if (layout.heat_modes != TileLayout::kAbsent) {
     std::copy_n(temperature, kLanes, tile + layout.heat_modes);
     std::copy_n(temperature, kLanes, tile + layout.temperature);
@@ -220,8 +154,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: the step is itself one so often halved, and no substep taken where an answer has a choice becomes shorter
-  // than the shortest of the whole one.
+  // `times`: how often the step is halved already; it leaves fewer halvings, so that the shortest substep of the ladder
+  // does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
@@ -234,103 +168,17 @@ std::shared_ptr<const StepOperators> Model::operators(double dt) const {
   };
   std::unique_ptr<StepOperators> operators = make(0);
   if (impl_->options.tolerance) operators->allow_halving(most_times_halved(dt), make);
-  if (impl_->full && impl_->modes) operators->set_full(impl_->full->operators(dt));
   return operators;
-}
-
-void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
-               TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  copy_lane(committed, trial, layout.doubles, lane);
-  outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
-  outputs.sliding_velocity[lane] = 0.0;
-  outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
-  outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
-  outputs.friction_heat[lane] = 0.0;
-  outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-  outputs.outcome[lane] = kFailed;
-}
-
-void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs) {
-  const bool sdirk2 = problem.options.time_integrator == TimeIntegrator::kSdirk2;
-  const AdvanceTile awake = problem.options.inertia ? advance_with_inertia
-                            : problem.options.strategy == Strategy::kVelocityDriven
-                                ? (sdirk2 ? advance_velocity_driven_sdirk2 : advance_velocity_driven)
-                            : problem.options.plastic_layer ? advance_force_driven_flowing
-                            : sdirk2                        ? advance_force_driven_sdirk2
-                                                            : advance_force_driven;
-  if (problem.basis) {
-    advance_with_sleep(problem, operators, awake, inputs, committed, trial, outputs);
-  } else {
-    awake(problem, operators, inputs, committed, trial, outputs);
-  }
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!(inputs.active >> lane & 1u)) {
-      copy_lane(committed, trial, problem.layout.doubles, lane);
-    } else if (!std::isfinite(outputs.shear_stress[lane]) || !std::isfinite(outputs.interface_temperature[lane]) ||
-               !std::isfinite(outputs.sliding_velocity[lane]) || !std::isfinite(outputs.velocity_jump_new[lane]) ||
-               !std::isfinite(outputs.friction_heat[lane])) {
-      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer.
-      keep_lane(problem, inputs, committed, trial, lane, outputs);
-    }
-  }
-}
-
-void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                   const double* committed, double* trial, TileOutputs& outputs) {
-  (problem.options.tolerance ? advance_controlled : advance_once)(problem, operators, inputs, committed, trial,
-                                                                  outputs);
-}
-
-void Model::Impl::step_shadow(const StepOperators& operators, const TileInputs& inputs, const SecondInputs* second,
-                              const double* committed, double* trial, TileOutputs& outputs,
-                              const SecondOutputs* second_outputs) const {
-  TileInputs sampled = inputs;
-  sampled.effort = nullptr;
-  sampled.active = 0;
-  for (int l = 0; l < kLanes; ++l) {
-    trial[whole.shadowed + l] = committed[whole.shadowed + l];
-    if (committed[whole.shadowed + l] != 0.0) sampled.active |= inputs.active & (1u << l);
-  }
-  const double* before = committed + whole.shadow;
-  double* after = trial + whole.shadow;
-  if (sampled.active == 0) {
-    std::copy_n(before, full->layout().doubles, after);
-    return;
-  }
-  TileOutputs in_full;
-  SecondOutputs second_in_full;
-  if (second != nullptr) {
-    full->advance(operators.full(), sampled, *second, before, after, in_full, second_in_full);
-  } else {
-    full->advance(operators.full(), sampled, before, after, in_full);
-  }
-  for (int l = 0; l < kLanes; ++l) {
-    if (!(sampled.active >> l & 1u)) continue;
-    const double across =
-        second != nullptr ? second_in_full.shear_stress[l] - second_outputs->shear_stress[l] : 0.0;  // [Pa]
-    outputs.shadow_temperature_error[l] = std::abs(in_full.interface_temperature[l] - outputs.interface_temperature[l]);
-    outputs.shadow_stress_error[l] = std::hypot(in_full.shear_stress[l] - outputs.shear_stress[l], across);
-  }
 }
 
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
-  advance_along(*impl_, operators, inputs, committed, trial, outputs);
-  if (impl_->full) impl_->step_shadow(operators, inputs, nullptr, committed, trial, outputs, nullptr);
+  advance_tile(*impl_, operators, inputs, committed, trial, outputs);
 }
 
-void Model::advance(const StepOperators& operators, const TileInputs& inputs, const SecondInputs& second,
-                    const double* committed, double* trial, TileOutputs& outputs, SecondOutputs& second_outputs) const {
-  advance_two_components(*impl_, operators, inputs, second, committed, trial, outputs, second_outputs);
-  if (impl_->full) impl_->step_shadow(operators, inputs, &second, committed, trial, outputs, &second_outputs);
-}
-
-void Model::book(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-                 const double* committed, const double* trial, TileLedger& ledger, const SecondInputs* second,
-                 const SecondOutputs* second_outputs) const {
-  book_step(*impl_, operators.dt(), inputs, outputs, second, second_outputs, committed, trial, ledger);
+void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                          const double* committed, const double* trial, TileLedger& ledger) const {
+  physics::record_energy(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
 }
 
 }  // namespace shearbus::physics

@@ -1,4 +1,4 @@
-// What a model knows before the first step: shared by both strategies, constant afterwards.
+// The constant part of a model, shared by all solvers: options, grids, state layout.
 #pragma once
 
 #include <array>
@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <string>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/grid.hpp"
@@ -21,7 +20,7 @@ namespace shearbus::physics {
 struct Problem {
   explicit Problem(const ModelOptions& model_options);
 
-  // Of the heat that the vertex at z = 0 holds.
+  // Fraction of the heat capacity of the vertex at z = 0 that belongs to the soft body.
   double soft_share_at_interface() const {
     const double own = options.soft.conductivity / options.soft.diffusivity *
                        heat_grid.weight[static_cast<std::size_t>(heat_grid.interface)];
@@ -29,35 +28,36 @@ struct Problem {
   }
 
   ModelOptions options;
+  InterfaceOptions interface;  // interface law of the strategy; velocity-driven: the Coulomb limit, if any, no yield
   Grid grid;
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // in place of a profile
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // where nodes at rest sleep
+  std::optional<HeatBasis> basis;  // with sleep
   int steps_before_sleep = 0;
-  int heat_rows;          // of the heat's state in a tile, from layout.first_temperature() on
-  double heat_partition;  // share of the friction power the conducting bodies take: beta_T, or all where both conduct
+  int heat_rows;          // rows of temperature or modes in a tile, from layout.first_temperature() on
+  double heat_partition;  // fraction of the friction power that enters the conducting bodies: beta_T, or 1 if both do
 };
 
-inline constexpr double kOutsideDomainShare = 0.1;  // slip may differ from an imposed jump by this much of it
+inline constexpr double kOutsideDomainShare = 0.1;  // largest difference of slip and imposed jump, relative to the jump
 
 inline std::uint8_t outside_domain(double slip, double jump) {
   return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
 }
 
-// The stress a lane's step starts from.
+// The stress from which the step of a lane starts  [Pa].
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
   return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
 }
 
-// The soft body as it is at each lane's pressure; itself where pressure does not change it.
+// The soft material at each lane's pressure; the same object for all lanes if the material does not depend on pressure.
 class LaneMaterials {
  public:
   LaneMaterials(const Material& soft, const TileInputs& inputs) : soft_(soft) {
     if (!soft.varies_with_compression()) return;
     at_.emplace();
     for (int l = 0; l < kLanes; ++l) {
-      const bool active = (inputs.active >> l & 1u) != 0;
+      const bool active = contains(inputs.active, l);
       (*at_)[static_cast<std::size_t>(l)] = at_pressure(soft, active ? inputs.pressure[l] : 0.0);
     }
   }
@@ -67,56 +67,5 @@ class LaneMaterials {
   const Material& soft_;
   std::optional<std::array<Material, kLanes>> at_;
 };
-// A tile is rows of kLanes doubles.
-inline void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
-  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
-}
-
-// One solution of the velocity-driven balance under given heat: a backward Euler step, or a stage of SDIRK2.
-struct BalanceStage {
-  const HeatOperator* heat;
-  double dt;                           // over which the jump acts  [s]
-  const double* early_flux = nullptr;  // of a second stage, which finds T_ad in `trial`: q of the first, [lane]  [W/m2]
-};
-void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
-                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
-
-// One step of the active lanes of a tile, the whole of `trial`: by the options' solver, or where they give a tolerance
-// in as many substeps as it takes. Lanes without an answer keep their state.
-void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs);
-void advance_controlled(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                        const double* committed, double* trial, TileOutputs& outputs);
-
-// The one or the other, as the options say; and where slip has two components, along the direction of the trial stress.
-void advance_along(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                   const double* committed, double* trial, TileOutputs& outputs);
-void advance_two_components(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                            const SecondInputs& second, const double* committed, double* trial, TileOutputs& outputs,
-                            SecondOutputs& second_outputs);
-
-// How often a step of a model with a tolerance may be halved.
-int most_times_halved(double dt);
-
-// What a model with a tolerance is made of, in a sentence. `modes`: how many there are.
-std::string discretisation_of(const ModelOptions& options, std::size_t modes);
-
-// A lane without an answer: the old state stays.
-void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
-               TileOutputs& outputs);
-
-// One step of the active lanes of a tile; the rest of `trial` is left for the caller.
-void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                             const double* committed, double* trial, TileOutputs& outputs);
-void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                    const double* committed, double* trial, TileOutputs& outputs);
-void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                 const double* committed, double* trial, TileOutputs& outputs);
-void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs);
-void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                          const double* committed, double* trial, TileOutputs& outputs);
-void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                  const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics

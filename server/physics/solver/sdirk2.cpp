@@ -1,43 +1,17 @@
 #include "server/physics/solver/sdirk2.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-#include <vector>
 
-#include "server/physics/interface/stress_limit.hpp"
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/rigid_slip.hpp"
-#include "server/physics/solver/step_operators.hpp"
-
-namespace shearbus::physics {
+namespace shearbus::physics::sdirk2 {
 namespace {
 
-using sdirk2::kDiagonal;
-using sdirk2::kExtrapolation;
-using sdirk2::kFirstWeight;
-
 constexpr double kRounding = 1e-12;  // relative: below the coldest by this much is rounding
-constexpr double kMet = 1e-9;        // relative: how far a stress may be from its limit
 
-bool is_in(std::uint32_t lanes, int lane) {
-  return (lanes >> lane & 1u) != 0;
-}
+}  // namespace
 
-// Whether flux leaves every vertex of a lane below melting: an extrapolated profile may be hottest inside.
-bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
-  for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
-    if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
-  }
-  return true;
-}
-bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, double T_melt, const double* rows) {
-  return rows[(num_rows - 1) * kLanes + lane] + flux * step.response < T_melt;
-}
-
-// Where the second stage starts from, all lanes: T_old + r (T1 - T_old), conducted. `T` holds T1.
-void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old, const double (&)[kLanes],
-                        double* T) {
+void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,
+                        const double (&/*early_flux*/)[kLanes], double* T) {
   for (std::ptrdiff_t i = 0; i < num_rows * std::ptrdiff_t{kLanes}; ++i)
     T[i] = T_old[i] + kExtrapolation * (T[i] - T_old[i]);
   conduct(stage, num_rows, T, T);
@@ -48,15 +22,6 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
   for (int l = 0; l < kLanes; ++l) add_early_flux_lane(step, num_rows, l, early_flux[l], rows);
 }
 
-// A tile beside the caller's.
-double* scratch_tile(std::size_t doubles) {
-  thread_local std::vector<double> tile;
-  if (tile.size() < doubles) tile.resize(doubles);
-  return tile.data();
-}
-
-// The lanes whose extrapolated temperatures are colder than all there was, or molten: what backward Euler could not do.
-// Coldest to rounding is set to coldest.
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T) {
   const std::ptrdiff_t rows = problem.heat_rows;
   // Modes are positive shares of T0: it cannot fall below where it started, and the rest are no temperatures.
@@ -75,8 +40,7 @@ std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& input
     }
   }
   std::uint32_t out = 0;
-  for (int l = 0; l < kLanes; ++l) {
-    if (!is_in(inputs.active, l)) continue;
+  for (const int l : lanes_of(inputs.active)) {
     const double T_melt = at_pressure(problem.options.soft, inputs.pressure[l]).melting_temperature;
     if (!(highest[l] < T_melt) || !(lowest[l] >= coldest[l] * (1.0 - kRounding))) {
       out |= 1u << l;
@@ -87,211 +51,4 @@ std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& input
   return out;
 }
 
-}  // namespace
-
-// The balance is exact over a step of any length: only heat is approximated in time. Both stages therefore start from
-// the old stress and strain, the first over gamma dt for its flux alone, the second over dt for the answer.
-void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                    const double* committed, double* trial, TileOutputs& outputs) {
-  const HeatOperator& stage = operators.stage();
-  const int n = problem.heat_rows;
-  const double* T_old = committed + problem.layout.first_temperature();
-  double* T = trial + problem.layout.first_temperature();
-
-  // 1. The step up to gamma dt.
-  solve_balance(problem, operators, {&stage, stage.dt}, inputs, committed, trial, outputs);
-  double early_flux[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) {
-    if (is_in(inputs.active, l)) early_flux[l] = outputs.friction_heat[l] / stage.dt;
-  }
-
-  // 2. The whole step from where that points to.
-  begin_second_stage(stage, n, T_old, early_flux, T);
-  const std::uint32_t fallen_back = lanes_out_of_range(problem, inputs, T_old, T);
-  TileInputs theirs = inputs;
-  theirs.active = inputs.active & ~fallen_back;
-  solve_balance(problem, operators, {&stage, operators.dt(), early_flux}, theirs, committed, trial, outputs);
-
-  // 3. Where it points nowhere: backward Euler.
-  if (fallen_back == 0) return;
-  const std::size_t doubles = problem.layout.doubles;
-  double* beside = scratch_tile(doubles);
-  theirs.active = fallen_back;
-  advance_velocity_driven(problem, operators, theirs, committed, beside, outputs);
-  for (int l = 0; l < kLanes; ++l) {
-    if (!is_in(fallen_back, l)) continue;
-    copy_lane(beside, trial, doubles, l);
-    outputs.outcome[l] |= kFirstOrder;
-  }
-}
-
-namespace {
-
-// One lane of a force-driven step, in magnitudes along its direction.
-struct StagedLane {
-  StressLimit limit;
-  Forcing forcing;
-  double direction;  // of the jump, or of what sets it off
-  double jump_old;   // along the direction  [m/s]
-  bool at_rest = false;
-  double early_stress = 0.0;  // of the first stage  [Pa]
-  double stress = 0.0;        // mean of the step    [Pa]
-  double slip = 0.0;          // [V]mid              [m/s]
-};
-
-double free_jump(const StagedLane& lane, double dt) {
-  return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
-}
-
-// First stage: stress and flux at gamma dt, the slip being that at its end. False where the jump turns or stops within
-// the step or the stress has a choice: a kink, which is backward Euler's.
-bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
-                 double guess, double& flux) {
-  flux = 0.0;
-  if (lane.limit.pressure <= 0.0) return true;
-  const double free = free_jump(lane, dt);
-  if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
-  const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
-  const double a_stick = free / heating.b;
-  if (spare_strength(lane.limit, heating, a_stick) >= 0.0) {
-    lane.at_rest = lane.jump_old == 0.0;
-    lane.early_stress = a_stick;
-    return lane.at_rest;
-  }
-  if (!slip_is_unique(lane.limit, heating, a_stick)) return false;
-  lane.early_stress = slip_stress(lane.limit, heating, a_stick, guess);
-  flux = heat_partition * (lane.early_stress * heating.slip(lane.early_stress));
-  return true;
-}
-
-// Second stage, for the mean stress a of the step, of which the first stage's has the share 1 - gamma:
-//   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat is the work taken out of the bodies, as in a backward Euler step.
-bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
-                  double& flux) {
-  flux = 0.0;
-  const double free = free_jump(lane, dt);
-  if (lane.limit.pressure <= 0.0) {
-    lane.slip = 0.5 * (lane.jump_old + free);
-    return true;
-  }
-  if (lane.at_rest) {
-    lane.stress = lane.early_stress;
-    return lane.limit.at(T_ad).stress >= lane.stress;
-  }
-  StressLimit limit = lane.limit;
-  limit.coulomb *= kDiagonal;
-  limit.tresca *= kDiagonal;
-  limit.offset = kFirstWeight * lane.early_stress;
-  const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
-                                0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
-  const double a_stick = free / (dt * lane.forcing.mobility);
-  if (spare_strength(limit, heating, a_stick) >= 0.0 || !slip_is_unique(limit, heating, a_stick)) return false;
-  const double a = slip_stress(limit, heating, a_stick, lane.early_stress);
-  lane.stress = a;
-  lane.slip = heating.slip(a);
-  flux = (heat_partition * (a * lane.slip) - kFirstWeight * early_flux) / kDiagonal;
-  const double T0 = T_ad + B0 * flux;
-  return flux >= 0.0 && std::abs(limit.at(T0).stress - a) <= kMet * a;
-}
-
-template <class Heat>
-void advance(const Problem& problem, const StepOperators& operators, const Heat& first, const Heat& second,
-             const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  const InterfaceOptions& law = problem.options.interface;
-  const int n = problem.heat_rows;
-  const double dt = operators.dt();
-  const double* T_old = committed + layout.first_temperature();
-  double* T = trial + layout.first_temperature();
-  const double* T0 = trial + layout.temperature;
-  std::uint32_t taken = inputs.active;
-  const auto drop = [&](int lane) { taken &= ~(1u << lane); };
-
-  // 1. First stage: conduction, then stress and flux lane by lane.
-  StagedLane lanes[kLanes];
-  Material soft[kLanes];
-  double early_flux[kLanes] = {};
-  conduct(first, n, T_old, T);
-  for (int l = 0; l < kLanes; ++l) {
-    if (!is_in(taken, l)) continue;
-    soft[l] = at_pressure(problem.options.soft, inputs.pressure[l]);
-    const double jump = inputs.velocity_jump[l];
-    StagedLane& lane = lanes[l];
-    lane.limit = {law.friction_coefficient * inputs.pressure[l], law.yield_strength / kSqrt3, inputs.pressure[l],
-                  &soft[l]};
-    lane.limit.effort = inputs.effort;
-    lane.forcing = forcing_of(inputs, l);
-    lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
-    lane.jump_old = lane.direction * jump;
-    if (!first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
-                     std::abs(stress_before(layout, inputs, committed, l)), early_flux[l])) {
-      drop(l);
-      early_flux[l] = 0.0;
-    }
-  }
-  add_flux(first, n, early_flux, T);
-
-  // 2. Second stage.
-  begin_second_stage(second, n, T_old, early_flux, T);
-  taken &= ~lanes_out_of_range(problem, inputs, T_old, T);
-  double flux[kLanes] = {};
-  for (int l = 0; l < kLanes; ++l) {
-    if (!is_in(taken, l)) continue;
-    const bool found =
-        second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
-    if (!found || !stays_solid(second, n, l, flux[l], soft[l].melting_temperature, T)) {
-      drop(l);
-      flux[l] = 0.0;
-    }
-  }
-
-  add_flux(second, n, flux, T);
-
-  // 3. Lanes it is not for: backward Euler.
-  if (const std::uint32_t fallen_back = inputs.active & ~taken; fallen_back != 0) {
-    TileInputs theirs = inputs;
-    theirs.active = fallen_back;
-    double* beside = scratch_tile(layout.doubles);
-    advance_force_driven(problem, operators, theirs, committed, beside, outputs);
-    for (int l = 0; l < kLanes; ++l) {
-      if (!is_in(fallen_back, l)) continue;
-      copy_lane(beside, trial, layout.doubles, l);
-      // A node that stops or rests has no slip to be accurate about.
-      if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
-    }
-  }
-
-  // 4. Answers.
-  for (int l = 0; l < kLanes; ++l) {
-    if (!is_in(taken, l)) continue;
-    const StagedLane& lane = lanes[l];
-    const bool open = inputs.pressure[l] <= 0.0;
-    outputs.shear_stress[l] = lane.direction * lane.stress;
-    outputs.sliding_velocity[l] = lane.direction * lane.slip;
-    outputs.velocity_jump_new[l] =
-        lane.at_rest ? 0.0 : lane.direction * (free_jump(lane, dt) - lane.stress * (dt * lane.forcing.mobility));
-    outputs.friction_heat[l] = dt * (kFirstWeight * early_flux[l] + kDiagonal * flux[l]);
-    outputs.interface_temperature[l] = T0[l];
-    outputs.regime[l] = open           ? Regime::kOpen
-                        : lane.at_rest ? Regime::kStick
-                                       : slip_regime(lane.limit, T0[l], lane.slip);
-    outputs.outcome[l] = 0;
-    trial[layout.shear_stress + l] = outputs.shear_stress[l];
-    trial[layout.regime + l] = static_cast<double>(outputs.regime[l]);
-  }
-}
-
-}  // namespace
-
-void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                 const double* committed, double* trial, TileOutputs& outputs) {
-  if (problem.modes) {
-    const StepOperators::ModeStages& stages = operators.mode_stages();
-    advance(problem, operators, stages.first, stages.second, inputs, committed, trial, outputs);
-  } else {
-    advance(problem, operators, operators.stage(), operators.stage(), inputs, committed, trial, outputs);
-  }
-}
-
-}  // namespace shearbus::physics
+}  // namespace shearbus::physics::sdirk2

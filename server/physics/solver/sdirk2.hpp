@@ -5,10 +5,26 @@
 // the interface law in it. It needs no slope from before the step, which a host's jump may have made stale.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/solver/problem.hpp"
+
 namespace shearbus::physics::sdirk2 {
 
 inline constexpr double kDiagonal = 0.29289321881345254;     // gamma = 1 - 1/sqrt(2)
 inline constexpr double kExtrapolation = 2.414213562373095;  // r = 1 + sqrt(2)
 inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // of the first stage in the step's mean; kDiagonal: second
+
+// Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T` holds T1.
+void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,
+                        const double (&early_flux)[kLanes], double* T);
+void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],
+                        double* rows);
+
+// Active lanes whose extrapolated temperatures are below the lowest old temperature or not below melting; backward
+// Euler cannot produce either. A temperature below the lowest old one by rounding only is set to the lowest.
+std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T);
 
 }  // namespace shearbus::physics::sdirk2

@@ -1,5 +1,4 @@
-// What a step length costs once: the heat operator of dt, those of its halvings, and those of the stages of a
-// second-order step.
+// Heat operators of one step length: of dt, of its halvings, and of the stages of SDIRK2.
 #pragma once
 
 #include <deque>
@@ -13,17 +12,16 @@
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/layer/modes.hpp"
-#include "server/physics/solver/layer_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 
 namespace shearbus::physics {
 
 class StepOperators {
  public:
-  // `halvings` operators beyond the first: dt/2, dt/4, ... Few steps ask for them, so that they are made when one does;
-  // grids and materials, which are the model's, must outlive this.
-  // `spread`: with what heat released across the layer needs. `stages`: with those of SDIRK2. `basis`: of a model whose
-  // nodes sleep, or null.
+  // Operators with a temperature profile. The operators of dt/2, dt/4, ..., `halvings` of them, are made when a step first
+  // needs them. Grids and materials belong to the model and must outlive this object. `spread`: with sources across the
+  // layer. `stages`: with SDIRK2's. `basis`: modes for sleeping nodes, or null.
   StepOperators(const Grid& layer, const HeatGrid& grid, const Material& soft, const Material& hard, double dt,
                 int halvings, bool spread, bool stages, const HeatBasis* basis)
       : dt_(dt), bodies_({&grid, &soft, &hard}), heat_(std::in_place, grid, soft, hard, dt) {
@@ -36,7 +34,7 @@ class StepOperators {
     num_heated_ = layer.num_vertices();
   }
 
-  // Of a model that keeps no profile; the modes, which are the model's, must outlive this.
+  // Operators of a model with modes instead of a profile. The modes belong to the model and must outlive this object.
   StepOperators(const HeatModes& modes, double dt, int halvings, bool stages)
       : dt_(dt), all_modes_(&modes), modes_(std::in_place, modes, dt) {
     if (stages) mode_stages_.emplace(ModeStages{{modes, sdirk2::kDiagonal * dt}, {modes, dt, sdirk2::kDiagonal}});
@@ -44,8 +42,8 @@ class StepOperators {
   }
 
   const HeatOperator& heat() const { return *heat_; }
-  const ModeOperator& modes() const { return *modes_; }  // where there is no profile
-  // Of dt / 2^k. They allocate nothing; several threads may ask at once.
+  const ModeOperator& modes() const { return *modes_; }
+  // Operators of dt / 2^k. Thread-safe, without allocation.
   const HeatOperator& heat_halved(int k) const {
     Shorter<HeatOperator>& shorter = shorter_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.factorise(*bodies_.grid, *bodies_.soft, *bodies_.hard); });
@@ -58,8 +56,7 @@ class StepOperators {
   }
   int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one is empty
 
-  // Where the error of a step is controlled: those of its halves, quarters, ... Each is made when a step first asks for
-  // it; several threads may ask at once.
+  // For a tolerance: the StepOperators of dt/2, dt/4, ... Each is made when a step first needs it; thread-safe.
   using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;
   void allow_halving(int most_times, MakeHalved make) {
     make_halved_ = std::move(make);
@@ -73,16 +70,12 @@ class StepOperators {
   }
   int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
-  // Of the model that a shadow is solved with, where its own are not these.
-  void set_full(std::shared_ptr<const StepOperators> operators) { full_ = std::move(operators); }
-  const StepOperators& full() const { return full_ ? *full_ : *this; }
-
   double dt() const { return dt_; }
-  const double* decay() const { return decay_.data(); }  // of the modes in which sleepers' heat is held
+  const double* decay() const { return decay_.data(); }  // factor of each mode of sleeping nodes
   const SpreadHeat& spread() const { return *spread_; }
-  int num_heated() const { return num_heated_; }  // vertices the heat of one step of dt reaches
+  int num_heated() const { return num_heated_; }  // vertices that the heat of one step reaches
 
-  // SDIRK2: both stages of a profile solve with the same operator; modes go over the first stage and over the step.
+  // SDIRK2: with a profile both stages use the operator of gamma dt; with modes the second goes over the whole step.
   struct ModeStages {
     ModeOperator first, second;
   };
@@ -117,7 +110,6 @@ class StepOperators {
   mutable std::deque<Shorter<ModeOperator>> shorter_modes_;
   mutable std::deque<Halved> halved_;
   MakeHalved make_halved_;
-  std::shared_ptr<const StepOperators> full_;
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;

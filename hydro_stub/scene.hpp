@@ -1,0 +1,28 @@
+// A scene of shearbus-hydro: a scene of the contract and the table [hydro], in one TOML file.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "hydro_stub/hydro.pb.h"
+#include "proto/scene/reader.hpp"
+
+namespace shearbus::hydro {
+
+struct SceneFile {
+  guest::HydroScene scene;  // with its defaults
+  std::string text;
+  scene::Document document;
+
+  // The text for the server: without [hydro], every other key on its line.
+  std::string server_text() const;
+};
+
+// Throw wire::Error{kInvalidScene} that lists every fault.
+SceneFile parse_scene(std::string text, std::string file);
+SceneFile load_scene(const std::filesystem::path& path);
+
+// The reference of every key, as Markdown.
+std::string reference();
+
+}  // namespace shearbus::hydro

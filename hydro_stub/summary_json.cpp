@@ -1,0 +1,21 @@
+#include "hydro_stub/summary_json.hpp"
+
+#include <nlohmann/json.hpp>
+
+namespace shearbus::hydro {
+
+nlohmann::ordered_json as_json(const wire::EnergyTotals& energy) {
+  nlohmann::ordered_json out;
+  for (const wire::Field term : wire::kLedgerColumns) out[name(term)] = energy.mean(term);
+  return out;
+}
+
+nlohmann::ordered_json as_json(const OmittedCost& omitted) {
+  nlohmann::ordered_json out = {{"parts", omitted.parts},
+                                {"bytes_per_node", omitted.bytes_per_node},
+                                {"bytes_per_node_with_everything", omitted.bytes_per_node_with_everything}};
+  if (omitted.share_asleep) out["share_asleep"] = *omitted.share_asleep;
+  return out;
+}
+
+}  // namespace shearbus::hydro

@@ -1,0 +1,426 @@
+#include "proto/scene/reader.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+#include "proto/wire/limits.hpp"
+#include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
+
+namespace shearbus::scene {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using wire::as_utf8;
+using wire::nearest;
+
+constexpr std::size_t kMaxFaultsListed = 50;
+
+Place place_of(const toml::key& key, const toml::node& node) {
+  const toml::source_position& at =
+      node.is_table() && node.source().begin.line > 0 ? node.source().begin : key.source().begin;
+  return {at.line, at.column};
+}
+
+// What a TOML value is, in a user's words.
+std::string kind_of(const toml::node& node) {
+  switch (node.type()) {
+    case toml::node_type::table:
+      return "a table";
+    case toml::node_type::array:
+      return node.is_array_of_tables() ? "an array of tables" : "a list";
+    case toml::node_type::string:
+      return "text";
+    case toml::node_type::integer:
+      return "an integer";
+    case toml::node_type::floating_point:
+      return "a number";
+    case toml::node_type::boolean:
+      return "a boolean";
+    default:
+      return "a date or time";
+  }
+}
+
+std::string found(const toml::node& node) {
+  constexpr std::size_t kShown = 40;
+  if (node.is_table() || node.is_array()) return "found " + kind_of(node);
+  std::ostringstream text;
+  if (const toml::value<std::string>* string = node.as_string())
+    text << '"' << as_utf8(string->get(), kShown) << '"';
+  else
+    node.visit([&](const auto& value) { text << value; });
+  return fmt::format("found {} {}", kind_of(node), text.str());
+}
+
+// A table of a message and, behind it, the tables of the messages merged into it.
+struct Slot {
+  Message* message = nullptr;
+  const FieldDescriptor* field = nullptr;
+};
+
+Slot find_slot(Message& message, const std::string& key) {
+  const Descriptor& table = *message.GetDescriptor();
+  if (const FieldDescriptor* field = table.FindFieldByName(key); field && !rule_of(*field).merged())
+    return {&message, field};
+  for (int i = 0; i < table.field_count(); ++i) {
+    if (!rule_of(*table.field(i)).merged()) continue;
+    if (const Slot found = find_slot(*message.GetReflection()->MutableMessage(&message, table.field(i)), key);
+        found.field)
+      return found;
+  }
+  return {};
+}
+
+// TOML tables into messages of the schema. Types are checked here, values by the rules.
+class Reader {
+ public:
+  Reader(const Descriptor& root, std::map<std::string, Place, std::less<>>& places, std::vector<Fault>& faults)
+      : root_(root), places_(places), faults_(faults) {}
+
+  void table(const toml::table& from, Message& to, const std::string& path) {
+    for (const auto& [key, node] : from) {
+      const auto [message, field] = find_slot(to, std::string(key.str()));
+      const Place place = place_of(key, node);
+      if (!field) {
+        unknown(key.str(), *to.GetDescriptor(), path, place);
+        continue;
+      }
+      const std::string name = path_of(path, *field);
+      places_[name] = place;
+      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+        if (const toml::table* inner = node.as_table())
+          table(*inner, *message->GetReflection()->MutableMessage(message, field), name);
+        else
+          fault(name, fmt::format("{0} is a table: expected [{0}] and its keys, {1}", name, found(node)));
+      } else {
+        value(node, *message, *field, name);
+      }
+    }
+  }
+
+ private:
+  void fault(std::string path, std::string text, std::optional<Place> place = {}) {
+    faults_.push_back({std::move(path), std::move(text), place});
+  }
+
+  void unknown(std::string_view key, const Descriptor& table, const std::string& path, Place place) {
+    std::vector<std::string_view> known;
+    for (const FieldDescriptor* field : keys_of(table)) known.push_back(field->name());
+    constexpr std::size_t kShown = 60;
+    std::string text = fmt::format("{}{} is not a key of {}", path.empty() ? "" : path + ".", as_utf8(key, kShown),
+                                   path.empty() ? "a scene" : "[" + path + "]");
+    if (const std::string tables = tables_with(key, root_, ""); !tables.empty())
+      text += fmt::format("; it is a key of {}", tables);
+    else if (const std::string_view near = nearest(key, known); !near.empty())
+      text += fmt::format("; did you mean \"{}\"?", near);
+    else
+      text += fmt::format("; expected one of {}", fmt::join(known, ", "));
+    fault(fmt::format("{}{}", path.empty() ? "" : path + ".", as_utf8(key, kShown)), std::move(text), place);
+  }
+
+  // The tables that have this key, e.g. "[soft], [hard]".
+  static std::string tables_with(std::string_view key, const Descriptor& table, const std::string& path) {
+    std::string names;
+    const auto add = [&](const std::string& name) { names += names.empty() || name.empty() ? name : ", " + name; };
+    for (const FieldDescriptor* field : keys_of(table))
+      if (field->name() == key) add(path.empty() ? "the scene itself, before the first [table]" : "[" + path + "]");
+    for (const FieldDescriptor* field : keys_of(table))
+      if (const Descriptor* inner = field->message_type()) add(tables_with(key, *inner, path_of(path, *field)));
+    return names;
+  }
+
+  void value(const toml::node& node, Message& to, const FieldDescriptor& field, const std::string& name) {
+    if (field.is_repeated()) return list(node, to, field, name);
+    switch (field.cpp_type()) {
+      case FieldDescriptor::CPPTYPE_DOUBLE: {
+        double number = 0.0;
+        if (read_number(node, field, name, number)) to.GetReflection()->SetDouble(&to, &field, number);
+        break;
+      }
+      case FieldDescriptor::CPPTYPE_UINT32: {
+        const auto number = node.value_exact<std::int64_t>();
+        if (!number || *number < 0 || *number > std::numeric_limits<std::uint32_t>::max())
+          fault(name, fmt::format("{}: expected an integer, {}{}", name, bounds_of(field), ", " + found(node)));
+        else
+          to.GetReflection()->SetUInt32(&to, &field, static_cast<std::uint32_t>(*number));
+        break;
+      }
+      case FieldDescriptor::CPPTYPE_BOOL:
+        if (const auto yes = node.value_exact<bool>())
+          to.GetReflection()->SetBool(&to, &field, *yes);
+        else
+          fault(name, fmt::format("{}: expected true or false, {}", name, found(node)));
+        break;
+      case FieldDescriptor::CPPTYPE_ENUM:
+        choice(node, to, field, name);
+        break;
+      case FieldDescriptor::CPPTYPE_STRING:
+        if (const auto text = node.value_exact<std::string>(); !text)
+          fault(name, fmt::format("{}: expected text in quotes, {}", name, found(node)));
+        else if (text->empty())  // proto3 does not tell an empty text from an absent one
+          fault(name, fmt::format("{} is empty, expected text", name));
+        else
+          to.GetReflection()->SetString(&to, &field, *text);
+        break;
+      default:
+        fault(name, fmt::format("{} cannot be given in a scene file", name));
+        break;
+    }
+  }
+
+  bool read_number(const toml::node& node, const FieldDescriptor& field, const std::string& name, double& number,
+                   std::optional<Place> place = {}, const std::string& path = {}) {
+    const std::string& unit = rule_of(field).unit();
+    if (!node.is_number()) {
+      fault(path.empty() ? name : path,
+            fmt::format("{}: expected a number{}, {}", name, unit == "1" ? "" : " in " + unit, found(node)), place);
+      return false;
+    }
+    number = *node.value<double>();
+    return true;
+  }
+
+  void list(const toml::node& node, Message& to, const FieldDescriptor& field, const std::string& name) {
+    double number = 0.0;
+    const toml::array* items = node.as_array();
+    if (!items) {
+      if (read_number(node, field, name, number)) to.GetReflection()->AddDouble(&to, &field, number);
+      return;
+    }
+    if (items->empty()) return fault(name, fmt::format("{} is an empty list, expected at least one number", name));
+    for (std::size_t i = 0; i < items->size(); ++i) {
+      const toml::node& item = *items->get(i);
+      const Place at{item.source().begin.line, item.source().begin.column};
+      if (!read_number(item, field, fmt::format("{}[{}]", name, i), number, at, name)) {
+        to.GetReflection()->ClearField(&to, &field);  // the length of a list that lacks a value is not checked
+        return;
+      }
+      to.GetReflection()->AddDouble(&to, &field, number);
+    }
+  }
+
+  void choice(const toml::node& node, Message& to, const FieldDescriptor& field, const std::string& name) {
+    const std::vector<std::string> choices = choices_of(field);
+    const auto text = node.value_exact<std::string>();
+    const auto chosen = text ? std::find(choices.begin(), choices.end(), *text) : choices.end();
+    if (chosen != choices.end()) {
+      const int index = 1 + static_cast<int>(chosen - choices.begin());
+      to.GetReflection()->SetEnum(&to, &field, field.enum_type()->value(index));
+      return;
+    }
+    const std::vector<std::string_view> words(choices.begin(), choices.end());
+    const std::string_view near = text ? nearest(*text, words) : std::string_view();
+    fault(name, fmt::format("{}: expected \"{}\", {}{}", name, fmt::join(choices, "\" or \""), found(node),
+                            near.empty() ? "" : fmt::format("; did you mean \"{}\"?", near)));
+  }
+
+  const Descriptor& root_;
+  std::map<std::string, Place, std::less<>>& places_;
+  std::vector<Fault>& faults_;
+};
+
+Place place_at(std::string_view text, std::size_t at) {
+  const std::string_view before = text.substr(0, at);
+  const std::size_t line_start = before.rfind('\n') + 1;  // npos + 1 is 0
+  return {static_cast<std::uint32_t>(1 + std::count(before.begin(), before.end(), '\n')),
+          static_cast<std::uint32_t>(1 + at - line_start)};
+}
+
+// Where the string that starts at `at` ends: its last byte, or the line's end where a one-line string is left open.
+std::size_t end_of_string(std::string_view text, std::size_t at) {
+  const char quote = text[at];
+  const std::string_view triple = quote == '"' ? "\"\"\"" : "'''";
+  const bool many_lines = text.substr(at, 3) == triple;
+  std::size_t i = at + (many_lines ? 3 : 1);
+  for (; i < text.size(); ++i) {
+    if (quote == '"' && text[i] == '\\') {
+      ++i;
+    } else if (!many_lines && (text[i] == quote || text[i] == '\n')) {
+      return i;
+    } else if (many_lines && text.substr(i, 3) == triple) {
+      i += 2;
+      for (int more = 0; more < 2 && text.substr(i + 1, 1) == triple.substr(0, 1); ++more) ++i;  // """ha"""""
+      return i;
+    }
+  }
+  return i;
+}
+
+// The first dot of a dotted key that has more parts than any scene's. toml++ makes a table of each part and takes them
+// down recursively, so that a long enough key would overflow the stack.
+std::optional<std::size_t> find_deep_key(std::string_view text) {
+  constexpr int kMaxKeyDots = 8;
+  int dots = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"' || c == '\'') {
+      i = end_of_string(text, i);
+      if (i < text.size() && text[i] == '\n') dots = 0;
+    } else if (c == '#') {
+      i = std::min(text.find('\n', i), text.size());
+      dots = 0;
+    } else if (c == '.') {
+      if (++dots > kMaxKeyDots) return i;
+    } else if (std::string_view("\n=,[]{}").find(c) != std::string_view::npos) {
+      dots = 0;
+    }
+  }
+  return std::nullopt;
+}
+
+std::string line_of(const std::string& file, Place place, std::string_view text) {
+  return fmt::format("{}:{}:{}: {}", file, place.line, place.column, text);
+}
+
+[[noreturn]] void refuse(std::string text, std::string field = {}) {
+  throw wire::Error({.code = wire::Code::kInvalidScene, .text = std::move(text), .field = std::move(field)});
+}
+
+toml::table parse_toml(std::string_view text, const std::string& file) {
+  if (text.empty()) refuse(line_of(file, {}, "the file is empty, expected a scene"));
+  if (text.size() > wire::kMaxSceneBytes)
+    refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
+  if (const auto deep = find_deep_key(text))
+    refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
+  try {
+    return toml::parse(text, std::string_view(file));
+  } catch (const toml::parse_error& error) {
+    const toml::source_position& at = error.source().begin;
+    refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));
+  }
+}
+
+// Lines of a text, from 1; those in `blank` without their content.
+std::string without_lines(std::string_view text, const std::vector<bool>& blank) {
+  std::string out;
+  for (std::size_t line = 1; !text.empty(); ++line) {
+    const std::size_t end = std::min(text.find('\n'), text.size() - 1) + 1;
+    if (line < blank.size() && blank[line])
+      out += text.substr(0, end).ends_with('\n') ? "\n" : "";
+    else
+      out += text.substr(0, end);
+    text.remove_prefix(end);
+  }
+  return out;
+}
+
+void mark(const toml::source_region& region, std::vector<bool>& lines) {
+  const std::size_t last = std::max(region.begin.line, region.end.line);
+  if (region.begin.line == 0) return;
+  if (lines.size() <= last) lines.resize(last + 1);
+  for (std::size_t line = region.begin.line; line <= last; ++line) lines[line] = true;
+}
+
+void mark_all(const toml::key& key, const toml::node& node, std::vector<bool>& lines) {
+  mark(key.source(), lines);
+  mark(node.source(), lines);
+  if (const toml::table* table = node.as_table())
+    for (const auto& [inner_key, inner] : *table) mark_all(inner_key, inner, lines);
+}
+
+}  // namespace
+
+std::string read_file(const std::filesystem::path& path) {
+  const auto fail = [&](const char* what) {
+    refuse(fmt::format("{}: {}: {}", path.string(), what, std::strerror(errno)));
+  };
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored))
+    refuse(fmt::format("{}: is a directory, expected a scene file", path.string()));
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
+  if (!file) fail("cannot be opened");
+  std::string text;
+  char block[65536];
+  while (const std::size_t size = std::fread(block, 1, sizeof block, file.get())) {
+    text.append(block, size);
+    if (text.size() > wire::kMaxSceneBytes)
+      refuse(fmt::format("{}: larger than {} bytes: not a scene", path.string(), wire::kMaxSceneBytes));
+  }
+  if (std::ferror(file.get())) fail("cannot be read");
+  return text;
+}
+
+std::string Document::where(std::string_view path) const {
+  if (const std::optional<Place> place = place_of_path(path))
+    return fmt::format("{}:{}:{}", file, place->line, place->column);
+  return file;
+}
+
+std::optional<Place> Document::place_of_path(std::string_view path) const {
+  while (!path.empty()) {
+    if (const auto found = places.find(path); found != places.end()) return found->second;
+    const std::size_t cut = path.find_last_of(".[");
+    path = path.substr(0, cut == std::string_view::npos ? 0 : cut);
+  }
+  return std::nullopt;
+}
+
+void Document::refuse(const std::vector<Fault>& faults, std::string remedy) const {
+  std::vector<std::pair<Place, const Fault*>> sorted;
+  for (const Fault& fault : faults) {
+    const auto place = places.find(fault.path);
+    sorted.emplace_back(fault.place ? *fault.place : place == places.end() ? Place{} : place->second, &fault);
+  }
+  std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<std::string> lines;
+  for (const auto& [place, fault] : sorted) {
+    if (lines.size() == kMaxFaultsListed) {
+      lines.push_back(fmt::format("{}: and {} more", file, faults.size() - kMaxFaultsListed));
+      break;
+    }
+    lines.push_back(line_of(file, place, fault->text));
+  }
+  throw wire::Error({.code = wire::Code::kInvalidScene,
+                     .text = fmt::format("{}", fmt::join(lines, "\n")),
+                     .remedy = std::move(remedy),
+                     .field = sorted.front().second->path});
+}
+
+wire::Status Document::placed(wire::Status status) const {
+  if (status.code == wire::Code::kInvalidScene && !file.empty() && !status.text.starts_with(file + ":"))
+    status.text = fmt::format("{}: {}", where(status.field), status.text);
+  return status;
+}
+
+Document read(std::string_view text, std::string file, Message& root, CrossRules cross_rules) {
+  Document document{.file = std::move(file), .places = {}};
+  const toml::table table = parse_toml(text, document.file);
+  std::vector<Fault> faults;
+  Reader(*root.GetDescriptor(), document.places, faults).table(table, root, "");
+  Findings findings(std::move(faults));
+  check_fields(root, findings);
+  fill_defaults(root);
+  cross_rules(root, findings);
+  if (!findings.faults().empty()) document.refuse(findings.faults());
+  return document;
+}
+
+std::string without_table(std::string_view text, const std::string& file, std::string_view key) {
+  std::vector<bool> lines;
+  const toml::table table = parse_toml(text, file);
+  for (const auto& [found, node] : table)
+    if (found.str() == key) mark_all(found, node, lines);
+  return without_lines(text, lines);
+}
+
+std::string load_text(const std::filesystem::path& path) {
+  return without_table(read_file(path), path.string(), "hydro");
+}
+
+}  // namespace shearbus::scene

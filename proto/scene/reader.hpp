@@ -1,0 +1,62 @@
+// TOML text onto one checked message of any root type, by reflection: the .proto is the only schema. This file is for programs that have a
+// root message of their own; scene.hpp reads shearbus.v1.Scene.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/scene/rules.hpp"
+#include "proto/wire/status.hpp"
+
+namespace shearbus::scene {
+
+// The name of a text, for messages, and the place of each of its keys.
+struct Document {
+  std::string file;
+  std::map<std::string, Place, std::less<>> places;  // by path, "layer.cells"
+
+  // "paper.toml:12:1" of a key; of the nearest enclosing table where the key is absent; else the file alone.
+  std::string where(std::string_view path) const;
+
+  // Throws wire::Error{kInvalidScene}: a line "file:line:column: text" for each fault, in the order of the text; its field is the path of
+  // the first.
+  [[noreturn]] void refuse(const std::vector<Fault>& faults, std::string remedy = {}) const;
+
+  // The same status; where an INVALID_SCENE names a key but no place in this text, with the place in front.
+  wire::Status placed(wire::Status status) const;
+
+ private:
+  std::optional<Place> place_of_path(std::string_view path) const;
+};
+
+// Rules that look at more than one key. `root` has its defaults.
+using CrossRules = void (*)(const google::protobuf::Message& root, Findings& findings);
+
+// Reads a text onto an empty message, checks it and fills in its defaults. Throws wire::Error{kInvalidScene} that lists every fault: syntax,
+// unknown keys (with the nearest known one), wrong types, missing and out-of-range values, cross-field rules. For example
+//   paper.toml:12:1: layer.cels is not a key of [layer]; did you mean "cells"?
+Document read(std::string_view text, std::string file, google::protobuf::Message& root, CrossRules cross_rules);
+
+// A scene's file as text. Throws wire::Error{kInvalidScene} where it cannot be read or is larger than kMaxSceneBytes.
+std::string read_file(const std::filesystem::path& path);
+
+// A scene's file as the server reads it: without the table [hydro], which files of shearbus-hydro have for that program alone.
+std::string load_text(const std::filesystem::path& path);
+
+// The text without a top-level key or table and all that is below it. Lines keep their numbers: those removed are empty. Throws
+// wire::Error{kInvalidScene} where the text is not TOML.
+std::string without_table(std::string_view text, const std::string& file, std::string_view key);
+
+// The message as canonical TOML: keys in the order of the schema, each with a comment of its unit and meaning; numbers read back to the
+// same bits. Throws wire::Error{kInvalidScene} for an enum value without a name.
+std::string to_toml(const google::protobuf::Message& root);
+
+// A reference of every key of a root message, as Markdown: table, key, type, unit, default, bounds, meaning.
+std::string reference_of(const google::protobuf::Descriptor& root);
+
+}  // namespace shearbus::scene

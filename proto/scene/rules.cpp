@@ -1,0 +1,336 @@
+#include "proto/scene/rules.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "proto/wire/limits.hpp"
+
+namespace shearbus::scene {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+// A message and the messages around it, innermost first.
+struct Enclosed {
+  const Message& message;
+  const Enclosed* around = nullptr;
+
+  const FieldDescriptor* field(const std::string& name) const { return message.GetDescriptor()->FindFieldByName(name); }
+  bool has(const FieldDescriptor& field) const { return message.GetReflection()->HasField(message, &field); }
+};
+
+// The nearest enclosing message that has the field of the rule `unless` has a value of it.
+bool excluded(const Enclosed& where, const std::string& unless) {
+  if (unless.empty()) return false;
+  for (const Enclosed* level = &where; level != nullptr; level = level->around)
+    if (const FieldDescriptor* other = level->field(unless)) return level->has(*other);
+  return false;
+}
+
+// What the rule `used_with` ("flow_law=johnson_cook or preston_tonks_wallace") says of a field.
+struct Condition {
+  enum { kNone, kMet, kNotMet, kOpen, kUnknown } state = kNone;
+  std::string other, found;
+  std::vector<std::string> wanted;
+};
+
+// The words of "johnson_cook or preston_tonks_wallace".
+std::vector<std::string> choices_in(std::string_view text) {
+  constexpr std::string_view kOr = " or ";
+  std::vector<std::string> choices;
+  for (std::size_t at = text.find(kOr); at != std::string_view::npos; at = text.find(kOr)) {
+    choices.emplace_back(text.substr(0, at));
+    text.remove_prefix(at + kOr.size());
+  }
+  choices.emplace_back(text);
+  return choices;
+}
+
+// kOpen: nothing is chosen and there is no default, so a name elsewhere (a catalog's) decides; the first choice stands for it.
+Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
+  const std::string& text = rule_of(field).used_with();
+  if (text.empty()) return {};
+  const std::size_t equals = text.find('=');
+  Condition condition{.other = text.substr(0, equals), .found = {}, .wanted = choices_in(text.substr(equals + 1))};
+  const FieldDescriptor& other = *where.field(condition.other);
+  const std::vector<std::string> choices = choices_of(other);
+  const int chosen = where.message.GetReflection()->GetEnumValue(where.message, &other);
+  const auto* value = other.enum_type()->FindValueByNumber(chosen);
+  const bool open = chosen == 0 && rule_of(other).default_text().empty();
+  if (!value) {
+    condition.state = Condition::kUnknown;
+    return condition;
+  }
+  condition.found = chosen != 0 ? choices[static_cast<std::size_t>(value->index()) - 1]
+                    : open      ? choices.front()
+                                : rule_of(other).default_text();
+  const bool met =
+      std::find(condition.wanted.begin(), condition.wanted.end(), condition.found) != condition.wanted.end();
+  condition.state = met ? Condition::kMet : open ? Condition::kOpen : Condition::kNotMet;
+  return condition;
+}
+
+std::string unit_of(const FieldDescriptor& field) {
+  const std::string& unit = rule_of(field).unit();
+  return unit.empty() || unit == "1" ? std::string() : " " + unit;
+}
+
+bool is_table(const FieldDescriptor& field) {
+  return field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
+}
+
+std::string shown(const FieldDescriptor& field, const std::string& name) {
+  return is_table(field) ? "[" + name + "]" : name;
+}
+
+class Checker {
+ public:
+  explicit Checker(Findings& findings) : findings_(findings) {}
+
+  // `required`: fields that the schema requires are required here.
+  void table(const Enclosed& where, const std::string& path, bool required = true) {
+    const Message& message = where.message;
+    for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+      const FieldDescriptor& field = *message.GetDescriptor()->field(i);
+      const std::string name = path_of(path, field);
+      if (unused(where, field, path, name)) continue;
+      if (field.is_repeated()) {
+        list(where, field, path, name);
+      } else if (rule_of(field).merged()) {
+        const std::string& without = rule_of(field).required_without();
+        const bool needed = without.empty() || !(where.has(*where.field(without)) || !findings_.sound(without));
+        table({message.GetReflection()->GetMessage(message, &field), &where}, name, needed);
+      } else if (!where.has(field)) {
+        absent(where, field, path, name, required);
+      } else if (is_table(field)) {
+        table({message.GetReflection()->GetMessage(message, &field), &where}, name);
+      } else {
+        value(message, field, name);
+      }
+    }
+  }
+
+ private:
+  // A field that another field's value excludes: refused where it is given, not required where it is not.
+  bool unused(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
+              const std::string& name) {
+    const bool given = !field.is_repeated() && where.has(field);
+    const std::string& unless = rule_of(field).unless();
+    if (excluded(where, unless)) {
+      if (given)
+        findings_.add(name, fmt::format("{} is the server's choice where the scene gives a {}: leave out one of them",
+                                        shown(field, name), unless));
+      return true;
+    }
+    const Condition condition = condition_of(where, field);
+    if (condition.state != Condition::kNotMet && condition.state != Condition::kOpen) return false;
+    if (!findings_.sound(path_of(table_path, *where.field(condition.other))))
+      return true;  // nobody knows what was chosen
+    if (given && condition.state == Condition::kOpen) return false;
+    if (given)
+      findings_.add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),
+                                      condition.other, fmt::join(condition.wanted, "\" or \""), condition.found));
+    return true;
+  }
+
+  void absent(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
+              const std::string& name, bool required) {
+    if (!findings_.sound(name)) return;
+    const v1::Rule& rule = rule_of(field);
+    const std::string meaning = rule.meaning().empty() ? std::string() : fmt::format(" ({})", rule.meaning());
+    if (rule.required() && required) {
+      findings_.add(table_path, fmt::format("{} is missing{}", shown(field, name), meaning));
+    } else if (!rule.required_without().empty()) {
+      const FieldDescriptor& other = *where.field(rule.required_without());
+      const std::string other_name = path_of(table_path, other);
+      if (where.has(other) || !findings_.sound(other_name)) return;
+      findings_.add(table_path, fmt::format("{} is missing{}: it must be given where {} is not", shown(field, name),
+                                            meaning, other_name));
+    }
+  }
+
+  void value(const Message& message, const FieldDescriptor& field, const std::string& name) {
+    const auto& reflection = *message.GetReflection();
+    switch (field.cpp_type()) {
+      case FieldDescriptor::CPPTYPE_DOUBLE:
+        number(field, name, name, reflection.GetDouble(message, &field));
+        break;
+      case FieldDescriptor::CPPTYPE_UINT32:
+        number(field, name, name, reflection.GetUInt32(message, &field));
+        break;
+      case FieldDescriptor::CPPTYPE_ENUM: {
+        const int chosen = reflection.GetEnumValue(message, &field);
+        if (!field.enum_type()->FindValueByNumber(chosen))
+          findings_.add(
+              name, fmt::format("{} = {} is not one of \"{}\"", name, chosen, fmt::join(choices_of(field), "\", \"")));
+        break;
+      }
+      case FieldDescriptor::CPPTYPE_STRING: {
+        const std::size_t size = reflection.GetString(message, &field).size();
+        if (size > wire::kMaxTextBytes)
+          findings_.add(name, fmt::format("{} has {} bytes, expected at most {}", name, size, wire::kMaxTextBytes));
+        break;
+      }
+      default:
+        break;
+    }
+  }
+
+  void list(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
+            const std::string& name) {
+    const Message& message = where.message;
+    const auto& reflection = *message.GetReflection();
+    const int size = reflection.FieldSize(message, &field);
+    if (size == 0) return absent(where, field, table_path, name, true);
+    if (static_cast<std::size_t>(size) > wire::kMaxNodesPerSession)
+      return findings_.add(name,
+                           fmt::format("{} has {} values, expected at most {}", name, size, wire::kMaxNodesPerSession));
+    for (int i = 0; i < size; ++i)
+      if (!number(field, name, size == 1 ? name : fmt::format("{}[{}]", name, i),
+                  reflection.GetRepeatedDouble(message, &field, i)))
+        return;  // one fault per list is enough
+  }
+
+  bool number(const FieldDescriptor& field, const std::string& path, const std::string& name, double value) {
+    const v1::Rule& rule = rule_of(field);
+    if (!std::isfinite(value)) {
+      findings_.add(path, fmt::format("{} = {} is not a finite number", name, value));
+      return false;
+    }
+    const bool inside = !(rule.has_at_least() && value < rule.at_least()) &&
+                        !(rule.has_at_most() && value > rule.at_most()) &&
+                        !(rule.has_above() && value <= rule.above()) && !(rule.has_below() && value >= rule.below());
+    if (!inside)
+      findings_.add(path, fmt::format("{} = {}{} is out of range, expected {}", name, number_text(value),
+                                      unit_of(field), bounds_of(field)));
+    return inside;
+  }
+
+  Findings& findings_;
+};
+
+void set_default(Message& message, const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  const auto& reflection = *message.GetReflection();
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      if (rule.has_default_number()) reflection.SetDouble(&message, &field, rule.default_number());
+      break;
+    case FieldDescriptor::CPPTYPE_UINT32:
+      if (rule.has_default_number())
+        reflection.SetUInt32(&message, &field, static_cast<std::uint32_t>(rule.default_number()));
+      break;
+    case FieldDescriptor::CPPTYPE_BOOL:
+      reflection.SetBool(&message, &field, false);
+      break;
+    case FieldDescriptor::CPPTYPE_ENUM:
+      if (!rule.default_text().empty()) {
+        const std::vector<std::string> choices = choices_of(field);
+        const auto at = std::find(choices.begin(), choices.end(), rule.default_text());
+        reflection.SetEnum(&message, &field, field.enum_type()->value(1 + static_cast<int>(at - choices.begin())));
+      }
+      break;
+    default:
+      break;
+  }
+}
+
+// Values first, then tables: whether a table has a default may depend on a value.
+void fill_table(Message& message, const Enclosed* around) {
+  const Enclosed where{message, around};
+  for (const bool tables : {false, true}) {
+    for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+      const FieldDescriptor& field = *message.GetDescriptor()->field(i);
+      if (is_table(field) != tables || field.is_repeated()) continue;
+      if (excluded(where, rule_of(field).unless())) continue;
+      const Condition condition = condition_of(where, field);
+      if (condition.state != Condition::kNone && condition.state != Condition::kMet) continue;
+      if (!tables && !where.has(field)) set_default(message, field);
+      if (tables && (where.has(field) || rule_of(field).always() || rule_of(field).merged()))
+        fill_table(*message.GetReflection()->MutableMessage(&message, &field), &where);
+    }
+  }
+}
+
+}  // namespace
+
+bool Findings::sound(std::string_view path) const {
+  return std::none_of(faults_.begin(), faults_.end(), [&](const Fault& fault) { return fault.path == path; });
+}
+
+void check_fields(const Message& root, Findings& findings) {
+  Checker(findings).table({root}, "");
+}
+
+void fill_defaults(Message& root) {
+  fill_table(root, nullptr);
+}
+
+const v1::Rule& rule_of(const FieldDescriptor& field) {
+  return field.options().GetExtension(v1::rule);
+}
+
+std::string path_of(const std::string& path, const FieldDescriptor& field) {
+  if (rule_of(field).merged()) return path;
+  return path.empty() ? field.name() : path + "." + field.name();
+}
+
+std::vector<const FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table) {
+  std::vector<const FieldDescriptor*> keys;
+  for (int i = 0; i < table.field_count(); ++i) {
+    if (!rule_of(*table.field(i)).merged()) {
+      keys.push_back(table.field(i));
+      continue;
+    }
+    const auto inner = keys_of(*table.field(i)->message_type());
+    keys.insert(keys.end(), inner.begin(), inner.end());
+  }
+  return keys;
+}
+
+std::string bounds_of(const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  std::vector<std::string> parts;
+  if (rule.has_at_least()) parts.push_back("at least " + number_text(rule.at_least()));
+  if (rule.has_above()) parts.push_back("above " + number_text(rule.above()));
+  if (rule.has_at_most()) parts.push_back("at most " + number_text(rule.at_most()));
+  if (rule.has_below()) parts.push_back("below " + number_text(rule.below()));
+  return parts.empty() ? std::string() : fmt::format("{}{}", fmt::join(parts, " and "), unit_of(field));
+}
+
+std::vector<std::string> choices_of(const FieldDescriptor& field) {
+  const google::protobuf::EnumDescriptor& type = *field.enum_type();
+  const std::string_view unspecified = type.value(0)->name();  // FAR_BOUNDARY_UNSPECIFIED: the prefix of all
+  const std::size_t prefix = unspecified.size() - std::string_view("UNSPECIFIED").size();
+  std::vector<std::string> choices;
+  for (int i = 1; i < type.value_count(); ++i) {
+    std::string choice = type.value(i)->name().substr(prefix);
+    for (char& c : choice) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    choices.push_back(std::move(choice));
+  }
+  return choices;
+}
+
+std::string number_text(double value) {
+  std::string text = fmt::format("{}", value);  // the shortest that reads back
+  if (text.ends_with(".0")) text.resize(text.size() - 2);
+  // 200000000 as 2e8: no zeros to count.
+  constexpr std::size_t kManyZeros = 5;
+  const std::size_t last = text.find_last_not_of('0');
+  const std::size_t first = text.find_first_of("123456789");
+  if (first == std::string::npos || text.find_first_not_of("-0123456789") != std::string::npos ||
+      text.size() - last <= kManyZeros)
+    return text;
+  const std::string_view all = text;
+  return fmt::format("{}{}{}e{}", all.substr(0, first + 1), last > first ? "." : "",
+                     all.substr(first + 1, last - first), all.size() - first - 1);
+}
+
+}  // namespace shearbus::scene

@@ -1,0 +1,70 @@
+// The rules of the schema (the option `rule` of every field) as C++ reads them, and the checks they imply on a message of any root type.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "shearbus/v1/rules.pb.h"
+
+namespace google::protobuf {
+class Descriptor;
+class FieldDescriptor;
+class Message;
+}  // namespace google::protobuf
+
+namespace shearbus::scene {
+
+// A place in a text; lines and columns count from 1.
+struct Place {
+  std::uint32_t line = 1;
+  std::uint32_t column = 1;
+  friend auto operator<=>(const Place&, const Place&) = default;
+};
+
+struct Fault {
+  std::string path;            // of the key at fault ("layer.cells"), or of the table that lacks a key; empty: the root
+  std::string text;            // one line, naming the key
+  std::optional<Place> place;  // where it differs from the place of `path`
+};
+
+// The faults found so far, for rules that look at more than one key.
+class Findings {
+ public:
+  explicit Findings(std::vector<Fault> faults = {}) : faults_(std::move(faults)) {}
+
+  // No fault was found at this key: its value may be used.
+  bool sound(std::string_view path) const;
+  void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text), {}}); }
+  const std::vector<Fault>& faults() const { return faults_; }
+
+ private:
+  std::vector<Fault> faults_;
+};
+
+// Adds every fault of a single field: missing, out of bounds, not finite, given where another field excludes it.
+void check_fields(const google::protobuf::Message& root, Findings& findings);
+
+// Sets every absent field that has a default, and makes the tables whose absence means the same as an empty one.
+void fill_defaults(google::protobuf::Message& root);
+
+const v1::Rule& rule_of(const google::protobuf::FieldDescriptor& field);
+
+// The path of a field of the table `path`; a merged message has the path of its enclosing table.
+std::string path_of(const std::string& path, const google::protobuf::FieldDescriptor& field);
+
+// The keys of a table: its fields, with those of merged messages in the place of the merged.
+std::vector<const google::protobuf::FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table);
+
+// "above 0 and at most 1 m", "at least 1"; empty where the field has no bounds.
+std::string bounds_of(const google::protobuf::FieldDescriptor& field);
+
+// Names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".
+std::vector<std::string> choices_of(const google::protobuf::FieldDescriptor& field);
+
+// A number as text that reads back to the same bits, e.g. "2e-05".
+std::string number_text(double value);
+
+}  // namespace shearbus::scene

@@ -1,0 +1,41 @@
+// A scene as shearbus.v1.Scene: TOML text to the checked message, and back to canonical text.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "proto/scene/reader.hpp"
+#include "shearbus/v1/scene.pb.h"
+
+namespace shearbus::scene {
+
+struct SceneFile {
+  v1::Scene scene;  // with its defaults
+  std::string text;
+  Document document;
+};
+
+// Throw wire::Error{kInvalidScene} that lists every fault, as read() does.
+SceneFile parse(std::string text, std::string file);
+SceneFile load(const std::filesystem::path& path);
+
+// The same onto an empty message of the caller's own.
+Document read(std::string_view text, std::string file, v1::Scene& scene);
+
+// The rules between keys that the schema cannot express; `scene` has its defaults. Which options of the physics exclude each other is known
+// to the physics alone (server/physics/solver/parts.hpp). A rule that needs a value at fault is not checked.
+void check_scene(const v1::Scene& scene, Findings& findings);
+
+// Every fault of a scene that does not come from a text. Fills in its defaults.
+std::vector<Fault> faults_of(v1::Scene& scene);
+
+// The numbers that a table gives, under their names in a scene ("density_kg_per_m3", ...), in the order of the schema.
+std::vector<std::pair<std::string, double>> numbers_of(const google::protobuf::Message& table);
+// Sets numbers of a table by their names. Throws std::invalid_argument for a name that is not one of its numbers.
+void set_numbers(const std::vector<std::pair<std::string, double>>& numbers, google::protobuf::Message& table);
+
+}  // namespace shearbus::scene

@@ -1,0 +1,118 @@
+#include "proto/wire/columns.hpp"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+namespace shearbus::wire {
+namespace {
+
+constexpr bool kTangential = true;
+constexpr bool kScalar = false;
+
+constexpr std::array kRows = {
+#define COLUMN(enumerator, number, name, quantity, unit, element, kind, direction, velocity_driven, force_driven, \
+               lowest, highest, meaning)                                                                          \
+  ColumnRow{Field::enumerator,    #name,         #quantity,    unit,                                              \
+            Element::k##element,  Kind::k##kind, k##direction, Use::k##velocity_driven,                           \
+            Use::k##force_driven, lowest,        highest,      meaning},
+#include "proto/wire/columns.inc"
+};
+
+// The fields of the rows a test holds for.
+template <typename Test>
+struct Selection {
+  static constexpr std::size_t kCount = std::count_if(kRows.begin(), kRows.end(), Test{});
+  static constexpr std::array<Field, kCount> kFields = [] {
+    std::array<Field, kCount> fields{};
+    std::size_t n = 0;
+    for (const ColumnRow& row : kRows)
+      if (Test{}(row)) fields[n++] = row.field;
+    return fields;
+  }();
+};
+
+template <Use ColumnRow::*kStrategy, Use kUse>
+struct Uses {
+  constexpr bool operator()(const ColumnRow& row) const { return row.*kStrategy == kUse; }
+};
+
+template <Use ColumnRow::*kStrategy>
+constexpr StrategyColumns kColumns = {
+    Selection<Uses<kStrategy, Use::kRequired>>::kFields, Selection<Uses<kStrategy, Use::kOptional>>::kFields,
+    Selection<Uses<kStrategy, Use::kReply>>::kFields, Selection<Uses<kStrategy, Use::kOnRequest>>::kFields};
+
+}  // namespace
+
+std::span<const ColumnRow> column_rows() {
+  return kRows;
+}
+
+const ColumnRow* find_column(Field field) {
+  const auto found = std::ranges::find(kRows, field, &ColumnRow::field);
+  return found == kRows.end() ? nullptr : &*found;
+}
+
+const ColumnRow& column_row(Field field) {
+  const ColumnRow* row = find_column(field);
+  if (!row) throw std::out_of_range("a number that is no field");
+  return *row;
+}
+
+std::size_t size_of(Element element) {
+  switch (element) {
+    case Element::kFloat64:
+    case Element::kUint64:
+      return 8;
+    case Element::kUint8:
+      return 1;
+    case Element::kUnspecified:
+      break;
+  }
+  return 0;
+}
+
+Element element_of(Field field) {
+  const ColumnRow* row = find_column(field);
+  return row ? row->element : Element::kUnspecified;
+}
+
+bool is_tangential(Field field) {
+  const ColumnRow* row = find_column(field);
+  return row && row->tangential;
+}
+
+const char* name(Field field) {
+  const ColumnRow* row = find_column(field);
+  return row ? row->name : "?";
+}
+
+std::string units_in_files(const ColumnRow& row) {
+  const std::string unit = row.unit;
+  const std::size_t slash = unit.find('/');
+  if (unit.empty()) return "1";
+  if (slash == std::string::npos) return unit;
+  const std::string above = unit.substr(0, slash);
+  const std::size_t power = unit.find_first_of("0123456789", slash);
+  const std::string below = unit.substr(slash + 1, power - slash - 1);
+  return (above == "1" ? "" : above + " ") + below + "-" + (power == std::string::npos ? "1" : unit.substr(power));
+}
+
+const StrategyColumns& columns_of(Strategy strategy) {
+  static constexpr StrategyColumns kNone{};
+  switch (strategy) {
+    case Strategy::kVelocityDriven:
+      return kColumns<&ColumnRow::velocity_driven>;
+    case Strategy::kForceDriven:
+      return kColumns<&ColumnRow::force_driven>;
+    case Strategy::kUnspecified:
+      break;
+  }
+  return kNone;
+}
+
+std::string quantity_of(Field field, std::uint32_t component) {
+  return std::string(column_row(field).quantity) + (component == 0 ? "" : "_second");
+}
+
+}  // namespace shearbus::wire

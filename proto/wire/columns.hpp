@@ -1,0 +1,82 @@
+// The columns of payloads: what each is, in which messages it stands and what it may hold. The rows are in columns.inc.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+namespace shearbus::wire {
+
+// Same numbers as shearbus.v1.Field.
+enum class Field : std::uint32_t {
+  kUnspecified = 0,
+#define COLUMN(enumerator, number, ...) enumerator = number,
+#include "proto/wire/columns.inc"
+};
+
+enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };
+
+enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
+
+// How the steps of a strategy use a column.
+enum class Use : std::uint8_t {
+  kNone,
+  kRequired,   // every request has it
+  kOptional,   // zero where a request does not have it
+  kReply,      // every reply has it, unless `wanted` leaves it out
+  kOnRequest,  // a reply has it where `wanted` names it
+};
+
+enum class Kind : std::uint8_t { kNode, kInput, kOutput, kLedger };
+
+struct ColumnRow {
+  Field field;
+  const char* name;      // on the wire, with its unit: "pressure_pa"
+  const char* quantity;  // in files, where the unit is an attribute: "pressure"
+  const char* unit;      // "kg/m2"; "" where numbers are no measure
+  Element element;
+  Kind kind;
+  bool tangential;  // a vector along the interface: has a component 1 where the scene's slip has two components
+  Use velocity_driven;
+  Use force_driven;
+  double lowest;  // of a request's values, in `unit`; of the columns of a reply both are 0
+  double highest;
+  const char* meaning;
+
+  Use use(Strategy strategy) const {
+    return strategy == Strategy::kVelocityDriven ? velocity_driven
+           : strategy == Strategy::kForceDriven  ? force_driven
+                                                 : Use::kNone;
+  }
+};
+
+std::span<const ColumnRow> column_rows();          // all, in the order of columns.inc
+const ColumnRow* find_column(Field field);         // null for a number that is no field
+const ColumnRow& column_row(Field field);          // of a field there is; throws std::out_of_range otherwise
+std::size_t size_of(Element element);              // bytes
+Element element_of(Field field);                   // kUnspecified for a number that is no field
+bool is_tangential(Field field);                   // false for a number that is no field
+const char* name(Field field);                     // "?" for a number that is no field
+std::string units_in_files(const ColumnRow& row);  // UDUNITS text: "kg m-2"; "1" where numbers are no measure
+
+// Columns of the steps of a strategy, in the order of the rows. A request may also have node_id.
+struct StrategyColumns {
+  std::span<const Field> required;
+  std::span<const Field> optional;
+  std::span<const Field> reply;
+  std::span<const Field> on_request;
+};
+const StrategyColumns& columns_of(Strategy strategy);  // all empty for kUnspecified
+
+// The energy ledger of a step.
+inline constexpr std::array kLedgerColumns = {
+#define LEDGER(enumerator, ...) Field::enumerator,
+#include "proto/wire/columns.inc"
+};
+
+// The name of a component of a column in a file: its quantity, with an ending for the second component.
+std::string quantity_of(Field field, std::uint32_t component = 0);
+
+}  // namespace shearbus::wire

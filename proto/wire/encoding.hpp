@@ -1,0 +1,79 @@
+// The encoding of protocol buffers, as far as headers need it: tags, varints, fixed numbers, lengths. The rows of a
+// message say what is encoded (field_rows.hpp); this file alone knows how.
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace shearbus::wire {
+
+enum class WireType : std::uint32_t { kVarint = 0, kFixed64 = 1, kLength = 2, kFixed32 = 5 };
+
+// Appends fields to a message.
+class Encoder {
+ public:
+  void varint(std::uint32_t number, std::uint64_t value);
+  void fixed32(std::uint32_t number, std::uint32_t value);
+  void fixed64(std::uint32_t number, std::uint64_t value);
+  void bytes(std::uint32_t number, std::string_view value);
+  void raw_varint(std::uint64_t value);   // an element of a packed list
+  void raw_fixed64(std::uint64_t value);  // an element of a packed list
+
+  // A field of what `fill()` appends: a message, or a packed list.
+  template <typename Fill>
+  void nested(std::uint32_t number, const Fill& fill) {
+    tag(number, WireType::kLength);
+    const std::size_t begin = out_.size();
+    fill();
+    insert_length(begin);
+  }
+
+  std::string take() { return std::move(out_); }
+
+ private:
+  void tag(std::uint32_t number, WireType type);
+  void insert_length(std::size_t begin);
+
+  std::string out_;
+};
+
+// A field as it stands in a message.
+struct EncodedField {
+  std::uint32_t number = 0;
+  WireType type = WireType::kVarint;
+  std::uint64_t value = 0;           // of a varint or fixed number
+  std::span<const std::byte> bytes;  // of a field with a length
+
+  std::string_view text() const { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
+};
+
+// Reads the fields of a message one after the other. What is cut short, and what no field begins with (groups among
+// it), is a fault.
+class Decoder {
+ public:
+  explicit Decoder(std::span<const std::byte> message) : message_(message) {}
+
+  bool next(EncodedField& field);           // false at the end, and at a fault
+  bool next_varint(std::uint64_t& value);   // an element of a packed list
+  bool next_fixed64(std::uint64_t& value);  // an element of a packed list
+  std::size_t position() const { return at_; }
+  bool fault() const { return fault_; }
+
+ private:
+  bool fail() {
+    fault_ = true;
+    return false;
+  }
+  bool read_varint(std::uint64_t& value);
+  bool read_fixed(std::size_t size, std::uint64_t& value);
+
+  std::span<const std::byte> message_;
+  std::size_t at_ = 0;
+  bool fault_ = false;
+};
+
+}  // namespace shearbus::wire

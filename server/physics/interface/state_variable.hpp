@@ -1,0 +1,12 @@
+// A state variable that a law declares: one value per node, 0 at the start. The state list of the model
+// (solver/states.hpp) adds a row for each, and checkpoints carry it under its name.
+#pragma once
+
+namespace shearbus::physics {
+
+struct StateVariable {
+  const char* name;  // "junction_strain"; a unit other than 1 is its suffix
+  const char* unit;  // UDUNITS, "1" without a dimension
+};
+
+}  // namespace shearbus::physics

@@ -1,0 +1,62 @@
+// Friction that softens with the temperature of the interface:
+//
+//   mu(T0) = mu (1 - T*^m),   T* = (T0 - T_ref) / (T_melt - T_ref), 0 below T_ref and 1 above T_melt
+//
+// An own modelling choice, not of the paper: the thermal factor of Johnson and Cook (1983) on the coefficient, so that
+// friction vanishes where the soft body melts, as its yield limit does. T_melt is that of the soft body at the pressure
+// of the node. m is at least 1: a smaller exponent has no bounded slope at T_ref.
+#pragma once
+
+#include <algorithm>
+
+#include "server/physics/interface/friction.hpp"
+#include "server/physics/material/elementary.hpp"
+
+namespace shearbus::physics {
+
+struct ThermalSoftening {
+  static constexpr std::string_view kName = "thermal_softening";
+  static constexpr std::string_view kEquation = "mu (1 - T*^m)";
+  static constexpr std::string_view kAdds = "friction that softens with the interface temperature, to 0 at melting";
+  static constexpr std::string_view kWhen = "sliding that heats the interface far above T_ref before it yields";
+  static constexpr bool kDependsOnSlip = false;
+  static constexpr bool kDependsOnTemperature = true;
+
+  static InterfaceOptions typical(InterfaceOptions options, const Material& soft) {
+    options.friction_reference_temperature = std::min(300.0, 0.5 * soft.melting_temperature);
+    options.friction_softening_exponent = 2.0;
+    return options;
+  }
+
+  static LawFault fault_of(const InterfaceOptions& options, const Material& soft) {
+    if (!(options.friction_reference_temperature < soft.melting_temperature))
+      return {"friction_reference_temperature_k", "it must be below the melting temperature of the soft body"};
+    if (!(options.friction_softening_exponent >= 1.0))
+      return {"friction_softening_exponent", "it must be at least 1: a smaller one has no bounded slope at T_ref"};
+    return {};
+  }
+
+  static FrictionValue at(const InterfaceOptions& options, const Material& soft, double T0, double /*slip*/) {
+    const double range = soft.melting_temperature - options.friction_reference_temperature;
+    const double share = (T0 - options.friction_reference_temperature) / range;
+    if (!(share < 1.0)) return {0.0, 0.0, 0.0};
+    if (share <= kLeastShare) return {options.friction_coefficient, 0.0, 0.0};
+    const double lost = power(share, options.friction_softening_exponent);
+    return {options.friction_coefficient * (1.0 - lost),
+            -options.friction_coefficient * options.friction_softening_exponent * lost / (share * range), 0.0};
+  }
+
+  // |d mu / d T0| rises with T0, since m >= 1.
+  static double steepest(const InterfaceOptions& options, const Material& soft, double coldest, double hottest) {
+    const double range = soft.melting_temperature - options.friction_reference_temperature;
+    const double share = std::clamp((hottest - options.friction_reference_temperature) / range, kLeastShare, 1.0);
+    if (hottest <= options.friction_reference_temperature || coldest >= soft.melting_temperature) return 0.0;
+    return options.friction_coefficient * options.friction_softening_exponent *
+           power(share, options.friction_softening_exponent - 1.0) / range;
+  }
+
+ private:
+  static constexpr double kLeastShare = 1e-300;  // below it T* counts as 0: `power` takes normal numbers only
+};
+
+}  // namespace shearbus::physics

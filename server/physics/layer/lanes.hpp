@@ -1,0 +1,52 @@
+// A tile holds kLanes shear layers side by side and is the unit of work of the solvers. Arrays across the layer are
+// [vertex][lane], lane fastest: the sweep across the layer is sequential and the lanes vectorise. No lane reads another
+// lane, so the answer of a lane has the same bits whatever the other lanes hold.
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+
+namespace shearbus::physics {
+
+inline constexpr int kLanes = 8;
+
+// A set of lanes, ascending in a loop: bit i stands for lane i.
+class LaneSet {
+ public:
+  class Iterator {
+   public:
+    constexpr explicit Iterator(std::uint32_t left) : left_(left) {}
+    constexpr int operator*() const { return std::countr_zero(left_); }
+    constexpr Iterator& operator++() {
+      left_ &= left_ - 1;
+      return *this;
+    }
+    constexpr bool operator==(const Iterator&) const = default;
+
+   private:
+    std::uint32_t left_;
+  };
+  constexpr explicit LaneSet(std::uint32_t lanes) : lanes_(lanes & ((1u << kLanes) - 1)) {}
+  constexpr Iterator begin() const { return Iterator(lanes_); }
+  static constexpr Iterator end() { return Iterator(0); }
+
+ private:
+  std::uint32_t lanes_;
+};
+
+// `for (const int lane : lanes_of(active))`; the loop walks a copy of `active`.
+constexpr LaneSet lanes_of(std::uint32_t active) {
+  return LaneSet(active);
+}
+
+constexpr bool contains(std::uint32_t lanes, int lane) {
+  return (lanes >> lane & 1u) != 0;
+}
+
+// Copies one lane of a tile or of rows of a tile: [doubles / kLanes][kLanes].
+inline void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
+  for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,72 @@
+#include "server/physics/solver/around/discretisation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "server/physics/solver/model.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/text.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// Cell growth, over sqrt(tolerance). With an insulated face the quasi-steady profile limits the accuracy; without one,
+// the flow localised at the interface does. Both errors are second order in (growth - 1), measured.
+constexpr double kGrowthInsulated = 7.0;
+constexpr double kGrowthHalfSpace = 20.0;
+constexpr double kMostGrowth = 1.0;
+// The first cells resolve the diffusion length of this time, and so the skin in which the flow localises near melting
+constexpr double kShortTime = 1e-11;  // down to kShortTimeTolerance, below it with the cube of the tolerance  [s]
+constexpr double kShortestTime = 1e-14;
+constexpr double kShortTimeTolerance = 1e-3;
+
+constexpr double kKernelShare = 0.1;   // error of the modes' kernel, of the tolerance
+constexpr double kLongestTime = 1e-3;  // of the modes: a half-space forgets older heat  [s]
+
+// Cells grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length of the short
+// time: every cell is then (g - 1) times as wide as its distance from z = -delta.
+GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
+  const double growth =
+      1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
+  const double part = std::min(1.0, tolerance / kShortTimeTolerance);
+  const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
+  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // of the last cell to the first
+  grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
+  grid.grading = std::pow(ratio, 1.0 / grid.cells);
+  grid.matched = true;
+  return grid;
+}
+
+}  // namespace
+
+ModelOptions discretised(ModelOptions options, double tolerance) {
+  options.tolerance = tolerance;
+  options.time_integrator =
+      goes_with(Property::kSecondOrder, options) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
+  const bool insulated = options.grid.far_boundary == FarBoundary::kInsulated ||
+                         (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kInsulated);
+  options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance, insulated);
+  if (options.hard_grid) {
+    options.hard_grid->cells = options.grid.cells;
+    options.hard_grid->grading = options.grid.grading;
+    options.hard_grid->matched = true;
+  }
+  options.modes.reset();
+  if (goes_with(Property::kModes, options))
+    options.modes = {
+        .accuracy = kKernelShare * tolerance, .shortest_step = kShortestControlledStep, .longest_time = kLongestTime};
+  return options;
+}
+
+std::string discretisation_of(const ModelOptions& options, std::size_t modes) {
+  const char* steps = options.time_integrator == TimeIntegrator::kSdirk2
+                          ? ", sdirk2 in as many substeps as a step takes"
+                          : ", backward Euler in as many substeps as a step takes";
+  if (modes > 0) return text_of("tolerance ", *options.tolerance, ": no cells but ", modes, " modes", steps);
+  return text_of("tolerance ", *options.tolerance, ": ", options.grid.cells, " cells growing by ",
+                 Digits{4, options.grid.grading}, steps);
+}
+
+}  // namespace shearbus::physics

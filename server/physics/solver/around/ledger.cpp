@@ -1,0 +1,124 @@
+#include "server/physics/solver/around/ledger.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/pipeline.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// sum += factor (now - before), lane by lane, at one vertex
+void add_change(LaneValues& sum, double factor, const double* before, const double* now, int vertex) {
+  const std::ptrdiff_t first = std::ptrdiff_t{vertex} * kLanes;
+  for (int lane = 0; lane < kLanes; ++lane) sum[lane] += factor * (now[first + lane] - before[first + lane]);
+}
+
+// sqrt(3) integral(dep)  [m]
+LaneValues plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new) {
+  LaneValues sum{};
+  for (int i = 0; i < problem.grid.num_vertices(); ++i)
+    add_change(sum, problem.grid.weight[static_cast<std::size_t>(i)], ep_old, ep_new, i);
+  for (double& slip : sum) slip *= kSqrt3;
+  return sum;
+}
+
+// The velocity through which a component of the interface's stress works, but for the host's own shear.
+double working_velocity(const Problem& problem, double jump, double jump_new) {
+  return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
+}
+
+// The velocity of the host's own shear, along the stress (velocity-driven: with its sign).
+double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
+  const double h = problem.options.grid.thickness;
+  if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
+  const bool slips =
+      problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip;
+  return slips ? h * inputs.soft_shear_rate[lane] : 0.0;
+}
+
+// Share of the plastic work that the scheme does not turn into heat.
+double cold_share(const ModelOptions& options) {
+  if (options.strategy == Strategy::kForceDriven) return 1.0;
+  if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the jump's work heats, the layer's own flow does not
+  return 1.0 - options.taylor_quinney_factor.value_or(1.0);
+}
+
+}  // namespace
+
+StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
+  StoredHeat stored;
+  if (problem.modes) {
+    // Without a profile: a slab's mode of rate 0, behind the start temperature, holds all its heat; from a half-space
+    // none returns.
+    const HeatModes& modes = *problem.modes;
+    if (modes.rate.front() > 0.0) {
+      std::copy_n(entered, kLanes, stored.soft.begin());
+    } else {
+      add_change(stored.soft, 1.0 / modes.weight.front(), T_old, T_new, 1);
+    }
+    return stored;
+  }
+  const HeatGrid& grid = problem.heat_grid;
+  const Material& soft = problem.options.soft;
+  const Material& hard = problem.options.hard;
+  for (int i = 0; i < grid.interface; ++i) add_change(stored.hard, grid.capacity(i, soft, hard), T_old, T_new, i);
+  // Half of the vertex between them is the hard body's, where that conducts.
+  const double weight = grid.weight[static_cast<std::size_t>(grid.interface)];
+  add_change(stored.soft, soft.conductivity / soft.diffusivity * weight, T_old, T_new, grid.interface);
+  add_change(stored.hard, hard.conductivity / hard.diffusivity * grid.hard_weight, T_old, T_new, grid.interface);
+  for (int i = grid.interface + 1; i < grid.num_vertices(); ++i)
+    add_change(stored.soft, grid.capacity(i, soft, hard), T_old, T_new, i);
+  return stored;
+}
+
+void record_energy(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
+                   const double* committed, const double* trial, TileLedger& ledger) {
+  const TileLayout& layout = problem.layout;
+  const ModelOptions& options = problem.options;
+  const double spring = options.strategy == Strategy::kVelocityDriven
+                            ? 0.5 * options.grid.thickness / options.soft.shear_modulus
+                            : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
+  const StoredHeat stored = stored_heat(problem, committed, trial, outputs.friction_heat);
+  const LaneValues plastic_slips =
+      layout.plastic_strain == TileLayout::kAbsent
+          ? LaneValues{}
+          : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
+  for (const int lane : lanes_of(inputs.active)) {
+    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
+    const double s_old = committed[layout.shear_stress + lane];
+    const double s = trial[layout.shear_stress + lane];
+    double size = s;  // of the stress, with its sign where there is one component
+    double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
+    double elastic = spring * (s - s_old) * (s + s_old);
+    if (options.tangential_components == 2) {
+      const double t_old = committed[layout.second_stress + lane];
+      const double t = trial[layout.second_stress + lane];
+      size = std::hypot(s, t);
+      power += t * working_velocity(problem, inputs.second_velocity_jump[lane], outputs.second_velocity_jump_new[lane]);
+      elastic += spring * (t - t_old) * (t + t_old);
+    }
+    const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
+    const double plastic = std::abs(size) * plastic_slips[lane];
+    const double heat = outputs.friction_heat[lane];
+
+    // Between half-spaces each takes its share at once; where both are resolved, what they are found to hold.
+    const bool two_sided = options.hard_grid.has_value();
+    const double to_soft = two_sided ? stored.soft[lane] : heat;
+    const double to_hard = two_sided ? stored.hard[lane] : heat * (1.0 / problem.heat_partition - 1.0);
+    ledger(LedgerTerm::kWork, lane) = work;
+    ledger(LedgerTerm::kHeatToSoft, lane) = to_soft;
+    ledger(LedgerTerm::kHeatToHard, lane) = to_hard;
+    ledger(LedgerTerm::kPlasticWork, lane) = plastic;
+    ledger(LedgerTerm::kStoredSoft, lane) = stored.soft[lane];
+    ledger(LedgerTerm::kStoredHard, lane) = stored.hard[lane];
+    ledger(LedgerTerm::kElastic, lane) = elastic;
+    ledger(LedgerTerm::kHeatResidual, lane) = heat - stored.soft[lane] - stored.hard[lane];
+    ledger(LedgerTerm::kEnergyResidual, lane) = work - to_soft - to_hard - cold_share(options) * plastic - elastic;
+  }
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,51 @@
+// Sleep of nodes at rest (server/physics/METHODS.md). A node rests while its contact is open, or sticks without friction
+// heat and its layer certainly does not flow. After some steps at rest the temperatures of the node are replaced by
+// amplitudes of the heat's eigenmodes, in place, and a step is one product per live mode. The first step that would bring
+// heat or might bring flow restores the temperatures and is solved. Sleep and waking of a lane depend on its own state
+// and inputs alone.
+#pragma once
+
+#include <optional>
+
+#include "server/physics/solver/lane_step.hpp"
+#include "server/physics/solver/pipeline.hpp"
+
+namespace shearbus::physics {
+
+// Steps at rest before a node sleeps: about as many as the two transformations cost.
+int steps_before_sleep(int num_heat_vertices);
+
+// Whether the rows of this lane's temperatures hold amplitudes.
+inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
+  return layout.resting != TileLayout::kAbsent && tile[layout.resting + kLanes + lane] != 0.0;
+}
+
+// T0 of a lane, asleep or not  [K].
+double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
+
+// Growth of the heat in the bodies over a step, of lanes asleep before or after the step too  [J/m2].
+StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
+                                  const double* entered);
+
+// The temperatures of a lane, asleep or not, as [vertex][lane].
+void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
+
+// How a strategy steps a lane at rest.
+struct RestRules {
+  // The step of a sleeping lane, with the bits of the awake step; nothing where heat or slip wakes the lane. `soft`: at
+  // the pressure; T0: at the end of the step, without friction  [K].
+  std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
+                                     const Material& soft, double T0, int lane);
+  // Whether a stuck step under these inputs may count as rest. Null: always.
+  bool (*may_rest)(const Problem&, const TileInputs&, int lane) = nullptr;
+};
+struct SleepingSolver {
+  AdvanceTile solve;  // lanes that are awake
+  RestRules rest;
+};
+
+// One step of the active lanes; the rest of `trial` is left for the caller.
+void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
+                        const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,18 @@
+// Step control: substeps until the estimated error is below the tolerance (METHODS.md).
+#pragma once
+
+#include "server/physics/solver/pipeline.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One step of the active lanes in as many substeps as the tolerance asks for, each by `advance`; writes the whole of
+// `trial`. Lanes without an answer keep their state.
+void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
+                        const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
+
+// How often a step of dt may be halved.
+int most_times_halved(double dt);
+
+}  // namespace shearbus::physics

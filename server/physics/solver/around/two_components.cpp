@@ -1,0 +1,118 @@
+#include "server/physics/solver/around/two_components.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace shearbus::physics {
+namespace {
+
+struct Vector {
+  double first = 0.0;
+  double second = 0.0;
+};
+Vector operator+(const Vector& a, const Vector& b) {
+  return {a.first + b.first, a.second + b.second};
+}
+Vector operator*(double a, const Vector& b) {
+  return {a * b.first, a * b.second};
+}
+double dot(const Vector& a, const Vector& b) {
+  return a.first * b.first + a.second * b.second;
+}
+// Exact along an axis, and without overflow.
+double length(const Vector& a) {
+  const double largest = std::max(std::abs(a.first), std::abs(a.second));
+  if (largest == 0.0) return 0.0;
+  const double x = a.first / largest;
+  const double y = a.second / largest;
+  return largest * std::sqrt(x * x + y * y);
+}
+
+// Inputs of one lane, and its old stress.
+struct LaneVectors {
+  Vector jump, stress_soft, stress_hard, stress_old;
+};
+
+LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const double* committed, int l) {
+  return {{inputs.velocity_jump[l], inputs.second_velocity_jump[l]},
+          {inputs.stress_soft[l], inputs.second_stress_soft[l]},
+          {inputs.stress_hard[l], inputs.second_stress_hard[l]},
+          {committed[layout.shear_stress + l], committed[layout.second_stress + l]}};
+}
+
+// The trial vector, which gives the direction: velocity-driven the stress of an elastic layer, DLP (37); force-driven the
+// jump of a free interface, (61).
+Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
+  if (options.strategy == Strategy::kForceDriven) {
+    return lane.jump +
+           dt * ((1.0 / inputs.mass_soft[l]) * lane.stress_soft + (1.0 / inputs.mass_hard[l]) * lane.stress_hard);
+  }
+  return lane.stress_old + (options.soft.shear_modulus * dt / options.grid.thickness) * lane.jump;
+}
+
+constexpr double kFewDigits = 0x1p-960;
+constexpr double kUp = 0x1p+900;
+
+Vector direction_of(const Vector& trial, const Vector& otherwise) {
+  for (const Vector& along : {trial, otherwise}) {
+    // The length of a vector of denormals has no digits: brought up by a power of two it has.
+    const double scale = std::max(std::abs(along.first), std::abs(along.second)) < kFewDigits ? kUp : 1.0;
+    const Vector scaled = scale * along;
+    const double size = length(scaled);
+    if (size > 0.0) return {scaled.first / size, scaled.second / size};
+  }
+  return {1.0, 0.0};
+}
+
+}  // namespace
+
+void advance_two_components(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
+                            const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const ModelOptions& options = problem.options;
+  const bool forced = options.strategy == Strategy::kForceDriven;
+
+  // 1. The scalar problem along each lane's direction.
+  TileInputs along = inputs;
+  Vector direction[kLanes];
+  double stress_old[kLanes] = {};
+  for (const int l : lanes_of(inputs.active)) {
+    const LaneVectors lane = vectors_of(layout, inputs, committed, l);
+    const Vector e =
+        direction_of(trial_of(options, lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
+    direction[l] = e;
+    stress_old[l] = dot(lane.stress_old, e);
+    along.velocity_jump[l] = dot(lane.jump, e);
+    along.stress_soft[l] = dot(lane.stress_soft, e);
+    along.stress_hard[l] = dot(lane.stress_hard, e);
+  }
+  along.stress_before = stress_old;
+  advance(problem, operators, along, committed, trial, outputs);
+
+  // 2. Its answer as vectors.
+  for (const int l : lanes_of(inputs.active)) {
+    const LaneVectors lane = vectors_of(layout, inputs, committed, l);
+    const Vector& e = direction[l];
+    Vector stress = outputs.shear_stress[l] * e;
+    Vector slip = outputs.sliding_velocity[l] * e;
+    Vector jump_new = forced ? outputs.velocity_jump_new[l] * e : lane.jump;
+    if (outputs.outcome[l] == kFailed) {  // the old state stays
+      stress = lane.stress_old;
+      jump_new = lane.jump;
+    } else if (outputs.regime[l] == Regime::kOpen) {
+      slip = 0.5 * (lane.jump + jump_new);  // what it passes at, wherever to
+    } else if (!forced) {
+      const double apart = length(slip + -1.0 * lane.jump);
+      outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);
+      if (!(apart <= kOutsideDomainShare * length(lane.jump))) outputs.outcome[l] |= kOutsideDomain;
+    }
+    trial[layout.shear_stress + l] = outputs.shear_stress[l] = stress.first;
+    trial[layout.second_stress + l] = outputs.second_shear_stress[l] = stress.second;
+    outputs.sliding_velocity[l] = slip.first;
+    outputs.second_sliding_velocity[l] = slip.second;
+    outputs.velocity_jump_new[l] = jump_new.first;
+    outputs.second_velocity_jump_new[l] = jump_new.second;
+  }
+}
+
+}  // namespace shearbus::physics

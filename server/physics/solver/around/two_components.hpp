@@ -1,0 +1,15 @@
+// Slip with two tangential components (MODEL.md, "Two tangential components"). Friction and plasticity are isotropic:
+// the step is the scalar one along the direction of its trial stress.
+#pragma once
+
+#include "server/physics/solver/pipeline.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One step of the active lanes by `advance`, the scalar step, along the direction of each lane's trial stress.
+void advance_two_components(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
+                            const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,20 @@
+#include "server/physics/solver/flow/heated.hpp"
+
+namespace shearbus::physics {
+
+// At the ceiling of one vertex another may be hotter; its ceiling is lower. The iteration descends to the vertex that is
+// the hottest under its own ceiling.
+double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
+                      double guess, int& hottest) {
+  double a = a_max;
+  for (;;) {
+    const int before = hottest;
+    const double a_before = a;
+    hottest = heated.hottest(flux.rise * (a * flux.slip(a)));
+    if (a < a_max && hottest == before) return a;
+    a = slip_stress(limit, {heated.T(hottest, 0.0), flux.rise * heated.response(hottest), flux.c, flux.b}, a, guess);
+    if (!(a < a_before)) return a;  // also where there is no number
+  }
+}
+
+}  // namespace shearbus::physics

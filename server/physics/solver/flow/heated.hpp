@@ -1,0 +1,33 @@
+// Temperatures of one lane's layer as functions of the heat flux, and the largest stress that the layer carries.
+#pragma once
+
+#include <cstddef>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+// T = T_ad + q B at the vertices that can be the hottest: z = 0 alone if all heat enters there and none leaves there.
+struct Heated {
+  const double* T_ad = nullptr;  // [vertex][lane], at the lane
+  const double* B = nullptr;     // [vertex], or [vertex][lane] at the lane
+  std::ptrdiff_t stride = 1;     // of B
+  int candidates = 1;
+
+  double response(int i) const { return B[i * stride]; }
+  double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }
+  int hottest(double q) const {
+    int at = 0;
+    for (int i = 1; i < candidates; ++i) at = T(i, q) > T(at, q) ? i : at;
+    return at;
+  }
+};
+
+// The stress at which the first vertex reaches its ceiling, limit.tresca g(T), where a stress a heats by the flux
+// q = rise a max(0, c - b a), which must increase with a; `a_max` if no vertex does. `hottest`: in, the vertex that is
+// hottest without that heat; out, the vertex that limits the stress.
+double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
+                      double guess, int& hottest);
+
+}  // namespace shearbus::physics

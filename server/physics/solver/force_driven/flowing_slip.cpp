@@ -1,0 +1,273 @@
+#include "server/physics/solver/force_driven/flowing_slip.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/problem.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr double kAtCeiling = 1e-11;  // relative: a stress above the ceiling by less is at the ceiling
+constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search
+constexpr double kBeyond = 1e-10;     // relative: margin of a bound that is no answer
+
+// The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
+// stress may melt the layer. The answer is then reduced until the layer stays below melting.
+double not_molten(const FrictionHeating& heating, const Heated& layer, double T_melt, double a) {
+  if (layer.T(layer.hottest(0.0), 0.0) >= T_melt) return a;
+  const auto hottest = [&](double stress) {
+    const double q = heating.rise * (stress * heating.slip(stress));
+    return layer.T(layer.hottest(q), q);
+  };
+  for (int ulps = 1; hottest(a) >= T_melt && ulps < kMostUlps; ulps *= 2) {
+    a *= 1.0 - ulps * std::numeric_limits<double>::epsilon();
+  }
+  return a;
+}
+
+}  // namespace
+
+FlowingSlip::FlowingSlip(const FlowingStart& start)
+    : start_(start), trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress) {
+  const double T_ad = T0(0.0);
+  const double B0 = start.layer.response(0);
+  const double rise = start.heat_partition * B0;
+  slipping_ = trial_.slipping(T_ad, rise);
+  // At the end of the step [V]new + drive = sqrt(3) integral(dep)/dt; with it [v] = ([V]old - [V]new)/2.
+  stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
+  compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
+
+  // 1. The answer for a rigid layer is an answer if the layer does not flow under it. A stuck interface begins to slip
+  //    only when it cannot stick with the layer flowing.
+  rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
+                      start.before.sticks);
+  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface sticks to nothing
+    ask_rigid(Phase::kRigid);
+  } else {
+    begin_stick();
+  }
+}
+
+void FlowingSlip::ask(Phase phase, double a, double q) {
+  phase_ = phase;
+  a_ = a;
+  q_ = q;
+}
+
+void FlowingSlip::ask_rigid(Phase phase) {
+  ask(phase, std::abs(rigid_.stress), rigid_.flux);
+}
+
+// The largest stress that the layer carries: the ceiling of its hottest vertex.
+double FlowingSlip::layer_at(double q) const {
+  const double T = start_.layer.T(start_.layer.hottest(q), q);
+  const double g = softening(*start_.limit.soft, start_.limit.pressure, T).g;
+  return g > 0.0 ? start_.ceiling * g : 0.0;
+}
+
+bool FlowingSlip::rigid_holds(double slip) const {
+  return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at(rigid_.flux) * (1.0 + kAtCeiling);
+}
+
+// The heat flux from `lo` on up to the one that makes T0 = T_hi where `holds` comes true, to the resolution of T0.
+template <class Predicate>
+double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) const {
+  const double T_ad = T0(0.0);
+  const double B0 = start_.layer.response(0);
+  double cold = T0(lo), hot = T_hi;
+  for (;;) {
+    const double mid = 0.5 * (cold + hot);
+    if (mid <= cold || mid >= hot) return std::max(lo, (hot - T_ad) / B0);
+    (holds((mid - T_ad) / B0) ? hot : cold) = mid;
+  }
+}
+
+void FlowingSlip::update(double slip) {
+  switch (phase_) {
+    case Phase::kDone:
+      return;
+    case Phase::kRigid:
+      if (rigid_holds(slip)) {
+        kind_ = Kind::kRigid;
+        phase_ = Phase::kDone;
+      } else if (stick_was_searched_) {
+        begin_slip();
+      } else {
+        begin_stick();
+      }
+      return;
+    case Phase::kOtherAnswer:
+      several_ = rigid_holds(slip);
+      ask(Phase::kDone, a_stick_, start_.heat_partition * (a_stick_ * stopping_.slip(a_stick_)));
+      return;
+    case Phase::kStickEnd: {
+      const double balance = stick_balance(slip);
+      if (balance <= 0.0 || a_ == 0.0) {
+        at_ceiling_ = high_is_ceiling_;
+        return end_stick(a_);
+      }
+      search_ = RootSearch(0.0, -trial_.stress_stick, a_, balance, trial_.stress_stick,
+                           trial_.direction * start_.before.stress);
+      break;
+    }
+    case Phase::kStick:
+      if (search_.update(stick_balance(slip))) return end_stick(search_.at());
+      break;
+    case Phase::kSlipLow:
+      low_value_ = slip_balance(slip);
+      if (low_value_ >= 0.0) return end_slip(low_);
+      return ask_slip(Phase::kSlipHigh, high_);
+    case Phase::kSlipHigh: {
+      const double balance = slip_balance(slip);
+      if (balance <= 0.0) {
+        at_ceiling_ = high_is_ceiling_;
+        return end_slip(high_);
+      }
+      search_ = RootSearch(low_, low_value_, high_, balance, high_, -1.0);
+      return ask_slip(Phase::kSlip, search_.at());
+    }
+    case Phase::kSlip: {
+      if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
+      // Where the layer limits the stress the interface does not slip: the answer has less slip.
+      const double q = search_.at();
+      if (layer_holds(q)) {
+        high_ = q;
+        bound_slip_by_layer();
+        if (high_ < q) return ask_slip(Phase::kSlipHigh, high_);
+      }
+      return end_slip(q);
+    }
+  }
+  const double a = search_.at();
+  ask(Phase::kStick, a, start_.heat_partition * (a * stopping_.slip(a)));
+}
+
+// 2. Stick: the slip at the end of the step falls strictly with the stress, since flow and heating rise with it. The
+//    root lies below three bounds: the sticking stress of a rigid layer, the largest stress that the layer carries, and
+//    the stress under which the first vertex alone would flow by more than all the slip.
+void FlowingSlip::begin_stick() {
+  stick_was_searched_ = true;
+  const Material& soft = *start_.limit.soft;
+  const double most_ad = layer_at(0.0);
+  double high = trial_.stress_stick;
+  high_is_ceiling_ = false;
+  if (most_ad <= 0.0) {
+    high = 0.0;
+    high_is_ceiling_ = true;
+  } else if (std::isfinite(start_.ceiling)) {
+    const StressLimit layer{std::numeric_limits<double>::infinity(), start_.ceiling, start_.limit.pressure, &soft};
+    int hottest = start_.layer.hottest(0.0);
+    const double most = ceiling_stress(layer, start_.layer, {0.0, start_.heat_partition, stopping_.c, stopping_.b},
+                                       high, std::abs(start_.before.stress), hottest);
+    if (most < high) {
+      high = most;
+      high_is_ceiling_ = true;
+    }
+  }
+  if (most_ad > 0.0 && start_.hardens) {
+    const double g = softening(soft, start_.limit.pressure, T0(0.0)).g;
+    const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
+    const double beyond = hardened_strength(soft, most_strain, (most_strain - start_.first_strain) / start_.dt,
+                                            start_.limit.pressure, T0(0.0)) *
+                          g / kSqrt3 * (1.0 + kBeyond);
+    if (beyond < high) {
+      high = beyond;
+      high_is_ceiling_ = false;
+    }
+  }
+  ask(Phase::kStickEnd, high, start_.heat_partition * (high * stopping_.slip(high)));
+}
+
+void FlowingSlip::end_stick(double a) {
+  const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
+  a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
+  a_stick_ = a;
+  // Where a layer is at a ceiling below the interface's yield limit, at z = 0, only the friction branch can be exceeded:
+  // near melting the other two differ by less than T0 resolves.
+  const double q = flux.rise * (a * flux.slip(a));
+  const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
+  const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
+  const bool can_stick = rigid_.sticks || carried >= a;
+  if (can_stick) {
+    kind_ = Kind::kStick;
+    if (!rigid_.sticks && start_.before.sticks) return ask_rigid(Phase::kOtherAnswer);
+    return ask(Phase::kDone, a, start_.heat_partition * (a * stopping_.slip(a)));
+  }
+  at_ceiling_ = false;
+  if (start_.before.sticks) return ask_rigid(Phase::kRigid);
+  begin_slip();
+}
+
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat of
+//    the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where the
+//    limit equals the sticking stress.
+void FlowingSlip::begin_slip() {
+  const double T_melt = start_.limit.soft->melting_temperature;
+  low_ = 0.0;
+  if (T0(0.0) < T_melt && std::min(interface_at(0.0), layer_at(0.0)) > a_stick_) {
+    low_ = first_flux(0.0, T_melt, [&](double q) { return std::min(interface_at(q), layer_at(q)) <= a_stick_; });
+  }
+  high_ = rigid_.flux;
+  high_is_ceiling_ = false;
+  if (high_ > low_ && layer_holds(high_)) bound_slip_by_layer();
+  if (high_ <= low_) {
+    at_ceiling_ = high_is_ceiling_;
+    return end_slip(high_);
+  }
+  ask_slip(Phase::kSlipLow, low_);
+}
+
+// The interface slips up to the flux at which the layer carries no more than the interface; from there on the layer
+// flows by the rest. Called where the layer carries less at `high_`.
+void FlowingSlip::bound_slip_by_layer() {
+  high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
+  high_is_ceiling_ = true;
+}
+
+void FlowingSlip::ask_slip(Phase phase, double q) {
+  ask(phase, std::min(interface_at(q), layer_at(q)), q);
+}
+
+double FlowingSlip::interface_slip(double a, double slip) const {
+  return std::max(0.0, slipping_.c - slipping_.b * a - kSqrt3 * slip / start_.dt);
+}
+
+double FlowingSlip::slip_balance(double slip) const {
+  return q_ - start_.heat_partition * (a_ * interface_slip(a_, slip));
+}
+
+void FlowingSlip::end_slip(double q) {
+  kind_ = Kind::kSlip;
+  ask_slip(Phase::kDone, q);
+  // T0 may be within its last digit of melting: choose the colder side, where the stress is not 0.
+  const double T_ad = T0(0.0);
+  const double hot = T0(q);
+  for (int ulps = 1; a_ <= 0.0 && q_ > 0.0 && ulps < kMostUlps; ulps *= 2) {
+    const double T = hot * (1.0 - ulps * std::numeric_limits<double>::epsilon());
+    ask_slip(Phase::kDone, std::max(0.0, (T - T_ad) / start_.layer.response(0)));
+  }
+}
+
+FlowingSlip::Answer FlowingSlip::answer(double slip) const {
+  if (kind_ == Kind::kRigid) return {rigid_, 0.0, 0};
+  const int hottest = start_.layer.hottest(q_);
+  const double d = trial_.direction;
+  if (kind_ == Kind::kStick) {
+    const double surplus = at_ceiling_ ? std::max(0.0, (trial_.stress_stick - a_) / compliance_ - slip) : 0.0;
+    const bool flows = slip > 0.0 || surplus > 0.0;
+    const bool melting = start_.layer.T(hottest, q_) >= kMeltingShare * start_.limit.soft->melting_temperature;
+    const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
+    return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
+  }
+  // The slip follows from its heat; a layer at its ceiling flows by the rest of (64).
+  const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
+  const double left = slipping_.c - slipping_.b * a_ - v;
+  const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
+  const Regime regime = slip_regime(start_.limit, T0(q_), v);
+  return {{d * a_, d * v, trial_.jump_new(a_), q_, regime, false, rigid_.unique, rigid_.several}, surplus, hottest};
+}
+
+}  // namespace shearbus::physics

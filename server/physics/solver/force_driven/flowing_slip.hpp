@@ -1,0 +1,86 @@
+// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61), (64) and
+// the interface law for s, [v], T0 and ep together. The search is a state machine: stress() and flux() are the next load
+// of the layer, update() receives the flow under it. The lanes of a tile, whose flow is summed together, search together.
+#pragma once
+
+#include "server/physics/solver/flow/heated.hpp"
+#include "server/physics/solver/flow/root_search.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
+
+namespace shearbus::physics {
+
+// A lane with a closed contact at the start of a step.
+struct FlowingStart {
+  StressLimit limit;      // of the interface
+  double ceiling;         // of the layer at g = 1, where hardening ends; infinity: none             [Pa]
+  bool hardens;           // without hardening the layer flows at the ceiling only
+  double first_weight;    // length of z the first vertex stands for                                 [m]
+  double first_strain;    // its plastic strain
+  Heated layer;           // its temperatures
+  double heat_partition;  // beta_T; 1 where the hard body conducts too
+  double dt;
+  Forcing forcing;
+  LaneStep before;  // stress, jump_new and sticks of the last step
+};
+
+class FlowingSlip {
+ public:
+  FlowingSlip() = default;
+  explicit FlowingSlip(const FlowingStart& start);
+
+  bool done() const { return phase_ == Phase::kDone; }
+  // Load of the layer to evaluate next, stress magnitude and heat flux; once done, of the answer.
+  double stress() const { return a_; }
+  double flux() const { return q_; }
+  void update(double slip);  // integral(dep) under them   [m]
+
+  struct Answer {
+    LaneStep step;
+    double surplus;  // part of integral(dep) beyond (48), which flows at the hottest vertex   [m]
+    int hottest;
+  };
+  Answer answer(double slip) const;  // `slip` under the answer's load
+
+ private:
+  enum class Phase { kDone, kRigid, kOtherAnswer, kStickEnd, kStick, kSlipLow, kSlipHigh, kSlip };
+  enum class Kind { kRigid, kStick, kSlip };
+
+  void ask(Phase phase, double a, double q);
+  void ask_rigid(Phase phase);
+  void begin_stick();
+  void end_stick(double a);
+  void begin_slip();
+  void end_slip(double q);
+  void ask_slip(Phase phase, double q);
+  bool rigid_holds(double slip) const;
+  double T0(double q) const { return start_.layer.T(0, q); }
+  double interface_at(double q) const { return start_.limit.at(T0(q)).stress; }
+  double layer_at(double q) const;
+  bool layer_holds(double q) const { return layer_at(q) < interface_at(q); }
+  template <class Predicate>
+  double first_flux(double lo, double T_hi, const Predicate& holds) const;
+  void bound_slip_by_layer();
+  double stick_balance(double slip) const { return a_ + compliance_ * slip - trial_.stress_stick; }
+  double slip_balance(double slip) const;
+  double interface_slip(double a, double slip) const;
+
+  FlowingStart start_{};
+  TrialSlip trial_{{}, 1.0, 0.0, 0.0};
+  FrictionHeating stopping_{};  // heat of a lane that sticks at the end of the step
+  FrictionHeating slipping_{};
+  LaneStep rigid_{};         // the answer of a layer that does not flow
+  double compliance_ = 0.0;  // stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
+  RootSearch search_;
+
+  Phase phase_ = Phase::kDone;
+  Kind kind_ = Kind::kRigid;
+  double a_ = 0.0, q_ = 0.0;
+  double a_stick_ = 0.0;  // of the flowing layer
+  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
+  bool high_is_ceiling_ = false;  // of the search at hand
+  bool at_ceiling_ = false;       // of the answer
+  bool stick_was_searched_ = false;
+  bool several_ = false;
+};
+
+}  // namespace shearbus::physics

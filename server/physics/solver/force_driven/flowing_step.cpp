@@ -1,0 +1,142 @@
+#include "server/physics/solver/force_driven/flowing_step.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/force_driven/flowing_slip.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
+#include "server/physics/solver/force_driven/substeps.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// Inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
+                      const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
+  FlowingStart start{};
+  start.limit = interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort);
+  start.ceiling = strength_ceiling(soft) / kSqrt3;
+  start.hardens = hardens(soft);
+  start.first_weight = problem.grid.weight[0];
+  start.first_strain = first_strain;
+  start.layer = {T_ad + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1};
+  start.heat_partition = problem.heat_partition;
+  start.dt = heat.dt;
+  start.forcing = forcing_of(problem, inputs, lane);
+  start.before = before;
+  return start;
+}
+
+void add_surplus(const Problem& problem, const FlowingSlip::Answer& answer, int lane, double* strain) {
+  strain[answer.hottest * kLanes + lane] +=
+      answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
+}
+
+// One substep of one lane after conduction; `strain` is updated in place.
+LaneStep substep(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
+                 const HeatOperator& heat, const LaneStep& before, const double* T, double* strain) {
+  if (inputs.pressure[lane] <= 0.0) {
+    return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+  }
+  const FlowingStart start = start_of(problem, soft, inputs, lane, heat, T, strain[lane], before);
+  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, 0, heat.dt};
+  const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
+    if (!start.hardens) return 0.0;
+    FlowLoad load;
+    set_load(soft, inputs.pressure[lane], step.stress(), step.flux(), lane, load);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    return flow_of_lane(flow, load, lane, strain_new);
+  };
+  FlowingSlip step(start);
+  while (!step.done()) step.update(slip_under(step, nullptr));
+  const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
+  add_surplus(problem, answer, lane, strain);
+  return answer.step;
+}
+
+}  // namespace
+
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const Material& soft = problem.options.soft;
+  bool may_flow = false;
+  const int n = problem.heat_grid.num_vertices();
+  const HeatOperator& heat = operators.heat();
+  const double* T_old = committed + layout.first_temperature();
+  const double* strain = committed + layout.plastic_strain;
+  double* T_all = trial + layout.first_temperature();
+  double* T = trial + layout.temperature;
+  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answers are known
+
+  // 1. Conduction without friction: DLP (28-35).
+  conduct(heat, n, T_old, T_all);
+
+  // 2. Where each lane starts from.
+  FlowingSlip lanes[kLanes];
+  LaneStep before[kLanes];
+  FlowLoad load;
+  const LaneMaterials soft_at(soft, inputs);
+  for (int l = 0; l < kLanes; ++l) {
+    const bool active = contains(inputs.active, l);
+    const double pressure = active ? inputs.pressure[l] : 0.0;
+    before[l] = InterfaceStep::before(layout, inputs, committed, l);
+    if (pressure > 0.0) {
+      may_flow = hardens(soft);
+      lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l]));
+    }
+    set_load(soft_at(l), pressure, lanes[l].stress(), lanes[l].flux(), l, load);
+  }
+
+  // 3. Stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
+  FlowSum sum{};
+  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
+  if (may_flow) flow_thresholds(flow, load, strain_new);
+  for (;;) {
+    bool all_done = true;
+    for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
+    if (all_done) break;
+    if (may_flow) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    for (int l = 0; l < kLanes; ++l) {
+      if (lanes[l].done()) continue;
+      lanes[l].update(sum.slip[l]);
+      set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
+    }
+  }
+  if (may_flow) {
+    flow_to(flow, load, problem.grid.num_vertices(), strain_new, sum);
+  } else {
+    std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
+  }
+
+  // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
+  double flux[kLanes] = {};
+  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
+  for (const int l : lanes_of(inputs.active)) {
+    LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
+    if (inputs.pressure[l] > 0.0) {
+      const FlowingSlip::Answer answer = lanes[l].answer(sum.slip[l]);
+      whole = answer.step;
+      add_surplus(problem, answer, l, strain_new);
+    }
+    const LaneResult result = step_or_divide(
+        whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
+        [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
+        [&](const HeatOperator& shorter, const LaneStep& last) {
+          return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
+        });
+    flux[l] = result.flux;
+    write_answer(result, layout, l, trial, outputs);
+    trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
+  }
+
+  // 5. The friction heat of this step: T = T_ad + q B.
+  add_flux(heat, n, flux, T_all);
+  for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
+}
+
+}  // namespace shearbus::physics

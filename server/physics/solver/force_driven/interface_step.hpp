@@ -1,0 +1,63 @@
+// Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
+// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The heat is the caller's.
+#pragma once
+
+#include <cmath>
+
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/problem.hpp"
+
+namespace shearbus::physics {
+
+// Includes the host's plastic shear where the layer may flow, DLP (64).
+inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
+  Forcing forcing = forcing_of(inputs, lane);
+  if (problem.options.plastic_layer)
+    forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_strain_rate[lane];
+  return forcing;
+}
+
+class InterfaceStep {
+ public:
+  InterfaceStep(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
+                int lane)
+      : junction_strain(problem.options.junctions ? committed[problem.layout.junction_strain + lane] : 0.0),
+        problem_(problem),
+        strength_(interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort)),
+        forcing_(forcing_of(problem, inputs, lane)) {}
+
+  // The lane as it was before the step.
+  static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
+    const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+    return {
+        stress_before(layout, inputs, committed, lane),
+        0.0,
+        inputs.velocity_jump[lane],
+        0.0,
+        previous,
+        layout.sticking != TileLayout::kAbsent ? committed[layout.sticking + lane] != 0.0 : previous == Regime::kStick,
+        true,
+        false};
+  }
+
+  // A step of dt from `last`. B0: response of T0 to the flux; T_ad: T0 without friction in this step.
+  LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
+    if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
+    strength_.junctions =
+        junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr, junction_strain, dt);
+    const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
+    const LaneStep step =
+        rigid_slip(strength_, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
+    junction_strain = strength_.junctions.strain(std::abs(step.slip));
+    return step;
+  }
+
+  double junction_strain;  // before, then after the last step
+
+ private:
+  const Problem& problem_;
+  StressLimit strength_;
+  Forcing forcing_;
+};
+
+}  // namespace shearbus::physics

@@ -1,0 +1,74 @@
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "server/physics/solver/problem.hpp"
+
+namespace shearbus::physics {
+
+TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
+    : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
+  // A free jump of 0 has no direction: the host's plastic shear then acts along the old stress, or not at all.
+  const double leads = jump_free != 0.0 ? jump_free : stress_before;
+  direction = leads < 0.0 ? -1.0 : 1.0;
+  drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
+  jump_old = direction * jump_before;
+  stress_stick = (std::abs(jump_free) + drive) / per_stress;
+}
+
+Regime slip_regime(const StressLimit& limit, double T0, double slip) {
+  if (limit.at(T0, slip).is_coulomb) return Regime::kCoulomb;
+  return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
+}
+
+LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
+  const double jump_free = jump_old + dt * forcing.acceleration;
+  return {0.0, 0.5 * (jump_old + jump_free), jump_free, 0.0, Regime::kOpen, false, true, false};
+}
+
+LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
+                    double guess, bool stuck) {
+  const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
+  // Friction that depends on slip is solved for first: it then is a constant, one for a sliding interface and one for a
+  // sticking interface.
+  const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
+
+  // 1. Stick: no slip at the end of the step, if the interface carries that stress. ([V]mid = 0 would oscillate.)
+  const double a_stick = trial.stress_stick;
+  const bool can_stick =
+      spare_strength(by_slip ? strength.with_friction(by_slip->holding) : strength, heating, a_stick) >= 0.0;
+
+  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes on
+  //    as before: a sticking node sticks, a slipping node has the answer with the most slip.
+  const StressLimit limit = by_slip ? strength.with_friction(by_slip->sliding) : strength;
+  const StressLimit yield = strength.with_friction(std::numeric_limits<double>::infinity());
+  const bool friction_returns =
+      by_slip && by_slip->exceeds_again < a_stick && by_slip->exceeds_again < yield.at(T_ad, heating.slip(0.0)).stress;
+  const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
+  bool stick = can_stick;
+  bool several = false;
+  double a = a_stick;
+  if (unique) {
+    if (!can_stick) a = slip_stress(limit, heating, a_stick, guess);
+  } else {
+    const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
+    const bool returns = friction_returns && spare_strength(yield, heating, by_slip->exceeds_again) > 0.0;
+    several = slip.several || (slip.found && (can_stick || returns));
+    const bool rests = friction_returns && trial.jump_old == 0.0;  // under the friction of rest, stuck before or not
+    stick = can_stick && (stuck || rests || !slip.found);
+    if (!stick) a = slip.stress;
+  }
+  if (!stick) a = below_melting(limit, heating, heat_partition, B0, a);
+
+  // 3. Answer. Where the jump changes sign within the step the slip along the stress is clipped at 0: no heat, no work.
+  const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
+  const double flux = heat_partition * (a * slip);
+  const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);
+  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0, slip);
+  return {trial.direction * a, trial.direction * slip, jump_new, flux, regime, stick, unique, several};
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,51 @@
+// The force-driven step of one lane whose layer does not flow (server/physics/MODEL.md, "Force-driven step"): DLP (61),
+// (65).
+#pragma once
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/lane_step.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+// Forces of the host on one lane.
+struct Forcing {
+  double acceleration;         // s_soft/m_soft + s_hard/m_hard, of the jump without friction   [m/s2]
+  double mobility;             // 1/m_soft + 1/m_hard                                            [m2/kg]
+  double plastic_drive = 0.0;  // sqrt(3) h Ep_dot of the host's soft zone, DLP (64)              [m/s]
+};
+
+inline Forcing forcing_of(const TileInputs& inputs, int lane) {
+  return {inputs.stress_soft[lane] / inputs.mass_soft[lane] + inputs.stress_hard[lane] / inputs.mass_hard[lane],
+          1.0 / inputs.mass_soft[lane] + 1.0 / inputs.mass_hard[lane]};
+}
+
+// The jump without friction and its reduction by a stress, DLP (61). Magnitudes along the trial direction.
+struct TrialSlip {
+  TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
+
+  double jump_new(double a) const { return jump_free - direction * a * per_stress; }  // signed
+
+  double jump_free;     // signed                                                     [m/s]
+  double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
+  double direction;     // +1 or -1
+  double jump_old;      // along the direction                                        [m/s]
+  double drive;         // plastic_drive, along the direction                         [m/s]
+  double stress_stick;  // stress at which slip ends with the step                    [Pa]
+
+  // While it slips: [v] = [V]mid + drive = c - b a.
+  FrictionHeating slipping(double T_ad, double rise) const {
+    return {T_ad, rise, 0.5 * (jump_old + direction * jump_free) + drive, 0.5 * per_stress};
+  }
+};
+
+Regime slip_regime(const StressLimit& limit, double T0, double slip);
+
+// The step of a closed contact, its friction known. `stuck`: the interface did not slip at the end of the last step.
+LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
+                    double guess, bool stuck);
+
+// The step of an open contact: no stress.
+LaneStep open_step(const Forcing& forcing, double dt, double jump_old);
+
+}  // namespace shearbus::physics

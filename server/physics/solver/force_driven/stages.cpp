@@ -1,0 +1,191 @@
+#include "server/physics/solver/force_driven/stages.hpp"
+
+#include <cmath>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/force_driven/step.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/sdirk2.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+using sdirk2::begin_second_stage;
+using sdirk2::kDiagonal;
+using sdirk2::kFirstWeight;
+using sdirk2::lanes_out_of_range;
+
+constexpr double kMet = 1e-9;  // relative: how far a stress may be from its limit
+
+// Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
+bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
+  for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
+    if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
+  }
+  return true;
+}
+bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, double T_melt, const double* rows) {
+  return rows[(num_rows - 1) * kLanes + lane] + flux * step.response < T_melt;
+}
+
+// One lane of a force-driven step, in magnitudes along its direction.
+struct StagedLane {
+  StressLimit limit;
+  Forcing forcing;
+  double direction;  // of the jump, or the acceleration
+  double jump_old;   // along the direction  [m/s]
+  bool at_rest = false;
+  double early_stress = 0.0;  // of the first stage  [Pa]
+  double stress = 0.0;        // mean of the step    [Pa]
+  double slip = 0.0;          // [V]mid              [m/s]
+};
+
+double free_jump(const StagedLane& lane, double dt) {
+  return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
+}
+
+// First stage: stress and flux at gamma dt, with the slip at the end of the stage. False where the jump reverses or stops
+// within the step or the answer is not unique: such steps are left to backward Euler.
+bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
+                 double guess, double& flux) {
+  flux = 0.0;
+  if (lane.limit.pressure <= 0.0) return true;
+  const double free = free_jump(lane, dt);
+  if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
+  const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
+  const double a_stick = free / heating.b;
+  if (spare_strength(lane.limit, heating, a_stick) >= 0.0) {
+    lane.at_rest = lane.jump_old == 0.0;
+    lane.early_stress = a_stick;
+    return lane.at_rest;
+  }
+  if (!slip_is_unique(lane.limit, heating, a_stick)) return false;
+  lane.early_stress = slip_stress(lane.limit, heating, a_stick, guess);
+  flux = heat_partition * (lane.early_stress * heating.slip(lane.early_stress));
+  return true;
+}
+
+// Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
+//   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
+// so that the heat is the work solved out of the bodies, as in a backward Euler step.
+bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
+                  double& flux) {
+  flux = 0.0;
+  const double free = free_jump(lane, dt);
+  if (lane.limit.pressure <= 0.0) {
+    lane.slip = 0.5 * (lane.jump_old + free);
+    return true;
+  }
+  if (lane.at_rest) {
+    lane.stress = lane.early_stress;
+    return lane.limit.at(T_ad).stress >= lane.stress;
+  }
+  const StressLimit limit = lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress);
+  const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
+                                0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
+  const double a_stick = free / (dt * lane.forcing.mobility);
+  if (spare_strength(limit, heating, a_stick) >= 0.0 || !slip_is_unique(limit, heating, a_stick)) return false;
+  const double a = slip_stress(limit, heating, a_stick, lane.early_stress);
+  lane.stress = a;
+  lane.slip = heating.slip(a);
+  flux = (heat_partition * (a * lane.slip) - kFirstWeight * early_flux) / kDiagonal;
+  const double T0 = T_ad + B0 * flux;
+  return flux >= 0.0 && std::abs(limit.at(T0).stress - a) <= kMet * a;
+}
+
+template <class Heat>
+void advance(const Problem& problem, const StepOperators& operators, const Heat& first, const Heat& second,
+             const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const int n = problem.heat_rows;
+  const double dt = operators.dt();
+  const double* T_old = committed + layout.first_temperature();
+  double* T = trial + layout.first_temperature();
+  const double* T0 = trial + layout.temperature;
+  std::uint32_t solved = inputs.active;
+  const auto drop = [&](int lane) { solved &= ~(1u << lane); };
+
+  // 1. First stage: conduction, then stress and flux lane by lane.
+  StagedLane lanes[kLanes];
+  Material soft[kLanes];
+  double early_flux[kLanes] = {};
+  conduct(first, n, T_old, T);
+  for (const int l : lanes_of(solved)) {
+    soft[l] = at_pressure(problem.options.soft, inputs.pressure[l]);
+    const double jump = inputs.velocity_jump[l];
+    StagedLane& lane = lanes[l];
+    lane.limit = interface_strength(problem.interface, soft[l], inputs.pressure[l], inputs.effort);
+    lane.forcing = forcing_of(inputs, l);
+    lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
+    lane.jump_old = lane.direction * jump;
+    if (!first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
+                     std::abs(stress_before(layout, inputs, committed, l)), early_flux[l])) {
+      drop(l);
+      early_flux[l] = 0.0;
+    }
+  }
+  add_flux(first, n, early_flux, T);
+
+  // 2. Second stage.
+  begin_second_stage(second, n, T_old, early_flux, T);
+  solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
+  double flux[kLanes] = {};
+  for (const int l : lanes_of(solved)) {
+    const bool found =
+        second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
+    if (!found || !stays_solid(second, n, l, flux[l], soft[l].melting_temperature, T)) {
+      drop(l);
+      flux[l] = 0.0;
+    }
+  }
+
+  add_flux(second, n, flux, T);
+
+  // 3. Backward Euler for the other lanes.
+  if (const std::uint32_t fallen_back = inputs.active & ~solved; fallen_back != 0) {
+    TileInputs theirs = inputs;
+    theirs.active = fallen_back;
+    double* fallback = scratch_tile(Scratch::kStages, layout.doubles);
+    advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
+    for (const int l : lanes_of(fallen_back)) {
+      copy_lane(fallback, trial, layout.doubles, l);
+      // A node that stops or rests has no slip whose order matters.
+      if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
+    }
+  }
+
+  // 4. Answers.
+  for (const int l : lanes_of(solved)) {
+    const StagedLane& lane = lanes[l];
+    const bool open = inputs.pressure[l] <= 0.0;
+    outputs.shear_stress[l] = lane.direction * lane.stress;
+    outputs.sliding_velocity[l] = lane.direction * lane.slip;
+    outputs.velocity_jump_new[l] =
+        lane.at_rest ? 0.0 : lane.direction * (free_jump(lane, dt) - lane.stress * (dt * lane.forcing.mobility));
+    outputs.friction_heat[l] = dt * (kFirstWeight * early_flux[l] + kDiagonal * flux[l]);
+    outputs.interface_temperature[l] = T0[l];
+    outputs.regime[l] = open           ? Regime::kOpen
+                        : lane.at_rest ? Regime::kStick
+                                       : slip_regime(lane.limit, T0[l], lane.slip);
+    outputs.outcome[l] = 0;
+    trial[layout.shear_stress + l] = outputs.shear_stress[l];
+    trial[layout.regime + l] = static_cast<double>(outputs.regime[l]);
+  }
+}
+
+}  // namespace
+
+void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                 const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.modes) {
+    const StepOperators::ModeStages& stages = operators.mode_stages();
+    advance(problem, operators, stages.first, stages.second, inputs, committed, trial, outputs);
+  } else {
+    advance(problem, operators, operators.stage(), operators.stage(), inputs, committed, trial, outputs);
+  }
+}
+
+}  // namespace shearbus::physics

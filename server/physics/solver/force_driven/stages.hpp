@@ -1,0 +1,14 @@
+// The force-driven step of second order in time (METHODS.md).
+#pragma once
+
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One step of the active lanes; the rest of `trial` is left for the caller. Lanes with a kink in the step take a
+// backward Euler step and say so (kFirstOrder).
+void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                 const double* committed, double* trial, TileOutputs& outputs);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,77 @@
+#include "server/physics/solver/force_driven/step.hpp"
+
+#include <cstddef>
+
+#include "server/physics/solver/force_driven/interface_step.hpp"
+#include "server/physics/solver/force_driven/substeps.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// `heat_of(k)`: the operator of dt / 2^k.
+template <class HeatOf>
+void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, const TileInputs& inputs,
+             const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const int n = problem.heat_rows;
+  const double* T_old = committed + layout.first_temperature();
+  double* T = trial + layout.first_temperature();
+  const double* T0 = trial + layout.temperature;
+
+  // 1. Conduction without friction, all lanes: DLP (28-35).
+  conduct(heat_of(0), n, T_old, T);
+
+  // 2. Stress and slip, lane by lane: DLP (61), (65).
+  double flux[kLanes] = {};
+  const LaneMaterials soft_at(problem.options.soft, inputs);
+  for (const int lane : lanes_of(inputs.active)) {
+    InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
+    const double junction_strain_old = interface_step.junction_strain;
+    const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
+    const auto step_from = [&](const auto& heat, const LaneStep& last) {
+      return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
+    };
+
+    // 3. Where the step may have several answers: shorter substeps until each has one, or the ladder ends.
+    const LaneResult result = step_or_divide(
+        step_from(heat_of(0), before), heat_of, max_halvings, {lane, before, n, T_old, T},
+        [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
+    flux[lane] = result.flux;
+    write_answer(result, layout, lane, trial, outputs);
+    if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
+  }
+
+  // 4. The friction heat of this step: T = T_ad + q B.
+  add_flux(heat_of(0), n, flux, T);
+  for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
+}
+
+}  // namespace
+
+void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.modes) {
+    advance(
+        problem, [&](int k) -> const ModeOperator& { return k == 0 ? operators.modes() : operators.modes_halved(k); },
+        operators.max_halvings(), inputs, committed, trial, outputs);
+  } else {
+    advance(
+        problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },
+        operators.max_halvings(), inputs, committed, trial, outputs);
+  }
+}
+
+std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                     const TileInputs& inputs, const double* committed,
+                                                     const Material& soft, double T0, int lane) {
+  const HeatOperator& heat = operators.heat();
+  const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
+  const LaneStep step =
+      InterfaceStep(problem, inputs, committed, soft, lane).from(before, heat.dt, *heat.layer_response(), T0);
+  if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
+  return RestingStep{step};
+}
+
+}  // namespace shearbus::physics

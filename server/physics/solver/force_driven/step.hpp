@@ -1,0 +1,23 @@
+// The force-driven step, simplified (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65). The host sends
+// far-field stresses, the interface law finds the slip. The only plastic strain is that of junctions (MODEL.md,
+// "Junctions").
+#pragma once
+
+#include <optional>
+
+#include "server/physics/solver/lane_step.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One backward Euler step of the active lanes; the rest of `trial` is left for the caller.
+void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs);
+
+// The step of a sleeping lane: the same function as awake. Nothing where slip, heat or several answers wake the lane.
+std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                     const TileInputs& inputs, const double* committed,
+                                                     const Material& soft, double T0, int lane);
+
+}  // namespace shearbus::physics

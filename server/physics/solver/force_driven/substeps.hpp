@@ -1,0 +1,92 @@
+// The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers use this ladder; a solver gives its own substep.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/lane_step.hpp"
+#include "server/physics/solver/problem.hpp"
+
+namespace shearbus::physics {
+
+struct LaneResult {
+  LaneStep step{};
+  double heat = 0.0;  // entered the layer                                                      [J/m2]
+  double flux = 0.0;  // not yet in the temperatures: that of a whole step; 0 after substeps    [W/m2]
+  std::uint8_t outcome = 0;
+};
+
+// Writes the answer of a lane, except the states and outputs that follow from the temperatures.
+inline void write_answer(const LaneResult& result, const TileLayout& layout, int lane, double* trial,
+                         TileOutputs& outputs) {
+  outputs.shear_stress[lane] = trial[layout.shear_stress + lane] = result.step.stress;
+  outputs.sliding_velocity[lane] = result.step.slip;
+  outputs.velocity_jump_new[lane] = result.step.jump_new;
+  outputs.friction_heat[lane] = result.heat;
+  outputs.regime[lane] = result.step.regime;
+  outputs.outcome[lane] = result.outcome;
+  trial[layout.regime + lane] = static_cast<double>(result.step.regime);
+}
+
+// One lane at the start of a step.
+struct LaneStart {
+  int lane;
+  LaneStep before;      // stress, jump_new and sticks of the last step
+  int num_rows;         // of temperatures or modes, [row][lane]
+  const double* T_old;  // before the step
+  double* T;            // after conduction over the whole step; after substeps: the new temperatures
+};
+
+// Equal substeps from the old temperatures. `substep(from)` gives the LaneStep after conduction, from the last one.
+// Stops with false at the first substep without a unique answer, unless `accept`.
+template <class Heat, class Substep>
+bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& start, LaneResult& result,
+                  const Substep& substep) {
+  const LaneStep& before = start.before;
+  LaneStep last = before;
+  result = {{0.0, 0.0, before.jump_new, 0.0, before.regime, before.sticks, true, false}, 0.0, 0.0, kSubstepped};
+  for (int j = 0; j < substeps; ++j) {
+    conduct_lane(heat, start.num_rows, start.lane, start.T);
+    last = substep(last);
+    if (!last.unique && !accept) return false;
+    add_flux_lane(heat, start.num_rows, start.lane, last.flux, start.T);
+    result.step.stress += last.stress / substeps;
+    result.step.slip += last.slip / substeps;
+    result.step.jump_new = last.jump_new;
+    result.step.regime = last.regime;
+    result.step.sticks = last.sticks;
+    result.step.several |= last.several;
+    result.heat += last.flux * heat.dt;
+  }
+  // Means over a step in which the slip reverses could oppose each other; friction does no negative work.
+  if (result.step.stress * result.step.slip < 0.0) result.step.slip = 0.0;
+  return true;
+}
+
+// The answer of a lane whose whole step gave `whole`: that step where its answer is unique, else 2, 4, ...,
+// 2^max_halvings substeps until each has a unique answer. The finest substeps are accepted as they are. With
+// max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is accepted.
+//   heat_of(k)           operator of dt / 2^k
+//   restart()            restores what substeps change besides the temperatures
+//   substep(heat, from)  one substep after conduction
+template <class HeatOf, class Restart, class Substep>
+LaneResult step_or_divide(const LaneStep& whole, const HeatOf& heat_of, int max_halvings, const LaneStart& start,
+                          const Restart& restart, const Substep& substep) {
+  LaneResult result{whole, whole.flux * heat_of(0).dt, whole.flux, whole.unique ? std::uint8_t{0} : kSubstepped};
+  for (int k = 1; !whole.unique && k <= max_halvings; ++k) {
+    const auto& heat = heat_of(k);
+    copy_lane(start.T_old, start.T, static_cast<std::size_t>(start.num_rows) * kLanes, start.lane);
+    restart();
+    if (run_substeps(heat, 1 << k, k == max_halvings, start, result,
+                     [&](const LaneStep& last) { return substep(heat, last); }))
+      break;
+  }
+  if (result.step.several) result.outcome |= kMultipleRoots;
+  return result;
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,59 @@
+// Options of a model: what a scene chooses.
+#pragma once
+
+#include <optional>
+
+#include "server/physics/interface/friction.hpp"
+#include "server/physics/interface/junctions.hpp"
+#include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/heat_basis.hpp"
+#include "server/physics/layer/modes.hpp"
+#include "server/physics/material/material.hpp"
+
+namespace shearbus::physics {
+
+enum class Strategy { kVelocityDriven, kForceDriven };
+enum class Drive { kLayerShear, kInterfaceSlip };
+enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
+
+inline constexpr double kShortestControlledStep = 1e-12;  // of a host's step under a tolerance  [s]
+inline constexpr int kMaxInertiaCells = 1000;             // of a layer with inertia: its step works on the stack
+inline constexpr int kMaxSleepCells = 900;                // of both bodies, where nodes sleep
+// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
+static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
+
+struct ModelOptions {
+  Strategy strategy = Strategy::kVelocityDriven;
+  Material soft;
+  Material hard;
+  GridOptions grid;
+  std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it receives the fraction 1 - beta_T
+  double initial_temperature = 300.0;    // [K]
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // of the heat
+  std::optional<ModesOptions> modes;  // force-driven, one body conducts: no profile; of the grid only the thickness
+  Drive drive = Drive::kLayerShear;   // velocity-driven
+  std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
+  InterfaceOptions interface;                  // force-driven
+  bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
+  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
+
+  // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
+  // smaller. discretised() gives the grid and the methods for a tolerance.
+  std::optional<double> tolerance;
+
+  int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+
+  // The layer has mass: its stress is a field (DLP 36). Velocity-driven with LAYER_SHEAR, at most kMaxInertiaCells.
+  bool inertia = false;
+
+  // Nodes at rest are not solved (METHODS.md). At most kMaxSleepCells.
+  bool sleep = false;
+  // Fraction of the plastic work that becomes heat, where the layer flows. Velocity-driven with LAYER_SHEAR and a
+  // conducting hard body. Absent: all work heats z = 0.
+  std::optional<double> taylor_quinney_factor;
+};
+
+// The options with the tolerance and with the grid, heat method and time integrator chosen for it (METHODS.md).
+ModelOptions discretised(ModelOptions options, double tolerance);
+
+}  // namespace shearbus::physics

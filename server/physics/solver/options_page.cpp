@@ -1,0 +1,91 @@
+#include "server/physics/solver/options_page.hpp"
+
+#include <string_view>
+
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/text.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr std::string_view kHead =
+    R"(# Options of the physics
+
+What a scene can switch on, and what excludes what. `shearbus-ctl options` prints this page from the table of
+[solver/parts.cpp](solver/parts.cpp) and the lists of laws, and a test compares: edit the table, then print the page.
+Equations and departures are in [MODEL.md](MODEL.md), schemes in [METHODS.md](METHODS.md). What each option costs was
+measured in [MEASURED.md](MEASURED.md); `shearbus-hydro --explain SCENE.toml` measures your scene on your machine.
+
+)";
+
+std::string row(std::string_view key, std::string_view equation, std::string_view adds, std::string_view when) {
+  return text_of("| ", key, " | ", equation, " | ", adds, " | ", when, " |\n");
+}
+
+// The texts of a law; a law without them has its name only.
+template <class Law>
+std::string row_of_law() {
+  const std::string name = text_of("`\"", Law::kName, "\"`");
+  if constexpr (requires { Law::kEquation; }) return row(name, Law::kEquation, Law::kAdds, Law::kWhen);
+  return row(name, "", "", "");
+}
+
+template <class Laws>
+std::string table_of_laws() {
+  std::string text;
+  for (int n = 1; const auto law = Laws::numbered(n); ++n)
+    text += Laws::with(*law, [](auto own) { return row_of_law<typename decltype(own)::type>(); });
+  return text;
+}
+
+// An option as a scene writes it, or the property of a law.
+std::string name_of(const Part& part) {
+  return part.law_with.empty() ? text_of('`', setting_of(part, {}), '`') : text_of("a ", part.law_with);
+}
+
+}  // namespace
+
+std::string options_page() {
+  std::string page(kHead);
+  page += "## Options\n\n" + row("key", "equation", "adds", "when") + "|---|---|---|---|\n";
+  for (const Part& part : parts())
+    if (!part.adds.empty()) page += row(name_of(part), part.equation, part.adds, part.when);
+
+  page += "\n## Friction laws: `interface.friction_law`\n\n" + row("law", "equation", "adds", "when") +
+          "|---|---|---|---|\n" + table_of_laws<FrictionLaws>();
+  page += "\n## Flow laws: `soft.flow_law`\n\n" + row("law", "equation", "adds", "when") + "|---|---|---|---|\n" +
+          table_of_laws<FlowLaws>();
+
+  page +=
+      "\n## What excludes what\n\n"
+      "A scene that names both is refused, with this reason and the place of the first key. Laws are excluded by what\n"
+      "they declare, not by name: a law that is added is allowed where its properties are. A pair that no row of the\n"
+      "table decides about is refused as well.\n\n"
+      "| | does not go with | because |\n|---|---|---|\n";
+  for (const Exclusion& e : exclusions())
+    page +=
+        "| " + name_of(part_of(e.first)) + " | " + name_of(part_of(e.second)) + " | " + std::string(e.reason) + " |\n";
+
+  page += "\n## Laws and their properties\n\n| law | properties that exclude options |\n|---|---|\n";
+  const auto properties = [&](std::string_view law, const ModelOptions& options, std::string_view key) {
+    std::string all;
+    for (const Part& part : parts())
+      if (part.key == key && part.is_on(options)) all += text_of(all.empty() ? "" : "; ", part.law_with);
+    page += text_of("| `", law, "` | ", all.empty() ? "none" : all, " |\n");
+  };
+  for (int n = 1; const auto law = FrictionLaws::numbered(n); ++n) {
+    ModelOptions options;
+    options.interface.friction_law = *law;
+    properties(FrictionLaws::name_of(*law), options, "interface.friction_law");
+  }
+  for (int n = 1; const auto law = FlowLaws::numbered(n); ++n) {
+    ModelOptions options;
+    options.soft.flow_law = *law;
+    properties(FlowLaws::name_of(*law), options, "soft.flow_law");
+  }
+  return page;
+}
+
+}  // namespace shearbus::physics

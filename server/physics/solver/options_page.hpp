@@ -1,0 +1,11 @@
+// The options page, server/physics/OPTIONS.md, printed from the rows of parts.cpp and from the lists of laws.
+#pragma once
+
+#include <string>
+
+namespace shearbus::physics {
+
+// Markdown. A test compares the committed page with it.
+std::string options_page();
+
+}  // namespace shearbus::physics

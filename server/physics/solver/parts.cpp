@@ -1,0 +1,514 @@
+#include "server/physics/solver/parts.hpp"
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/layer/heat_basis.hpp"
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/solver/text.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+using enum Property;
+
+// As [layer], to the depth that heat reaches in the hard body meanwhile.
+GridOptions matching_hard_grid(const ModelOptions& o) {
+  GridOptions grid = o.grid;
+  grid.thickness *= std::sqrt(o.hard.diffusivity / o.soft.diffusivity);
+  return grid;
+}
+
+JunctionOptions typical_junctions(const ModelOptions& o) {
+  Material metal = o.soft;
+  metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
+  metal.yield_strength = o.interface.yield_strength;
+  if (!has_constant(o.soft.flow_law, &Material::hardening_coefficient)) {
+    metal.yield_strength_max = std::numeric_limits<double>::infinity();
+    metal.hardening_coefficient = 125.0;
+    metal.hardening_exponent = 0.1;
+  }
+  return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
+}
+
+// Sets that several rows name.
+constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
+constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
+constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
+constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
+// What does not change the balance of one step at one temperature, or is solved by each solver of it.
+constexpr Properties kStepOfALayer =
+    kEitherStrategy | kEitherHardBody |
+    Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
+
+constexpr std::array kParts = {
+    Part{.property = kVelocityDriven,
+         .key = "strategy",
+         .value = "\"velocity_driven\"",
+         .is_on = [](const ModelOptions& o) { return o.strategy == Strategy::kVelocityDriven; },
+         .equation = "DLP (48), (56)",
+         .adds = "the layer's plastic flow finds the stress",
+         .when = "the host imposes the velocity jump"},
+    Part{.property = kForceDriven,
+         .key = "strategy",
+         .value = "\"force_driven\"",
+         .is_on = [](const ModelOptions& o) { return o.strategy == Strategy::kForceDriven; },
+         .equation = "DLP (61), (65)",
+         .adds = "the interface law finds stress and slip",
+         .when = "the host is a hydrocode that sends far-field stresses"},
+    Part{.property = kInterfaceSlip,
+         .key = "velocity_driven.drive",
+         .value = "\"interface_slip\"",
+         .is_on =
+             [](const ModelOptions& o) {
+               return o.strategy == Strategy::kVelocityDriven && o.drive == Drive::kInterfaceSlip;
+             },
+         .set = [](ModelOptions& o, bool on) { o.drive = on ? Drive::kInterfaceSlip : Drive::kLayerShear; },
+         .goes_with = {kVelocityDriven},
+         .equation = "DLP (64)",
+         .adds = "the jump is slip at z = 0, and the host's own shear drives the layer",
+         .when = "the host resolves the shear of the soft body"},
+    Part{.property = kCoulombLimit,
+         .key = "velocity_driven.friction_coefficient",
+         .value = "0.1",
+         .is_on =
+             [](const ModelOptions& o) {
+               return o.strategy == Strategy::kVelocityDriven && o.friction_coefficient.has_value();
+             },
+         .set = [](ModelOptions& o, bool on) { o.friction_coefficient = on ? std::optional(0.02) : std::nullopt; },
+         .goes_with = {kVelocityDriven, kInterfaceSlip},
+         .equation = "DLP (5)",
+         .adds = "the stress does not exceed mu P; the rest of the jump is slip at z = 0",
+         .when = "contacts under little pressure"},
+    Part{
+        .property = kConductingHardBody,
+        .key = "hard_layer",
+        .is_on = [](const ModelOptions& o) { return o.hard_grid.has_value(); },
+        .set = [](ModelOptions& o, bool on) { o.hard_grid = on ? std::optional(matching_hard_grid(o)) : std::nullopt; },
+        .goes_with = {kVelocityDriven, kForceDriven, kInterfaceSlip, kCoulombLimit},
+        .equation = "heat in both bodies, one flux at z = 0",
+        .adds = "the hard body conducts on a grid of its own, in place of the fixed share (DLP 18-19)",
+        .when = "bodies that are no half-spaces, bodies that differ much, long times"},
+    Part{.property = kFixedHeatShare,
+         .key = "hard_layer",
+         .value = "absent",
+         .is_on = [](const ModelOptions& o) { return !o.hard_grid.has_value(); },
+         .goes_with = kEitherStrategy | Properties{kInterfaceSlip, kCoulombLimit}},
+    Part{.property = kPlasticHeating,
+         .key = "velocity_driven.taylor_quinney_factor",
+         .value = "0.9",
+         .is_on = [](const ModelOptions& o) { return o.taylor_quinney_factor.has_value(); },
+         .set = [](ModelOptions& o, bool on) { o.taylor_quinney_factor = on ? std::optional(0.9) : std::nullopt; },
+         .goes_with = {kVelocityDriven, kCoulombLimit, kConductingHardBody},
+         .equation = "source sqrt(3) s dep/dt",
+         .adds = "plastic work heats the layer where it flows",
+         .when = "the band of flow may leave the interface"},
+    Part{.property = kInertia,
+         .key = "layer.inertia",
+         .value = "true",
+         .is_on = [](const ModelOptions& o) { return o.inertia; },
+         .set = [](ModelOptions& o, bool on) { o.inertia = on; },
+         .goes_with = kEitherHardBody | Properties{kVelocityDriven, kCoulombLimit},
+         .equation = "DLP (36)",
+         .adds = "the layer has mass: shear waves cross it",
+         .when = "steps below the layer's transit time, 6 ns in 20 um of aluminium"},
+    Part{.property = kPlasticLayer,
+         .key = "interface.plastic_layer",
+         .value = "true",
+         .is_on = [](const ModelOptions& o) { return o.plastic_layer; },
+         .set = [](ModelOptions& o, bool on) { o.plastic_layer = on; },
+         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .equation = "DLP (48), (64)",
+         .adds = "a force-driven layer flows and hardens in addition to the slip",
+         .when = "an interface stronger than the layer"},
+    Part{.property = kJunctions,
+         .key = "junctions",
+         .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
+         .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
+         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .equation = "DLP (49)-(54)",
+         .adds = "real contact through junctions that harden with the slip",
+         .when = "rough contact, small slip"},
+    Part{.property = kSlipDependentFriction,
+         .key = "interface.friction_law",
+         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
+         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .law_with = "friction law that depends on slip"},
+    Part{.property = kFirstOrderFlow,
+         .key = "soft.flow_law",
+         .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).first_order_in_time; },
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia},
+         .law_with = "flow law whose stress follows the mean rate of a step"},
+    Part{.property = kFlowWithoutWaveReturn,
+         .key = "soft.flow_law",
+         .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_wave_return; },
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kFirstOrderFlow},
+         .law_with = "flow law without a return of waves"},
+    Part{.property = kFlowWithoutPressureTerm,
+         .key = "soft.flow_law",
+         .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_pressure_term; },
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn},
+         .law_with = "flow law without a pressure term"},
+    Part{.property = kMeltingCurve,
+         .key = "soft.melting_curve",
+         .value = "\"lindemann\"",
+         .is_on = [](const ModelOptions& o) { return o.soft.melting_curve != MeltingCurve::kConstant; },
+         .set = [](ModelOptions& o,
+                   bool on) { o.soft.melting_curve = on ? MeltingCurve::kLindemann : MeltingCurve::kConstant; },
+         .goes_with = kStepOfALayer | kFlow | Properties{kPlasticHeating, kInertia},
+         .equation = "Lindemann; Steinberg, Cochran, Guinan 1980",
+         .adds = "the melting temperature follows the compression",
+         .when = "above some 5 GPa"},
+    Part{.property = kCompressedPressureTerm,
+         .key = "soft.pressure_term",
+         .value = "\"compressed\"",
+         .is_on = [](const ModelOptions& o) { return o.soft.pressure_term != PressureTerm::kLinear; },
+         .set = [](ModelOptions& o,
+                   bool on) { o.soft.pressure_term = on ? PressureTerm::kCompressed : PressureTerm::kLinear; },
+         .goes_with = kStepOfALayer |
+                      Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn, kMeltingCurve},
+         .equation = "Steinberg, Cochran, Guinan 1980",
+         .adds = "the gain of strength with pressure follows the compression",
+         .when = "above some 5 GPa: with the melting curve it changes the pinned stress at 11 GPa by 57 %"},
+    Part{.property = kSecondOrder,
+         .key = "layer.time_integrator",
+         .value = "\"sdirk2\"",
+         .is_on = [](const ModelOptions& o) { return o.time_integrator == TimeIntegrator::kSdirk2; },
+         .set = [](ModelOptions& o,
+                   bool on) { o.time_integrator = on ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler; },
+         .goes_with = kEitherStrategy | kEitherHardBody | kUnderPressure |
+                      Properties{kInterfaceSlip, kCoulombLimit, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm},
+         .equation = "Alexander 1977",
+         .adds = "second order in time, two stages a step",
+         .when = "few, long steps; tolerances below 1e-2"},
+    Part{.property = kModes,
+         .key = "layer.heat",
+         .value = "\"modes\"",
+         .is_on = [](const ModelOptions& o) { return o.modes.has_value(); },
+         .set = [](ModelOptions& o, bool on) { o.modes = on ? std::optional(ModesOptions{}) : std::nullopt; },
+         .goes_with = kFlow | kUnderPressure |
+                      Properties{kForceDriven, kFixedHeatShare, kJunctions, kSlipDependentFriction, kSecondOrder},
+         .equation = "METHODS.md",
+         .adds = "no temperature profile: a short sum of exponentials gives the interface temperature",
+         .when = "a layer that does not flow: no cells, less state"},
+    Part{.property = kSleep,
+         .key = "layer.sleep",
+         .value = "true",
+         .is_on = [](const ModelOptions& o) { return o.sleep; },
+         .set = [](ModelOptions& o, bool on) { o.sleep = on; },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating},
+         .equation = "METHODS.md",
+         .adds = "nodes at rest, open or stuck, are not solved; the answers differ by rounding only",
+         .when = "contacts that stick for long, velocity-driven or with a plastic layer"},
+    Part{.property = kTolerance,
+         .key = "tolerance",
+         .value = "1e-3",
+         .is_on = [](const ModelOptions& o) { return o.tolerance.has_value(); },
+         .set =
+             [](ModelOptions& o, bool on) {
+               o.tolerance = on ? std::optional(1e-3) : std::nullopt;
+               if (on) return;
+               o.time_integrator = TimeIntegrator::kBackwardEuler;
+               o.modes.reset();
+             },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kSecondOrder, kModes},
+         .equation = "METHODS.md",
+         .adds = "the model chooses cells, grading and methods, cuts each node's step until its error is below the "
+                 "tolerance, and reports the estimate",
+         .when = "accuracy asked for, not guessed"},
+    Part{.property = kTwoComponents,
+         .key = "tangential_components",
+         .value = "2",
+         .is_on = [](const ModelOptions& o) { return o.tangential_components == 2; },
+         .set = [](ModelOptions& o, bool on) { o.tangential_components = on ? 2 : 1; },
+         .goes_with = kEitherStrategy | kEitherHardBody | kFlow | kUnderPressure |
+                      Properties{kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions, kSlipDependentFriction,
+                                 kSecondOrder, kModes, kSleep, kTolerance},
+         .equation = "MODEL.md, \"Two tangential components\"",
+         .adds = "slip and stress are vectors in the interface",
+         .when = "hosts in three dimensions"},
+    Part{.property = kTemperatureDependentFriction,
+         .key = "interface.friction_law",
+         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
+         .goes_with = kEitherHardBody | kFlow | kUnderPressure |
+                      Properties{kForceDriven, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep, kTolerance,
+                                 kTwoComponents},
+         .law_with = "friction law that depends on temperature"},
+    Part{.property = kFrictionWithState,
+         .key = "interface.friction_law",
+         .is_on = [](const ModelOptions& o) { return !states_of(o.interface.friction_law).empty(); },
+         .law_with = "friction law with a state of its own"},
+};
+static_assert(kParts.size() == kProperties);
+static_assert([] {
+  for (std::size_t i = 0; i < kParts.size(); ++i)
+    if (static_cast<std::size_t>(kParts[i].property) != i) return false;
+  return true;
+}());
+
+constexpr std::array kExclusions = {
+    Exclusion{kVelocityDriven, kForceDriven, "a model has one strategy"},
+    Exclusion{kConductingHardBody, kFixedHeatShare, "the hard body conducts or takes a fixed share"},
+    Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
+    Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
+    // Heat released inside the layer: by the model's own flow, between bodies that both conduct.
+    Exclusion{kPlasticHeating, kForceDriven,
+              "it heats where the velocity-driven layer flows; the plastic work of a force-driven layer heats nothing"},
+    Exclusion{kPlasticHeating, kInterfaceSlip,
+              "with that drive all the work of the jump is friction at z = 0, and heat in the layer would count it "
+              "twice"},
+    Exclusion{kPlasticHeating, kFixedHeatShare,
+              "the fixed share of the hard body is that of heat released at z = 0, not inside the layer: give the "
+              "table [hard_layer]"},
+    // Waves in the layer: the layer carries the jump, and no other part needs its stress to be one number.
+    Exclusion{kInertia, kForceDriven,
+              "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
+              "them, which would then count twice"},
+    Exclusion{kInertia, kInterfaceSlip, "with that drive the jump is slip at z = 0 and crosses no layer"},
+    Exclusion{kInertia, kPlasticHeating,
+              "that factor shares out the work of one stress, and with inertia the stress varies across the layer"},
+    Exclusion{kInertia, kFlowWithoutWaveReturn,
+              "the return of the waves to the yield stress is solved for steinberg_cochran_guinan only"},
+    Exclusion{kPlasticLayer, kVelocityDriven,
+              "it is an option of strategy force_driven; a velocity-driven layer always flows"},
+    Exclusion{kJunctions, kVelocityDriven,
+              "junctions are an option of strategy force_driven: the velocity-driven layer's stress is that of its "
+              "flow"},
+    Exclusion{kJunctions, kPlasticLayer,
+              "junctions harden with all the slip there is, and a layer that flows takes part of it"},
+    Exclusion{kJunctions, kSlipDependentFriction,
+              "with slip one limit rises and the other falls, and an answer would not be found for sure"},
+    Exclusion{kSlipDependentFriction, kVelocityDriven,
+              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
+    Exclusion{kSlipDependentFriction, kPlasticLayer,
+              "with the flow of the layer in the same balance the slip of a step has no friction of its own that "
+              "could be solved for first"},
+    Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
+              "it changes a pressure term that the law does not have"},
+    // Second order: no quantity may come from the step before or from the length of the step.
+    Exclusion{kSecondOrder, kPlasticHeating,
+              "where the work becomes heat is taken from the step before, which is first order"},
+    Exclusion{kSecondOrder, kPlasticLayer, "its slip and flow share one balance per step"},
+    Exclusion{kSecondOrder, kInertia, "sdirk2 is of the heat only, and the waves are followed to first order"},
+    Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
+    Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
+    Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},
+    // Modes keep the interface temperature of one body and no profile.
+    Exclusion{kModes, kVelocityDriven,
+              "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
+    Exclusion{kModes, kPlasticLayer, "modes keep no temperature inside the layer, and a plastic layer flows by it"},
+    Exclusion{kModes, kConductingHardBody, "modes follow one body: leave out [hard_layer], or keep the profile"},
+    Exclusion{kSleep, kInertia, "waves cross the layer of a contact that rests"},
+    Exclusion{kSleep, kSecondOrder, "a sleeping node takes the steps of time_integrator = \"backward_euler\" in modes"},
+    Exclusion{kSleep, kModes, "it has nothing to save: a step without flux in modes costs as little"},
+    Exclusion{kTolerance, kPlasticHeating,
+              "where the flow gathers in a band depends on cells and steps, and no estimate can tell"},
+    Exclusion{kTolerance, kInertia,
+              "the error is estimated from the interface temperature, and waves cross the layer unseen there"},
+    Exclusion{kTolerance, kSleep,
+              "sleep counts whole steps at rest, and a tolerance cuts the step of each node into pieces of its own"},
+    Exclusion{kTemperatureDependentFriction, kVelocityDriven,
+              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
+    Exclusion{kTemperatureDependentFriction, kSlipDependentFriction,
+              "friction that depends on slip is solved for before the temperature is known"},
+    Exclusion{kFrictionWithState, kVelocityDriven,
+              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
+    Exclusion{kFrictionWithState, kForceDriven, "no solver advances the state of a friction law yet"},
+    Exclusion{kTwoComponents, kInterfaceSlip, "the shear rate that drives the layer with that drive has no direction"},
+    Exclusion{kTwoComponents, kInertia,
+              "the stress of a step has one direction, and that of waves turns across the layer"},
+};
+
+// Limits of one option alone: what is wrong with its values, or nothing.
+using Limit = std::optional<Refusal> (*)(const ModelOptions&);
+
+std::optional<Refusal> most_cells(std::string key, int most, int found) {
+  if (found <= most) return {};
+  std::string text =
+      text_of(key, " works with at most ", most, " cells, found ", found, ": grade them (layer.grading)");
+  return Refusal{std::move(key), std::move(text)};
+}
+
+constexpr double kThinnestCell = 1e-12;  // a hundredth of an atom: a mistake in cells or grading  [m]
+
+std::optional<Refusal> thinnest_cell(const std::string& table, const GridOptions& grid) {
+  const double sum =
+      grid.grading == 1.0 ? grid.cells : std::expm1(grid.cells * std::log(grid.grading)) / (grid.grading - 1.0);
+  const double first = grid.thickness / sum;
+  if (first >= kThinnestCell) return {};
+  return Refusal{table + ".grading",
+                 text_of(table, ".grading = ", grid.grading, " with ", grid.cells, " cells makes the first cell ",
+                         Digits{3, first}, " m wide, expected at least ", kThinnestCell,
+                         " m: take fewer cells or a ratio nearer to 1")};
+}
+
+constexpr std::array<Limit, 9> kLimits = {
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.inertia) return {};
+      return most_cells("layer.inertia", kMaxInertiaCells, o.grid.cells);
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.sleep) return {};
+      return most_cells("layer.sleep", kMaxSleepCells, o.grid.cells + (o.hard_grid ? o.hard_grid->cells : 0));
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.modes || !(o.modes->longest_time < o.modes->shortest_step)) return {};
+      return Refusal{"layer.modes.longest_time_s",
+                     text_of("layer.modes.longest_time_s = ", o.modes->longest_time,
+                             " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s")};
+    },
+    [](const ModelOptions& o) { return thinnest_cell("layer", o.grid); },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.hard_grid) return {};
+      return thinnest_cell("hard_layer", *o.hard_grid);
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (o.hard.melting_curve == MeltingCurve::kConstant) return {};
+      return Refusal{"hard.melting_curve",
+                     "hard.melting_curve changes the strength of a body, and only that of the soft "
+                     "body is computed: give it to [soft]"};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (o.hard.pressure_term == PressureTerm::kLinear) return {};
+      return Refusal{"hard.pressure_term",
+                     "hard.pressure_term changes the strength of a body, and only that of the soft "
+                     "body is computed: give it to [soft]"};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      const std::string_view missing = constant_missing_for_options(o.soft);
+      if (missing.empty()) return {};
+      const std::string key = "soft." + std::string(missing);
+      return Refusal{key, key +
+                              " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                              "compression at a pressure"};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      const LawFault fault = FrictionLaws::with(
+          o.interface.friction_law, [&](auto own) { return decltype(own)::type::fault_of(o.interface, o.soft); });
+      if (fault.field.empty()) return {};
+      const std::string key = "interface." + std::string(fault.field);
+      return Refusal{key, key + ": " + std::string(fault.text)};
+    },
+};
+
+constexpr const Exclusion* exclusion_of(Property a, Property b, std::span<const Exclusion> exclusions) {
+  for (const Exclusion& e : exclusions)
+    if ((e.first == a && e.second == b) || (e.first == b && e.second == a)) return &e;
+  return nullptr;
+}
+
+// Whether each strategy excludes one of the two, so that the pair never comes alone.
+constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exclusions) {
+  for (const Property strategy : {kVelocityDriven, kForceDriven})
+    if (exclusion_of(a, strategy, exclusions) == nullptr && exclusion_of(b, strategy, exclusions) == nullptr)
+      return false;
+  return true;
+}
+
+// Whether every pair of rows is decided in exactly one way: listed by the later row, excluded, or never met.
+constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      const Property a = rows[i].property, b = rows[j].property;
+      const bool excluded = exclusion_of(a, b, exclusions) != nullptr;
+      const bool listed = rows[j].goes_with.has(a);
+      if (excluded && listed) return false;
+      if (!excluded && !listed && !never_meet(a, b, exclusions)) return false;
+    }
+  }
+  return true;
+}
+static_assert(every_pair_is_decided(kParts, kExclusions));
+
+std::string all_texts(const std::vector<Refusal>& refusals) {
+  std::string all;
+  for (const Refusal& r : refusals) all += (all.empty() ? "" : "\n") + r.text;
+  return all;
+}
+
+}  // namespace
+
+std::span<const Part> parts() {
+  return kParts;
+}
+const Part& part_of(Property property) {
+  return kParts[static_cast<std::size_t>(property)];
+}
+std::string setting_of(const Part& part, const ModelOptions& options) {
+  const std::string key(part.key);
+  if (part.property == kFixedHeatShare) return "no table [" + key + "]";
+  if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance) return key;
+  if (!part.value.empty()) return key + " = " + std::string(part.value);
+  if (key == "interface.friction_law")
+    return key + " = \"" + std::string(FrictionLaws::name_of(options.interface.friction_law)) + "\"";
+  if (key == "soft.flow_law") return key + " = \"" + std::string(FlowLaws::name_of(options.soft.flow_law)) + "\"";
+  return "[" + key + "]";
+}
+
+std::span<const Exclusion> exclusions() {
+  return kExclusions;
+}
+
+bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions) {
+  if (exclusion_of(a.property, b.property, exclusions) != nullptr) return false;
+  return (a.property < b.property ? b : a).goes_with.has((a.property < b.property ? a : b).property);
+}
+
+std::vector<Refusal> refusals(const ModelOptions& options) {
+  return refusals(options, kParts, kExclusions);
+}
+
+std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
+                              std::span<const Exclusion> exclusions) {
+  std::vector<Refusal> found;
+  const auto refuse = [&](const Part& named, const Part& other, std::string_view reason) {
+    found.push_back({std::string(named.key), setting_of(named, options) + " does not go with " +
+                                                 setting_of(other, options) + ": " + std::string(reason)});
+  };
+  std::vector<const Part*> on;
+  for (const Part& part : parts)
+    if (part.is_on(options)) on.push_back(&part);
+  for (std::size_t j = 0; j < on.size(); ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      const Part &earlier = *on[i], &later = *on[j];
+      if (const Exclusion* e = exclusion_of(earlier.property, later.property, exclusions)) {
+        e->first == later.property ? refuse(later, earlier, e->reason) : refuse(earlier, later, e->reason);
+      } else if (!go_together(earlier, later, exclusions) &&
+                 !never_meet(earlier.property, later.property, exclusions)) {
+        refuse(later, earlier, "nothing is known of the two together");
+      }
+    }
+  }
+  for (const Limit limit : kLimits)
+    if (std::optional<Refusal> refusal = limit(options)) found.push_back(*std::move(refusal));
+  return found;
+}
+
+Properties properties_of(const ModelOptions& options) {
+  Properties on;
+  for (const Part& part : kParts)
+    if (part.is_on(options)) on.add(part.property);
+  return on;
+}
+
+bool goes_with(Property property, const ModelOptions& options) {
+  const Properties on = properties_of(options);
+  for (const Part& part : kParts)
+    if (part.property != property && on.has(part.property) && !go_together(part, part_of(property), kExclusions))
+      return false;
+  return true;
+}
+
+ModelOptions switched(ModelOptions options, const Part& part, bool on) {
+  part.set(options, on);
+  return options.tolerance ? discretised(options, *options.tolerance) : options;
+}
+
+RefusedOptions::RefusedOptions(std::vector<Refusal> found)
+    : std::invalid_argument(all_texts(found)), refusals(std::move(found)) {}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,123 @@
+// What a model can be made of, and what excludes what: the one place of these rules. Options of the model and laws are
+// described by properties. Two properties go together only where the later row lists the earlier one: a pair that no row
+// decides is refused, and does not compile in the table of this file. Model's constructor, the service, the options page and the tests read the same rows.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/physics/solver/model.hpp"
+
+namespace shearbus::physics {
+
+// A new property stands at the end: its row decides about all rows before it.
+enum class Property : std::uint8_t {
+  kVelocityDriven,
+  kForceDriven,
+  kInterfaceSlip,
+  kCoulombLimit,
+  kConductingHardBody,
+  kFixedHeatShare,
+  kPlasticHeating,
+  kInertia,
+  kPlasticLayer,
+  kJunctions,
+  kSlipDependentFriction,
+  kFirstOrderFlow,
+  kFlowWithoutWaveReturn,
+  kFlowWithoutPressureTerm,
+  kMeltingCurve,
+  kCompressedPressureTerm,
+  kSecondOrder,
+  kModes,
+  kSleep,
+  kTolerance,
+  kTwoComponents,
+  kTemperatureDependentFriction,
+  kFrictionWithState,
+};
+inline constexpr int kProperties = 23;
+
+// A set of properties.
+class Properties {
+ public:
+  constexpr Properties() = default;
+  constexpr Properties(std::initializer_list<Property> members) {
+    for (const Property p : members) bits_ |= bit(p);
+  }
+  constexpr Properties operator|(Properties other) const {
+    other.bits_ |= bits_;
+    return other;
+  }
+  constexpr bool has(Property p) const { return (bits_ & bit(p)) != 0; }
+  constexpr void add(Property p) { bits_ |= bit(p); }
+
+ private:
+  static constexpr std::uint64_t bit(Property p) { return std::uint64_t{1} << static_cast<unsigned>(p); }
+  std::uint64_t bits_ = 0;
+};
+
+// One property. Rows of a law's property have no `value` (the law's name stands there) and no texts (the law has them).
+struct Part {
+  Property property{};
+  std::string_view key{};    // of the scene, "layer.inertia"
+  std::string_view value{};  // that switches it on, as a scene writes it: "true"
+  bool (*is_on)(const ModelOptions&) = nullptr;
+  // Switches the part on, with typical values where it needs some, or off. Null: a choice with no off position.
+  void (*set)(ModelOptions&, bool on) = nullptr;
+  Properties goes_with{};       // of the rows before this one
+  std::string_view law_with{};  // of a law's property: what such a law is called, "friction law that depends on slip"
+  // Of the options page; empty where the page has no row.
+  std::string_view equation{};
+  std::string_view adds{};
+  std::string_view when{};
+};
+std::span<const Part> parts();
+const Part& part_of(Property property);
+// As a scene writes it: `layer.inertia = true`, `[junctions]`, `soft.flow_law = "johnson_cook"`.
+std::string setting_of(const Part& part, const ModelOptions& options);
+
+// Two properties that exclude each other. A refusal names the key of `first`.
+struct Exclusion {
+  Property first;
+  Property second;
+  std::string_view reason;
+};
+std::span<const Exclusion> exclusions();
+
+// Why a model cannot be made.
+struct Refusal {
+  std::string key;   // of the scene, "layer.inertia"
+  std::string text;  // one sentence that begins with the key
+};
+
+// Empty: the model can be made.
+std::vector<Refusal> refusals(const ModelOptions& options);
+// The same by other rows, for tests of the rules.
+std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
+                              std::span<const Exclusion> exclusions);
+
+// Whether two properties may be on together: no exclusion names them and one of the rows lists the other.
+bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
+
+Properties properties_of(const ModelOptions& options);
+
+// Whether the options go with a property, which they have or not.
+bool goes_with(Property property, const ModelOptions& options);
+
+// The options with a part switched on or off, and the discretisation that a tolerance then asks for.
+ModelOptions switched(ModelOptions options, const Part& part, bool on);
+
+// Thrown by Model's constructor.
+class RefusedOptions : public std::invalid_argument {
+ public:
+  explicit RefusedOptions(std::vector<Refusal> found);
+  std::vector<Refusal> refusals;
+};
+
+}  // namespace shearbus::physics

@@ -1,0 +1,104 @@
+#include "server/physics/solver/pipeline.hpp"
+
+#include <cmath>
+
+#include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/around/tolerance.hpp"
+#include "server/physics/solver/around/two_components.hpp"
+#include "server/physics/solver/force_driven/flowing_step.hpp"
+#include "server/physics/solver/force_driven/stages.hpp"
+#include "server/physics/solver/force_driven/step.hpp"
+#include "server/physics/solver/velocity_driven/at_rest.hpp"
+#include "server/physics/solver/velocity_driven/balance.hpp"
+#include "server/physics/solver/velocity_driven/inertia.hpp"
+#include "server/physics/solver/velocity_driven/stages.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+AdvanceTile solver_of(const ModelOptions& options) {
+  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
+  if (options.strategy == Strategy::kVelocityDriven) {
+    if (options.inertia) return advance_with_inertia;
+    return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
+  }
+  if (options.plastic_layer) return advance_force_driven_flowing;
+  return second_order ? advance_force_driven_sdirk2 : advance_force_driven;
+}
+
+RestRules rest_of(const ModelOptions& options) {
+  if (options.strategy == Strategy::kVelocityDriven) return {velocity_driven_step_at_rest, velocity_driven_may_rest};
+  return {force_driven_step_at_rest, nullptr};
+}
+
+bool all_finite(const TileOutputs& outputs, int lane) {
+  return std::isfinite(outputs.shear_stress[lane]) && std::isfinite(outputs.interface_temperature[lane]) &&
+         std::isfinite(outputs.sliding_velocity[lane]) && std::isfinite(outputs.velocity_jump_new[lane]) &&
+         std::isfinite(outputs.friction_heat[lane]);
+}
+
+// Links 3 and 4: the solver, for sleeping lanes a product per mode in its place.
+void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                  const double* committed, double* trial, TileOutputs& outputs) {
+  const AdvanceTile solve = solver_of(problem.options);
+  if (problem.basis) {
+    advance_with_sleep(problem, operators, {solve, rest_of(problem.options)}, inputs, committed, trial, outputs);
+  } else {
+    solve(problem, operators, inputs, committed, trial, outputs);
+  }
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!contains(inputs.active, lane)) {
+      copy_lane(committed, trial, problem.layout.doubles, lane);
+    } else if (!all_finite(outputs, lane)) {
+      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer.
+      keep_lane(problem, inputs, committed, trial, lane, outputs);
+    }
+  }
+}
+
+// Link 2: substeps until the error is below the tolerance.
+void advance_accurately(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                        const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.options.tolerance) {
+    advance_controlled(problem, operators, advance_once, inputs, committed, trial, outputs);
+  } else {
+    advance_once(problem, operators, inputs, committed, trial, outputs);
+  }
+}
+
+}  // namespace
+
+void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                  const double* committed, double* trial, TileOutputs& outputs) {
+  if (problem.options.tangential_components == 2) {
+    advance_two_components(problem, operators, advance_accurately, inputs, committed, trial, outputs);
+  } else {
+    advance_accurately(problem, operators, inputs, committed, trial, outputs);
+  }
+}
+
+void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
+               TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  copy_lane(committed, trial, layout.doubles, lane);
+  outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
+  outputs.sliding_velocity[lane] = 0.0;
+  outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
+  outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
+  outputs.friction_heat[lane] = 0.0;
+  outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+  outputs.outcome[lane] = kFailed;
+}
+
+double interface_temperature(const Problem& problem, const double* tile, int lane) {
+  return problem.basis ? interface_temperature_with_sleep(problem, tile, lane)
+                       : tile[problem.layout.temperature + lane];
+}
+
+StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
+  if (problem.basis) return stored_heat_with_sleep(problem, committed, trial, entered);
+  const std::size_t first = problem.layout.first_temperature();
+  return stored_in_rows(problem, committed + first, trial + first, entered);
+}
+
+}  // namespace shearbus::physics

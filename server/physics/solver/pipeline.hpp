@@ -1,0 +1,32 @@
+// One step of a tile, as a chain of four links of which each calls the next:
+//
+//   components > tolerance > sleep > the solver of the strategy
+//
+// This is the only file that asks which links a model has and which solver it uses.
+#pragma once
+
+#include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One step of the active lanes from `committed` to `trial`; `outputs` of the active lanes.
+using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
+                             double* trial, TileOutputs& outputs);
+
+// The whole chain: writes the whole of `trial`; inactive lanes and lanes without an answer (kFailed) keep their state.
+void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                  const double* committed, double* trial, TileOutputs& outputs);
+
+// The answer of a lane without an answer: kFailed, and the old state.
+void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
+               TileOutputs& outputs);
+
+// T0 of a lane, awake or asleep  [K].
+double interface_temperature(const Problem& problem, const double* tile, int lane);
+
+// Growth of the heat in the bodies over a step, of lanes awake or asleep. `entered`: friction heat, [lane]  [J/m2].
+StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered);
+
+}  // namespace shearbus::physics

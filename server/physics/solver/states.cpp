@@ -1,0 +1,32 @@
+#include "server/physics/solver/states.hpp"
+
+namespace shearbus::physics {
+
+std::size_t StateList::add(const char* name, const char* unit, std::size_t width) {
+  if (width == 0) return kAbsent;
+  states_.push_back({name, unit, doubles, width});
+  doubles += width * kLanes;
+  return states_.back().offset;
+}
+
+std::size_t StateList::add(std::span<const StateVariable> of_law) {
+  const std::size_t first = doubles;
+  for (const StateVariable& state : of_law) add(state.name, state.unit, 1);
+  return of_law.empty() ? kAbsent : first;
+}
+
+TileLayout::TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes,
+                       int layer_vertices)
+    : options_(&options),
+      num_hard_vertices(modes != nullptr ? 0 : static_cast<std::size_t>(heat_grid.interface)),
+      num_heat_modes(modes != nullptr ? static_cast<std::size_t>(modes->num_rows()) - 1 : 0),
+      num_vertices(modes != nullptr ? 1 : static_cast<std::size_t>(heat_grid.num_vertices()) - num_hard_vertices),
+      num_strain_vertices(options.strategy == Strategy::kVelocityDriven || options.plastic_layer
+                              ? static_cast<std::size_t>(layer_vertices)
+                              : 0),
+      num_stress_vertices(options.inertia ? static_cast<std::size_t>(layer_vertices) : 1),
+      num_velocity_cells(num_stress_vertices - 1) {
+  options_ = nullptr;
+}
+
+}  // namespace shearbus::physics

@@ -1,0 +1,79 @@
+// The states of a node: one row of the list below each, with name, unit and width. Offsets in a tile, checkpoint
+// columns and bytes per node follow from the list.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "server/physics/interface/junctions.hpp"
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/layer/lanes.hpp"
+#include "server/physics/layer/modes.hpp"
+#include "server/physics/solver/options.hpp"
+
+namespace shearbus::physics {
+
+struct State {
+  const char* name;    // of the checkpoint column
+  const char* unit;    // UDUNITS
+  std::size_t offset;  // of [width][kLanes] in the tile
+  std::size_t width;   // values per node
+};
+
+class StateList {
+ public:
+  static constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
+
+  std::span<const State> states() const { return states_; }
+  std::size_t doubles = 0;  // of a tile, a multiple of kLanes
+
+ protected:
+  // The offset of a new row behind the others; kAbsent where the width is 0: this model does not have the state.
+  std::size_t add(const char* name, const char* unit, std::size_t width);
+  // Rows of the states that a law declares, one value each; the offset of the first.
+  std::size_t add(std::span<const StateVariable> of_law);
+
+ private:
+  std::vector<State> states_;
+};
+
+// The list. A member is the offset of a state in a tile, its initialiser is the state's row; members are initialised in
+// the order of their declaration, which is the order in the tile.
+class TileLayout : public StateList {
+  const ModelOptions* options_;  // null after the construction
+
+ public:
+  // `modes`: null with a temperature profile.
+  TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
+
+  std::size_t num_hard_vertices;  // of the hard body's temperature without z = 0; 0 where it does not conduct
+  std::size_t num_heat_modes;     // rows in place of a profile: start temperature, shares of T0
+  std::size_t num_vertices;       // of temperature: the layer's and a half-space's behind it; with modes 1, T0
+  std::size_t num_strain_vertices;
+  std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
+  std::size_t num_velocity_cells;   // of the layer with inertia
+
+  // The first three stand together: rows of HeatGrid, or of HeatModes. Asleep they hold amplitudes of HeatBasis.
+  std::size_t hard_temperature = add("hard_temperature_k", "K", num_hard_vertices);  // the outermost vertex first
+  std::size_t heat_modes = add("heat_modes_k", "K", num_heat_modes);
+  std::size_t temperature = add("temperature_k", "K", num_vertices);
+  std::size_t plastic_strain = add("plastic_strain", "1", num_strain_vertices);
+  // Fraction of the work that heats each vertex.
+  std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
+  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // signed
+  std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // against the hard body
+  std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
+  std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
+  std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
+  std::size_t junction_strain = add(states_of(options_->junctions));
+  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; asleep: living modes, else 0
+  // While asleep, where the layer can flow: temperature of the hottest vertex, plastic strain of the least strained one.
+  std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
+  std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
+
+  // Offset of the first row of temperature state: of HeatGrid, HeatModes or, asleep, HeatBasis.
+  std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }
+};
+
+}  // namespace shearbus::physics

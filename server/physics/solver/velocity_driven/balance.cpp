@@ -1,0 +1,384 @@
+#include "server/physics/solver/velocity_driven/balance.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/flow/heated.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/elastic_trial.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
+constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kBalanced = 1e-8;       // largest residual of an answer, relative to the flow
+constexpr double kFarAbove = 100.0;      // flow over the trial stress from which Newton works on logarithms
+constexpr double kLeastGuess = 1e-12;    // of the upper end: a smaller starting stress is no useful guess
+constexpr int kNewtonIterations = 16;    // more than usual; from then on every second step bisects
+constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
+
+// What limits the stress where the balance alone would allow more.
+enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
+
+// The balance of one lane in magnitudes along the trial direction:
+//   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
+struct Lane {
+  double direction = 1.0;         // of the trial stress
+  double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
+  double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
+  double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
+  double a = 0.0;                 // iterate, then answer                                       [Pa]
+  Bound bound = Bound::kElastic;  // meaning of `hi` until F(hi) > 0 has been found
+  int hottest = 0;                // vertex that reaches Y_max first
+  bool loaded = false;            // the trial stress is not 0
+  bool hi_seen = false;
+  bool done = false;
+  bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
+  bool at_bound = false;       // the answer is `hi`, held by `bound`
+};
+
+// The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
+// again when the jump turns against the stress: DLP 5.2.
+double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
+  if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || (s_old < 0.0 && jump < 0.0) ||
+      (s_old > 0.0 && jump > 0.0))
+    return s_old;
+  return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
+}
+
+// Trial stress, direction, heating and the bracket of one lane.
+Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
+             const Heated& heated, double s_start, const double* strain) {
+  const double h = problem.options.grid.thickness;
+  const double pressure = inputs.pressure[lane];
+  const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, dt, s_start);
+  Lane state;
+  state.direction = trial.direction;
+  if (trial.stress == 0.0) return state;
+  state.loaded = true;
+  state.a_trial = std::abs(trial.stress);
+  state.heating = trial.heating;
+
+  // Upper ends. Elastic: nothing yields.
+  state.hi = state.a_trial;
+  // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
+  StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
+  limit.effort = inputs.effort;
+  const int hottest_ad = heated.hottest(0.0);
+  state.hottest = hottest_ad;
+  const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
+  if (g_ad <= 0.0) {
+    state.hi = 0.0;
+    state.bound = Bound::kCeiling;
+  } else if (std::isfinite(limit.tresca)) {
+    const double ceiling =
+        ceiling_stress(limit, heated, {0.0, 1.0, state.heating, 0.0}, state.hi, std::abs(s_start), state.hottest);
+    if (ceiling < state.hi) {
+      state.hi = ceiling;
+      state.bound = Bound::kCeiling;
+    }
+  }
+  const double rubbing =
+      interface_strength(problem.interface, soft, pressure, nullptr).friction(heated.T(0, 0.0)).stress;
+  if (rubbing < state.hi) {
+    state.hi = rubbing;
+    state.bound = Bound::kCoulomb;
+  }
+  // Not answers, only bounds: a vertex would be molten; the hottest one alone would carry more than all the slip.
+  const double most_strain =
+      h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
+  const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
+                                                  most_strain / dt, pressure, heated.T(hottest_ad, 0.0)) *
+                                g_ad / kSqrt3;
+  double beyond = all_at_hottest * (1.0 + kConverged);
+  for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
+    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
+  }
+  if (g_ad > 0.0 && hardens(soft) && beyond < state.hi) {
+    state.hi = beyond;
+    state.bound = Bound::kNotAnAnswer;
+  }
+
+  const double guess = state.direction * s_start;
+  state.a = guess > kLeastGuess * state.hi && guess < state.hi
+                ? guess
+                : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
+  return state;
+}
+
+// One iteration of a lane after the flow under `lane.a` has been summed. Ends with `done`, or with the next `a` in the
+// bracket.
+void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
+  const double flow = compliance * slip;
+  const double left = lane.a_trial - lane.a;  // what the flow must take
+  // 1. Bracket.
+  if (flow < left) {
+    if (lane.a == lane.hi && !lane.hi_seen) {
+      lane.at_bound = true;
+      lane.done = true;
+      return;
+    }
+    lane.lo = lane.a;
+  } else {
+    lane.at_bound = flow == left && lane.a == lane.hi && !lane.hi_seen;
+    lane.hi = lane.a;
+    lane.hi_seen = true;
+    if (flow == left) {
+      lane.done = true;
+      return;
+    }
+  }
+  if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
+    // The bracket closed at a bound that has not been evaluated: the bound itself comes next.
+    const bool unseen_bound = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
+    if (unseen_bound) lane.a = lane.hi;
+    lane.done = !unseen_bound;
+    return;
+  }
+  // 2. Newton on F, which is nearly linear over the strain of one step. Where the flow exceeds by far what the step can
+  //    contain it is a high power of the stress: there Newton works on its logarithm.
+  double next = -1.0;
+  if (flow > 0.0 && lane.a > 0.0) {
+    const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
+    next = lane.a - step;
+    if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
+    // Very near melting a small step in stress may be a large one in the flow.
+    const double open = lane.check_balance ? kBalanced * left : kFlowConverged * lane.a_trial;
+    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
+      lane.a = std::clamp(next, lane.lo, lane.hi);
+      lane.done = true;
+      return;
+    }
+  }
+  // 3. Keep inside; try the bound itself when it could be the answer.
+  const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
+  const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
+  if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
+    lane.a = lane.hi;
+  } else {
+    lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
+  }
+}
+
+// Finds the roots of all lanes together. Ends with `sum` and the new strain under the answers; strain_new holds the yield
+// thresholds until then.
+void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
+                Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
+  flow_thresholds(flow, load, strain_new);
+  int num_rows = flow.grid->num_vertices();
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    bool all_done = true;
+    for (const Lane& lane : lanes) all_done = all_done && lane.done;
+    if (all_done) break;
+    flow_under(flow, load, num_rows, strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    bool all_from_above = true;
+    for (int l = 0; l < kLanes; ++l) {
+      if (lanes[l].done) continue;
+      const double tried = lanes[l].a;
+      iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
+      set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+      all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
+    }
+    // Vertices that do not yield under more stress than every lane's answer are left out from here on.
+    if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
+  }
+  flow_to(flow, load, num_rows, strain_new, sum);
+}
+
+// Newton's last step is accepted without an evaluation. If a vertex begins to flow within that step the flow may be far
+// off, however small the step: such lanes continue. Returns whether there are any.
+bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
+  bool any = false;
+  for (int l = 0; l < kLanes; ++l) {
+    Lane& lane = lanes[l];
+    if (!lane.loaded || lane.at_bound || !lane.done) continue;
+    const double flow = compliance * sum.slip[l];
+    const double left = lane.a_trial - lane.a;
+    if (std::abs(flow - left) <= kBalanced * std::max(flow, left)) continue;
+    lane.done = false;
+    lane.check_balance = true;
+    any = true;
+  }
+  return any;
+}
+
+// Fraction of the work that becomes heat: the sum of the shape.
+double heated_share(const Grid& grid, const double* shape) {
+  double sum = 0.0;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
+  return sum;
+}
+
+// Heat shape for the next step: the distribution of this step's slip. The Taylor-Quinney fraction of the work of the
+// layer's flow becomes heat, and all work of the interface's slip. One lane; a step without slip keeps the shape.
+void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
+                  double* shape) {
+  const Grid& grid = problem.grid;
+  double slip = interface_slip;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
+    slip += grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]);
+  }
+  if (!(slip > 0.0)) return;
+  const double factor = *problem.options.taylor_quinney_factor;
+  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
+    shape[i * kLanes] = factor * (grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]) / slip);
+  }
+  shape[0] += interface_slip / slip;
+}
+
+struct Answer {
+  double slip;  // [v], signed  [m/s]
+  Regime regime;
+};
+
+// [v] and the regime from the solved balance.
+Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
+                 double interface_slip, double T_hottest, double jump, double drive, double dt) {
+  const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
+  double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
+  bool slips = flows;
+  if (problem.options.drive == Drive::kInterfaceSlip) {
+    // Slip at z = 0: DLP (64), corrected. Along the jump or none, and never against the stress.
+    const double along = jump < 0.0 ? -1.0 : 1.0;
+    const double at_interface = along * (jump + drive) - along * lane.direction * kSqrt3 * layer_slip / dt;
+    slip = lane.direction * along < 0.0 || jump == 0.0 ? 0.0 : along * std::max(0.0, at_interface);
+    slips = flows || slip != 0.0;
+  }
+  if (!slips) return {slip, Regime::kStick};
+  if (lane.at_bound && lane.bound == Bound::kCoulomb) return {slip, Regime::kCoulomb};
+  return {slip, T_hottest >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
+}
+
+}  // namespace
+
+void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                             const double* committed, double* trial, TileOutputs& outputs) {
+  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
+}
+
+void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
+                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const Material& soft = problem.options.soft;
+  const Grid& grid = problem.grid;
+  const HeatOperator& heat = *stage.heat;
+  const double* B = heat.layer_response();
+  const double dt = stage.dt;
+  const double h = problem.options.grid.thickness;
+  const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
+  const bool layer_hardens = hardens(soft);
+  bool loaded = false;  // any lane; else nothing flows
+  const double* strain = committed + layout.plastic_strain;
+  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
+  double* T = trial + layout.temperature;
+  // With a conducting hard body or an extrapolated profile the hottest vertex may lie inside the layer.
+  const bool hottest_inside =
+      problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
+  const int candidates = hottest_inside ? grid.num_vertices() : 1;
+
+  // 1. Conduction without friction: DLP (28-35).
+  double* T_all = trial + layout.first_temperature();
+  if (stage.early_flux == nullptr)
+    conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
+
+  // 2. Distribution of the step's heat: at z = 0, or as the layer flowed in the last step. Its amount is solved for.
+  const bool spreads = layout.heat_shape != TileLayout::kAbsent;
+  const double* shape = spreads ? committed + layout.heat_shape : nullptr;
+  double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
+  if (spreads) respond(heat, operators.spread(), shape, B_spread);
+  const auto heated = [&](int l) {
+    return spreads ? Heated{T + l, B_spread + l, kLanes, candidates} : Heated{T + l, B, 1, candidates};
+  };
+
+  // 3. Trial stress and bracket of each lane: DLP (37), (56).
+  Lane lanes[kLanes];
+  FlowLoad load;
+  double s_start[kLanes] = {};
+  const LaneMaterials soft_at(soft, inputs);
+  for (int l = 0; l < kLanes; ++l) {
+    const bool active = contains(inputs.active, l);
+    const double pressure = active ? inputs.pressure[l] : 0.0;
+    if (active && pressure > 0.0) {
+      s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
+                                   pressure, committed[layout.temperature + l], strain[l]);
+      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain + l);
+    }
+    lanes[l].done = !lanes[l].loaded;
+    loaded = loaded || lanes[l].loaded;
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
+      lanes[l].a = lanes[l].hi;
+      lanes[l].at_bound = true;
+      lanes[l].done = true;
+    }
+    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+  }
+
+  // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  FlowSum sum{};
+  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
+  if (layer_hardens && loaded) {
+    find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
+    if (resume_unbalanced(compliance, sum, lanes))
+      find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
+  } else {
+    std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
+  }
+
+  // 5. Temperature: T = T_ad + q B.
+  if (spreads) {
+    add_spread(heat, operators.spread(), load.flux, B_spread, T_all);
+    std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
+  } else {
+    add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
+  }
+
+  // 6. Slip in excess of elastic shear and flow: at the ceiling the hottest vertex flows by it; at mu P it is slip of
+  //    the interface.
+  for (const int l : lanes_of(inputs.active)) {
+    const Lane& lane = lanes[l];
+    double layer_slip = sum.slip[l];
+    double interface_slip = 0.0;  // [m]
+    if (lane.at_bound && lane.bound != Bound::kElastic) {
+      const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
+      if (lane.bound == Bound::kCeiling) {
+        strain_new[lane.hottest * kLanes + l] += surplus / grid.weight[static_cast<std::size_t>(lane.hottest)];
+        layer_slip += surplus;
+      } else {
+        interface_slip = kSqrt3 * surplus;
+      }
+    }
+
+    // 7. Upscale.
+    const double jump = inputs.velocity_jump[l];
+    const bool open = inputs.pressure[l] <= 0.0;
+    const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
+    // Without a root the stress is NaN and the lane fails.
+    const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
+    const double s = lane.loaded ? lane.direction * found : 0.0;
+    const Answer answer = open ? Answer{jump, Regime::kOpen}
+                               : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
+                                           driving_velocity(problem, inputs, l), dt);
+    outputs.shear_stress[l] = s;
+    outputs.sliding_velocity[l] = answer.slip;
+    outputs.interface_temperature[l] = T[l];
+    outputs.velocity_jump_new[l] = jump;
+    double flux = load.flux[l];
+    if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
+    outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    if (spreads)
+      reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
+    outputs.regime[l] = answer.regime;
+    outputs.outcome[l] = outside_domain(answer.slip, jump);
+    trial[layout.shear_stress + l] = s;
+    trial[layout.regime + l] = static_cast<double>(answer.regime);
+  }
+}
+
+}  // namespace shearbus::physics

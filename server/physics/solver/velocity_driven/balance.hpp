@@ -1,0 +1,23 @@
+// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56) with the drive that (56) leaves
+// out. The host imposes the velocity jump, the layer's plastic flow finds the stress.
+#pragma once
+
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One solution of the balance under given heat: a backward Euler step, or a stage of SDIRK2.
+struct BalanceStage {
+  const HeatOperator* heat;
+  double dt;                           // over which the jump acts  [s]
+  const double* early_flux = nullptr;  // second stage, which finds T_ad in `trial`: flux of the first, [lane]  [W/m2]
+};
+void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
+                   const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
+
+// One backward Euler step of the active lanes; the rest of `trial` is left for the caller.
+void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                             const double* committed, double* trial, TileOutputs& outputs);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,34 @@
+// The stress of a velocity-driven layer that only shears elastically (server/physics/MODEL.md, "Velocity-driven step"):
+// DLP (37), (56). Where it is at rest, and where nothing yields under it, it is the answer.
+#pragma once
+
+#include <algorithm>
+
+#include "server/physics/solver/problem.hpp"
+
+namespace shearbus::physics {
+
+struct ElasticTrial {
+  double stress;     // s_old + G0 dt w / h, signed                        [Pa]
+  double direction;  // its sign, or that of the jump where there is none
+  double heating;    // q per magnitude: beta_T max([V] direction, 0)      [m/s]
+
+  bool heats() const { return stress != 0.0 && heating > 0.0; }
+};
+
+// w: the jump, or what the host's own shear makes of it.
+inline double driving_velocity(const Problem& problem, const TileInputs& inputs, int lane) {
+  if (problem.options.drive == Drive::kLayerShear) return inputs.velocity_jump[lane];
+  return problem.options.grid.thickness * inputs.soft_shear_rate[lane];
+}
+
+inline ElasticTrial elastic_trial(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
+                                  double dt, double s_start) {
+  const double h = problem.options.grid.thickness;
+  const double jump = inputs.velocity_jump[lane];
+  const double stress = s_start + soft.shear_modulus * dt * driving_velocity(problem, inputs, lane) / h;
+  const double direction = (stress != 0.0 ? stress : jump) < 0.0 ? -1.0 : 1.0;
+  return {stress, direction, problem.heat_partition * std::max(0.0, direction * jump)};
+}
+
+}  // namespace shearbus::physics

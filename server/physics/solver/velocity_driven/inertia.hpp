@@ -1,0 +1,14 @@
+// The velocity-driven step of layers with inertia (MODEL.md, "Layer inertia"): DLP (36), solved with the rest. The host
+// imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic flow find the stress.
+#pragma once
+
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
+
+namespace shearbus::physics {
+
+// One step of the active lanes; the rest of `trial` is left for the caller.
+void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                          const double* committed, double* trial, TileOutputs& outputs);
+
+}  // namespace shearbus::physics

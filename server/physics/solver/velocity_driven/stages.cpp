@@ -1,0 +1,47 @@
+#include "server/physics/solver/velocity_driven/stages.hpp"
+
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/sdirk2.hpp"
+#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/balance.hpp"
+
+namespace shearbus::physics {
+
+using sdirk2::begin_second_stage;
+using sdirk2::lanes_out_of_range;
+
+// The balance is exact over a step of any length: only heat is approximated in time. Both stages therefore start from
+// the old stress and strain, the first over gamma dt for its flux alone, the second over dt for the answer.
+void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                    const double* committed, double* trial, TileOutputs& outputs) {
+  const HeatOperator& stage = operators.stage();
+  const int n = problem.heat_rows;
+  const double* T_old = committed + problem.layout.first_temperature();
+  double* T = trial + problem.layout.first_temperature();
+
+  // 1. The step up to gamma dt.
+  solve_balance(problem, operators, {&stage, stage.dt}, inputs, committed, trial, outputs);
+  double early_flux[kLanes] = {};
+  for (const int l : lanes_of(inputs.active)) early_flux[l] = outputs.friction_heat[l] / stage.dt;
+
+  // 2. The whole step from where that points to.
+  begin_second_stage(stage, n, T_old, early_flux, T);
+  const std::uint32_t fallen_back = lanes_out_of_range(problem, inputs, T_old, T);
+  TileInputs theirs = inputs;
+  theirs.active = inputs.active & ~fallen_back;
+  solve_balance(problem, operators, {&stage, operators.dt(), early_flux}, theirs, committed, trial, outputs);
+
+  // 3. Where it points nowhere: backward Euler.
+  if (fallen_back == 0) return;
+  const std::size_t doubles = problem.layout.doubles;
+  double* fallback = scratch_tile(Scratch::kStages, doubles);
+  theirs.active = fallen_back;
+  advance_velocity_driven(problem, operators, theirs, committed, fallback, outputs);
+  for (const int l : lanes_of(fallen_back)) {
+    copy_lane(fallback, trial, doubles, l);
+    outputs.outcome[l] |= kFirstOrder;
+  }
+}
+
+}  // namespace shearbus::physics

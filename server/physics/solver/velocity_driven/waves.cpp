@@ -1,0 +1,436 @@
+#include "server/physics/solver/velocity_driven/waves.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "server/physics/layer/wide.hpp"
+#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/strength.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+using Row = WaveFields::Row;
+constexpr int kPacket = WaveFields::kPacket;
+
+constexpr double kConverged = 1e-11;        // relative: the next Newton step is below rounding
+constexpr double kLocallyConverged = 1e-9;  // the same of a return to the yield stress
+constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
+constexpr double kUnfelt = 1e-14;           // of T_melt: a temperature rise without effect on the strength
+constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
+constexpr double kUndershoot = 0.5;         // largest slope before the minimum of a shortened step, likewise
+constexpr double kLeastDescent = 0.25;      // twice the least decrease of the energy, of the initial slope
+constexpr int kLocalSteps = 60;             // of a return; three are usual
+constexpr int kLocalNewtonSteps = 12;       // from then on every second step bisects
+constexpr int kBisections = 200;            // of an interval, to rounding
+constexpr int kGuardedSteps = 400;          // Newton steps with line search at one flux
+
+// ---- Return to the yield stress at every vertex, DLP (42-48) ----
+//
+// A vertex with the trial stress t = s_old + G0 dt dv/dz has the stress s = R(t): t below the yield stress, above it
+//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
+// R is odd and its slope lies in [0, 1].
+
+struct ReturnLaw {
+  double exponent;  // n
+  double ceiling;   // Y_max / sqrt(3)                                       [Pa]
+  double bracket;   // 1 + gP P + 300 hT
+  double hT;        // [1/K]
+  double T_melt;    // [K]
+};
+
+// Inputs and results of the returns, one value per vertex.
+struct ReturnRows {
+  alignas(64) Row t;           // trial stress                                    [Pa]
+  alignas(64) Row T;           // [K]
+  alignas(64) Row strength;    // Y0 (1 + beta ep)^n / sqrt(3)                     [Pa]
+  alignas(64) Row compliance;  // beta / (sqrt(3) G0 (1 + beta ep)): x per stress  [1/Pa]
+  alignas(64) Row slope;       // ds/dt
+  alignas(64) Row softening;   // ds/dT                                            [Pa/K]
+};
+
+inline bool any_positive(const double (&value)[kPacket]) {
+  double largest = value[0];
+  for (int l = 1; l < kPacket; ++l) largest = value[l] > largest ? value[l] : largest;
+  return largest > 0.0;
+}
+
+SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, ReturnRows& rows, double* stress) {
+  const double n = law.exponent;
+  for (int first = 0; first < num_vertices; first += kPacket) {
+    const double* t = rows.t + first;
+    const double* strength = rows.strength + first;
+    const double* compliance = rows.compliance + first;
+    alignas(64) double g[kPacket], g_rate[kPacket], yield[kPacket], over[kPacket];
+    for (int l = 0; l < kPacket; ++l) {
+      const double T = rows.T[first + l];
+      const double to_melting = law.T_melt - T;
+      const double bracket = law.bracket - law.hT * T;
+      const bool warm = to_melting > 0.0 && bracket > 0.0;
+      const double distance = warm ? to_melting : 1.0;
+      const double exponent = SteinbergCochranGuinan::kMeltingFactor * T / distance;
+      const bool solid = warm && exponent < kExponentialRange;
+      g[l] = solid ? bracket * exponential(-exponent) : 0.0;
+      g_rate[l] =
+          solid ? -(law.hT / bracket + SteinbergCochranGuinan::kMeltingFactor * law.T_melt / (distance * distance))
+                : 0.0;
+      yield[l] = strength[l] * g[l];
+      const double least = law.ceiling < strength[l] ? law.ceiling * g[l] : yield[l];
+      over[l] = std::abs(t[l]) - least;
+    }
+    if (!any_positive(over)) {
+      for (int l = 0; l < kPacket; ++l) {
+        stress[first + l] = t[l];
+        rows.slope[first + l] = 1.0;
+        rows.softening[first + l] = 0.0;
+      }
+      continue;
+    }
+    // The balance is concave and increasing in x: Newton's steps from below stay below the root.
+    alignas(64) double x[kPacket], excess[kPacket], hardened[kPacket], still[kPacket];
+    for (int l = 0; l < kPacket; ++l) {
+      const double above = std::abs(t[l]) - yield[l];
+      excess[l] = above > 0.0 ? compliance[l] * above : 0.0;
+      x[l] = excess[l] / (1.0 + n * compliance[l] * yield[l]);
+      hardened[l] = yield[l];
+    }
+    for (int iteration = 0; iteration < kLocalSteps; ++iteration) {
+      for (int l = 0; l < kPacket; ++l) {
+        const double gain = exponential_minus_1(n * logarithm(1.0 + x[l]));
+        const double slope = n * (1.0 + gain) / (1.0 + x[l]);
+        const double stiffness = compliance[l] * yield[l];
+        const double step = (excess[l] - x[l] - stiffness * gain) / (1.0 + stiffness * slope);
+        hardened[l] = yield[l] * ((1.0 + gain) + slope * step);
+        x[l] = x[l] + step > 0.0 ? x[l] + step : 0.0;
+        still[l] = std::abs(step) - kLocallyConverged * (1.0 + x[l]);
+      }
+      if (!any_positive(still)) break;
+    }
+    for (int l = 0; l < kPacket; ++l) {
+      const double limit = law.ceiling * g[l];
+      const bool capped = hardened[l] >= limit;
+      const double s = capped ? limit : hardened[l];
+      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // H / (sqrt(3) G0)
+      const bool yields = over[l] > 0.0;
+      const double size = yields ? s : std::abs(t[l]);
+      stress[first + l] = t[l] < 0.0 ? -size : size;
+      rows.slope[first + l] = yields ? hardening / (1.0 + hardening) : 1.0;
+      const double softens = yields ? s * g_rate[l] / (1.0 + hardening) : 0.0;
+      rows.softening[first + l] = t[l] < 0.0 ? -softens : softens;
+    }
+  }
+}
+
+// ---- The step of one node ----
+
+class Waves {
+ public:
+  Waves(const WaveStep& step, WaveFields& fields, int evaluations)
+      : step_(step),
+        fields_(fields),
+        num_cells_(step.grid->num_cells()),
+        kappa_(kSqrt3 * step.soft->shear_modulus),
+        law_{step.soft->hardening_exponent, step.soft->yield_strength_max / kSqrt3,
+             1.0 + step.soft->pressure_coefficient * step.pressure +
+                 step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
+             step.soft->temperature_coefficient, step.soft->melting_temperature},
+        evaluations_left_(evaluations) {
+    const Material& soft = *step.soft;
+    const int padded = (num_cells_ / kPacket + 1) * kPacket;
+    for (int i = 0; i < padded; ++i) {
+      const bool inside = i <= num_cells_;
+      const double hardened = 1.0 + (inside ? soft.hardening_coefficient * fields.strain[i] : 0.0);
+      rows_.strength[i] = soft.yield_strength * power(hardened, soft.hardening_exponent) / kSqrt3;
+      rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened);
+      rows_.t[i] = 0.0;
+      rows_.T[i] = SteinbergCochranGuinan::kReference;
+      stress_old_[i] = inside ? fields.stress[i] : 0.0;
+      velocity_old_[i] = i < num_cells_ ? fields.velocity[i] : 0.0;
+    }
+  }
+
+  WaveAnswer advance(int newton_steps) {
+    if (!descend({}, newton_steps, false)) search();
+    answer_.found = evaluations_left_ > 0;
+    finish();
+    return answer_;
+  }
+
+ private:
+  double gain(int i) const {  // trial stress per velocity difference  [Pa s/m]
+    return step_.soft->shear_modulus * step_.dt / step_.grid->weight[static_cast<std::size_t>(i)];
+  }
+  double inertia(int c) const {  // stress difference per change of velocity  [Pa s/m]
+    return step_.soft->density * step_.grid->width[static_cast<std::size_t>(c)] / step_.dt;
+  }
+  double velocity_behind(int c) const { return c < num_cells_ ? fields_.velocity[c] : step_.jump; }
+
+  double residual(int c) const {  // of the balance of momentum  [Pa]
+    return fields_.stress[c + 1] - fields_.stress[c] - inertia(c) * (fields_.velocity[c] - velocity_old_[c]);
+  }
+
+  // Sign of the trial stress at z = 0, or of the jump while that stress is 0.
+  double direction_at_interface() const { return std::copysign(1.0, rows_.t[0] != 0.0 ? rows_.t[0] : step_.jump); }
+
+  void set_trial_stress() {
+    double before = 0.0;
+    for (int i = 0; i <= num_cells_; ++i) {
+      const double v = velocity_behind(i);
+      rows_.t[i] = stress_old_[i] + gain(i) * (v - before);
+      before = v;
+    }
+  }
+
+  // Stresses and slopes at the iterate, T = T_ad + q B with a given q.
+  void evaluate_at(double flux) {
+    --evaluations_left_;
+    answer_.flux = flux;
+    for (int i = 0; i <= num_cells_; ++i) rows_.T[i] = fields_.T_ad[i] + flux * step_.response[i];
+    return_to_yield(law_, num_cells_ + 1, rows_, fields_.stress);
+    flux_slope_ = 0.0;
+    held_ = std::abs(fields_.stress[0]) > step_.coulomb;
+    if (!held_) return;
+    fields_.stress[0] = std::copysign(step_.coulomb, rows_.t[0]);
+    rows_.slope[0] = rows_.softening[0] = 0.0;
+  }
+
+  // The same with a given q, or with the q that the stress at z = 0 makes.
+  void evaluate(std::optional<double> given) {
+    set_trial_stress();
+    if (given) return evaluate_at(*given);
+    const double direction = direction_at_interface();
+    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // q: [W/m2] of [Pa]
+    const InterfaceReturn found = return_at_interface(per_stress);
+    evaluate_at(per_stress * found.stress);
+    held_ = found.held;
+    fields_.stress[0] = std::copysign(found.stress, rows_.t[0]);
+    rows_.slope[0] = found.slope;
+    flux_slope_ = direction * (per_stress * found.slope);
+  }
+
+  struct InterfaceReturn {
+    double stress;  // magnitude        [Pa]
+    double slope;   // with |t|
+    bool held;      // by mu P
+  };
+
+  // The return at z = 0 with its own heating: a = R(|t|; T_ad + B q, q = per_stress a). The strength of a vertex falls
+  // with its own heating, so there is one root, and it lies below melting for any trial stress.
+  InterfaceReturn return_at_interface(double per_stress) {
+    const double t = std::abs(rows_.t[0]);
+    const double rise = per_stress * step_.response[0];
+    const double n = law_.exponent;
+    const double compliance = rows_.compliance[0];
+    struct Carried {
+      double stress, log_slope, flow_slope;  // with a, by a; with |t|, by flow
+    };
+    const auto carried = [&](double a) -> Carried {
+      const Softening soften = softening(*step_.soft, step_.pressure, fields_.T_ad[0] + rise * a);
+      if (soften.g <= 0.0) return {0.0, 0.0, 0.0};
+      const double flow = 1.0 + compliance * (t - a);
+      const double hardened = rows_.strength[0] * power(flow, n);
+      const double heat_slope = rise * soften.slope / soften.g;
+      if (hardened >= law_.ceiling) return {law_.ceiling * soften.g, heat_slope, 0.0};
+      const double hardening = n * compliance / flow;
+      return {hardened * soften.g, heat_slope - hardening, hardened * soften.g * hardening};
+    };
+    const auto held_or = [&](double a, double slope) -> InterfaceReturn {
+      return a > step_.coulomb ? InterfaceReturn{step_.coulomb, 0.0, true} : InterfaceReturn{a, slope, false};
+    };
+    if (carried(t).stress >= t) return held_or(t, 1.0);
+    double lo = 0.0;
+    double hi = std::min(t, carried(0.0).stress);
+    double a = interface_guess_ > 0.0 && interface_guess_ < hi ? interface_guess_ : hi;
+    double slope = 0.0;
+    for (int iteration = 0; iteration < kBisections && hi > 0.0; ++iteration) {
+      const Carried now = carried(a);
+      (now.stress > a ? lo : hi) = a;
+      double next = -1.0;
+      if (now.stress > 0.0) {
+        slope = now.flow_slope / (1.0 - now.stress * now.log_slope);
+        const double step = logarithm(now.stress / a) / (1.0 / a - now.log_slope);
+        next = a + step;
+        if (std::abs(step) <= kConverged * a) {
+          a = std::clamp(next, lo, hi);
+          break;
+        }
+      }
+      if (hi - lo <= std::numeric_limits<double>::epsilon() * hi) {
+        a = lo;
+        break;
+      }
+      const bool bisect = iteration >= kLocalNewtonSteps && iteration % 2 == 0;
+      a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
+    }
+    if (hi <= 0.0) a = 0.0;
+    interface_guess_ = a;
+    return held_or(a, slope);
+  }
+
+  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end forms no difference, so
+  // nothing cancels. Row c becomes
+  //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
+  // where the last term is the softening by the heat of the interface's stress.
+  void newton_direction() {
+    ++answer_.iterations;
+    double stiffness = 0.0;  // ds/d(dv) of the vertex behind cell c
+    double excess = 0.0;     // pivot without the vertex before
+    double heat = 0.0;       // coupling of the rows behind
+    double pushed = 0.0;     // residual of the rows behind
+    const double heat_gain = flux_slope_ * gain(0);
+    for (int i = num_cells_; i >= 0; --i) {
+      const double k = rows_.slope[i] * gain(i);
+      const double softens = i > 0 ? rows_.softening[i] * step_.response[i] * heat_gain : 0.0;
+      if (i < num_cells_) {
+        residual_[i] = residual(i);
+        const double pivot = excess + k;
+        const double own = i > 0 ? pivot : std::max(pivot - heat, 0.5 * pivot);
+        constant_[i] = (residual_[i] + pushed) / own;
+        carry_[i] = k / pivot;
+        coupling_[i] = i > 0 ? (heat - softens) / pivot : 0.0;
+        pushed = k * constant_[i];
+        heat = softens * (excess / pivot) + carry_[i] * heat;
+        stiffness = k * (excess / pivot);
+      } else {
+        pushed = 0.0;
+        heat = softens;
+        stiffness = k;
+      }
+      if (i > 0) excess = inertia(i - 1) + stiffness;
+    }
+    direction_[0] = constant_[0];
+    for (int c = 1; c < num_cells_; ++c) {
+      direction_[c] = constant_[c] + carry_[c] * direction_[c - 1] + coupling_[c] * direction_[0];
+    }
+  }
+
+  double largest_step() const {
+    double largest = 0.0;
+    for (int c = 0; c < num_cells_; ++c) {
+      const double size = std::abs(direction_[c]);
+      largest = size <= largest ? largest : size;  // a NaN is the largest
+    }
+    return largest;
+  }
+
+  // Whether the step is small relative to the velocities, and to the velocities that make stresses as large as the
+  // present ones, by a wave or in one step.
+  bool small_step() const {
+    const Material& soft = *step_.soft;
+    double v = std::abs(step_.jump);
+    double s = std::abs(fields_.stress[num_cells_]);
+    for (int c = 0; c < num_cells_; ++c) {
+      v = std::max(v, std::abs(fields_.velocity[c]));
+      s = std::max(s, std::abs(fields_.stress[c]));
+    }
+    const double per_stress = std::min(1.0 / std::sqrt(soft.density * soft.shear_modulus),
+                                       step_.grid->vertex.back() / (soft.shear_modulus * step_.dt));
+    return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
+  }
+
+  // Slope of the energy (see search()) along the direction, after a part of the step.
+  double slope_after(double part, std::optional<double> flux) {
+    for (int c = 0; c < num_cells_; ++c) fields_.velocity[c] = start_[c] + part * direction_[c];
+    evaluate(flux);
+    double slope = 0.0;
+    for (int c = 0; c < num_cells_; ++c) slope -= direction_[c] * residual(c);
+    return slope;
+  }
+
+  // Newton's method with a line search; returns whether it converged. The slope of the energy increases along a
+  // direction, so bisection finds where it is small. `surely`: two slopes have to prove that each step lowers the energy.
+  bool descend(std::optional<double> flux, int max_steps, bool surely) {
+    evaluate(flux);
+    for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
+      newton_direction();
+      if (!std::isfinite(largest_step())) return false;
+      const bool last = small_step();
+      std::copy_n(fields_.velocity, num_cells_, start_);
+      double slope_0 = 0.0;
+      for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
+      double slope = slope_after(1.0, flux);
+      if (last) return true;
+      // With heating by the stress the balance has no energy, and a direction need not be one of descent.
+      double lo = 0.0;
+      double hi = 1.0;
+      double part = 1.0;
+      for (int k = 0; k < kBisections && slope_0 < 0.0; ++k) {
+        bool too_far = slope > -kOvershoot * slope_0;
+        if (surely && slope > 0.0 && !too_far) {
+          too_far = slope_after(0.5 * part, flux) + slope > kLeastDescent * slope_0;
+          slope_after(part, flux);
+        }
+        if (!too_far && (part == 1.0 || slope >= kUndershoot * slope_0)) break;
+        (slope > 0.0 ? hi : lo) = part;
+        part = 0.5 * (lo + hi);
+        slope = slope_after(part, flux);
+      }
+    }
+    return false;
+  }
+
+  // The search that cannot fail. At a given q the step minimises the convex energy
+  //   E(v) = sum rho width/2 (v - v_old)^2 + const. sum over vertices of the integral of R over the trial stress,
+  // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
+  // function q - share max(s[0] [V], 0) changes sign.
+  void search() {
+    answer_.guarded = true;
+    const double share = step_.heat_share * step_.jump;
+    double lo = 0.0;
+    double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
+    std::copy_n(velocity_old_, num_cells_, fields_.velocity);
+    descend(0.0, kGuardedSteps, true);
+    const auto made = [&] { return share * fields_.stress[0]; };  // q of the stress at z = 0
+    const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
+    const bool heats = made() > unfelt;
+    while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
+      const double flux = 0.5 * (lo + hi);
+      descend(flux, kGuardedSteps, true);
+      (made() > flux ? lo : hi) = flux;
+    }
+    evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
+  }
+
+  // Plastic strain and interface slip from the difference between trial stress and stress.
+  void finish() {
+    for (int i = 0; i <= num_cells_; ++i) {
+      fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
+    }
+    if (!held_) return;
+    // Under mu P the vertex at z = 0 flows by DLP (48); the rest of the shear is interface slip.
+    const double g = softening(*step_.soft, step_.pressure, rows_.T[0]).g;
+    const double left = std::abs(rows_.t[0]) - step_.coulomb;
+    double flow = 0.0;
+    if (step_.coulomb > rows_.strength[0] * g) {
+      const double x = exponential_minus_1(logarithm(step_.coulomb / (rows_.strength[0] * g)) / law_.exponent);
+      flow = std::min(rows_.compliance[0] > 0.0 ? x / (rows_.compliance[0] * kappa_) : 0.0, left / kappa_);
+    }
+    fields_.strain_growth[0] = flow;
+    answer_.interface_slip = std::copysign((left - kappa_ * flow) / gain(0), rows_.t[0]);
+  }
+
+  const WaveStep& step_;
+  WaveFields& fields_;
+  int num_cells_;
+  double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
+  ReturnLaw law_;
+  WaveAnswer answer_;
+  int evaluations_left_;
+  bool held_ = false;             // mu P holds the stress at z = 0
+  double interface_guess_ = 0.0;  // the last return there  [Pa]
+  double flux_slope_ = 0.0;       // dq / dt[0]             [W/(m2 Pa)]
+  ReturnRows rows_;
+  alignas(64) Row stress_old_;
+  alignas(64) Row velocity_old_;
+  Row residual_, constant_, carry_, coupling_, direction_, start_;
+};
+
+}  // namespace
+
+WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps, int evaluations) {
+  return Waves(step, fields, evaluations).advance(newton_steps);
+}
+
+}  // namespace shearbus::physics

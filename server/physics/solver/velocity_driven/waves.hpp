@@ -1,0 +1,56 @@
+// Shear waves in the layer of one node (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
+#pragma once
+
+#include "server/physics/layer/grid.hpp"
+#include "server/physics/material/material.hpp"
+#include "server/physics/solver/model.hpp"
+
+namespace shearbus::physics {
+
+// Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. One step of backward
+// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both against the
+// hard body:
+//   weight[i] (s[i] - s_old[i]) = G0 (dt (v[i] - v[i-1]) - sqrt(3) weight[i] dep[i] sign(s[i]))         DLP (37)
+//   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
+//   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3), dep[i] >= 0 and 0 below it                                    DLP (42-48)
+//   |s[0]| <= mu P, v[-1] along s[0] and 0 below it;   T = T_ad + q B,  q = share max(s[0] [V], 0)       DLP (18, 35)
+// Summed over the layer, with rho -> 0, these are the balance of the layer without inertia to the last weight.
+
+struct WaveStep {
+  const Material* soft;    // at the pressure of the node
+  const Grid* grid;        // at most kMaxInertiaCells
+  const double* response;  // B
+  double dt;               // [s]
+  double pressure;         // [Pa]
+  double jump;             // [V]                                          [m/s]
+  double heat_share;       // of the friction power, to the conducting bodies
+  double coulomb;          // mu P; infinity: no such limit                [Pa]
+};
+
+// One node's fields, a value per vertex or cell.
+struct WaveFields {
+  static constexpr int kPacket = 8;  // vertices per SIMD packet; rows are whole packets
+  using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
+  alignas(64) Row T_ad;           // temperature after the step without friction  [K]
+  alignas(64) Row strain;         // ep, old
+  alignas(64) Row stress;         // s: old, then new                             [Pa]
+  alignas(64) Row velocity;       // v: old, then new                             [m/s]
+  alignas(64) Row strain_growth;  // dep
+};
+
+struct WaveAnswer {
+  double flux = 0.0;            // q                                      [W/m2]
+  double interface_slip = 0.0;  // v[-1], signed                          [m/s]
+  int iterations = 0;           // Newton steps
+  bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
+  bool found = true;            // false: stopped early, the fields mean nothing
+};
+
+// Newton on all fields at once. If Newton has not converged after `newton_steps`, a guarded search follows, which cannot
+// fail but may be long: it stops after `evaluations` of the balance, and `found` is false.
+inline constexpr int kWaveNewtonSteps = 60;
+inline constexpr int kWaveEvaluations = 200'000;
+WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
+                         int evaluations = kWaveEvaluations);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,158 @@
+#include "server/service/columns.hpp"
+
+#include <array>
+#include <cstdint>
+#include <iterator>
+
+#include "proto/wire/messages.hpp"
+
+namespace shearbus::service {
+
+using physics::LedgerTerm;
+using physics::TileInputs;
+using physics::TileOutputs;
+using wire::Field;
+
+// Regimes and outcome bits leave the solver as the bytes of a reply. The switch has no default: a regime that physics
+// gains does not compile here until the wire has it.
+namespace {
+
+constexpr wire::Regime on_the_wire(physics::Regime regime) {
+  switch (regime) {
+    case physics::Regime::kOpen:
+      return wire::Regime::kOpen;
+    case physics::Regime::kStick:
+      return wire::Regime::kStick;
+    case physics::Regime::kCoulomb:
+      return wire::Regime::kCoulomb;
+    case physics::Regime::kTresca:
+      return wire::Regime::kTresca;
+    case physics::Regime::kMelting:
+      return wire::Regime::kMelting;
+  }
+  return wire::Regime::kOpen;
+}
+constexpr bool same_numbers() {
+  for (std::uint8_t number = 0; number <= static_cast<std::uint8_t>(wire::Regime::kMelting); ++number)
+    if (static_cast<std::uint8_t>(on_the_wire(static_cast<physics::Regime>(number))) != number) return false;
+  return true;
+}
+static_assert(same_numbers());
+static_assert(physics::kSubstepped == wire::kSubstepped && physics::kMultipleRoots == wire::kMultipleRoots &&
+              physics::kOutsideDomain == wire::kOutsideDomain && physics::kAsleep == wire::kAsleep &&
+              physics::kFirstOrder == wire::kFirstOrder && physics::kFailed == wire::kFailed);
+static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
+
+// ---- columns and members of a tile ----
+
+// A second component is the member of the same name with `second_`.
+#define SECOND_Scalar(rows, enumerator, quantity)
+#define SECOND_Tangential(rows, enumerator, quantity) rows(enumerator, 1, second_##quantity)
+
+struct InputRow {
+  Field field;
+  std::uint32_t component;
+  double (TileInputs::*member)[physics::kLanes];
+};
+constexpr InputRow kInputs[] = {
+#define ROW(enumerator, component, member) {Field::enumerator, component, &TileInputs::member},
+#define INPUT(enumerator, number, name, quantity, unit, direction, ...) \
+  ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
+#include "proto/wire/columns.inc"
+#undef ROW
+};
+
+struct LedgerRow {
+  Field field;
+  LedgerTerm term;
+};
+constexpr LedgerRow kLedger[] = {
+#define LEDGER(enumerator, term, ...) {Field::enumerator, LedgerTerm::term},
+#include "proto/wire/columns.inc"
+};
+
+// Adds a column where the reply has room for it.
+template <typename Lane>
+void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
+                std::vector<shard::OutputColumn>& columns) {
+  if (!reply.has(field, component)) return;
+  if constexpr (std::is_same_v<Lane, double>)
+    columns.emplace_back(shard::AnswerColumn<double, double>{member, reply.f64(field, component)});
+  else
+    columns.emplace_back(shard::AnswerColumn<Lane, std::uint8_t>{member, reply.u8(field, component)});
+}
+
+// ---- columns of a model ----
+
+constexpr std::array kConditions = {
+    ColumnCondition{Field::kSoftPlasticStrainRate, wire::Kind::kInput,
+                    [](const physics::ModelOptions& options) { return options.plastic_layer; },
+                    wire::Code::kUnsupported,
+                    "has no use in a force-driven layer without interface.plastic_layer, which has no plastic strain",
+                    "Leave the column out, or set interface.plastic_layer = true."},
+    ColumnCondition{
+        Field::kSoftShearRate, wire::Kind::kInput,
+        [](const physics::ModelOptions& options) { return options.drive == physics::Drive::kInterfaceSlip; },
+        wire::Code::kShape, "drives the layer only with velocity_driven.drive = \"interface_slip\"",
+        "Leave the column out, or change the drive."},
+    ColumnCondition{Field::kUnspecified, wire::Kind::kLedger,
+                    [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
+                    "is of layers with one stress, and with layer.inertia it varies",
+                    "Leave out the columns of the energy ledger."},
+    ColumnCondition{Field::kErrorEstimate, wire::Kind::kOutput,
+                    [](const physics::ModelOptions& options) { return options.tolerance.has_value(); },
+                    wire::Code::kUnsupported,
+                    "is of scenes with a tolerance, and this one has none: its steps are not controlled",
+                    "Leave it out, or open the session with a tolerance in place of cells and grading."},
+};
+
+}  // namespace
+
+std::string name_of(const wire::Column& column) {
+  return std::string(wire::name(column.field)) + (column.component == 0 ? "" : "_second");
+}
+
+wire::Strategy strategy_of(const physics::ModelOptions& options) {
+  return options.strategy == physics::Strategy::kForceDriven ? wire::Strategy::kForceDriven
+                                                             : wire::Strategy::kVelocityDriven;
+}
+
+const ColumnCondition* unmet_condition(Field field, const physics::ModelOptions& options) {
+  const wire::ColumnRow* row = wire::find_column(field);
+  if (row == nullptr || row->use(strategy_of(options)) == wire::Use::kNone) return nullptr;
+  for (const ColumnCondition& condition : kConditions) {
+    const bool meant =
+        condition.field == field || (condition.field == Field::kUnspecified && condition.kind == row->kind);
+    if (meant && !condition.holds(options)) return &condition;
+  }
+  return nullptr;
+}
+
+ModelColumns columns_of(const physics::ModelOptions& options) {
+  const auto met = [&](std::span<const Field> fields) {
+    std::vector<Field> list;
+    std::ranges::copy_if(fields, std::back_inserter(list),
+                         [&](Field field) { return !unmet_condition(field, options); });
+    return list;
+  };
+  const wire::StrategyColumns& all = wire::columns_of(strategy_of(options));
+  return {met(all.required), met(all.optional), met(all.reply), met(all.on_request)};
+}
+
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply) {
+  shard::StepColumns columns;
+  for (const InputRow& row : kInputs)
+    if (request.has(row.field, row.component))
+      columns.inputs.push_back({row.member, request.f64(row.field, row.component)});
+#define ROW(enumerator, component, member) \
+  add_answer(&TileOutputs::member, reply, Field::enumerator, component, columns.outputs);
+#define OUTPUT(enumerator, number, name, quantity, unit, element, direction, ...) \
+  ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
+#include "proto/wire/columns.inc"
+#undef ROW
+  for (const LedgerRow& row : kLedger)
+    if (reply.has(row.field)) columns.outputs.emplace_back(shard::LedgerColumn{row.term, reply.f64(row.field)});
+  return columns;
+}
+
+}  // namespace shearbus::service

@@ -1,0 +1,44 @@
+// The columns of a step: each names the member of a tile that it fills, or is filled from. A shard moves the values and
+// knows no quantity by name.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::shard {
+
+// Values of a request, one per row. Members without a column are 0.
+struct InputColumn {
+  double (physics::TileInputs::*member)[physics::kLanes];
+  std::span<const double> values;
+};
+
+// Room for an answer, one value per row.
+template <typename Lane, typename Value>
+struct AnswerColumn {
+  Lane (physics::TileOutputs::*member)[physics::kLanes];
+  std::span<Value> values;
+};
+struct LedgerColumn {
+  physics::LedgerTerm term;
+  std::span<double> values;
+};
+using OutputColumn = std::variant<AnswerColumn<double, double>, AnswerColumn<physics::Regime, std::uint8_t>,
+                                  AnswerColumn<std::uint8_t, std::uint8_t>, LedgerColumn>;
+
+struct StepColumns {
+  std::vector<InputColumn> inputs;
+  std::vector<OutputColumn> outputs;
+
+  bool has_ledger() const {
+    return std::ranges::any_of(outputs,
+                               [](const OutputColumn& column) { return std::holds_alternative<LedgerColumn>(column); });
+  }
+};
+
+}  // namespace shearbus::shard

@@ -1,0 +1,31 @@
+// The stability campaign as a command: tables, JSON, picture.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "tests/campaign/user_scene.hpp"
+#include "tests/study/command.hpp"
+
+namespace shearbus::study {
+
+// A scene replaces the list of physics; refusals and controls do not depend on it and are not run again.
+struct StabilityOptions : CommandOptions {
+  std::string row;           // run this row only; empty: all rows, refusals and controls
+  std::optional<int> steps;  // upper bound of the steps of a row
+  long random_steps = 200000;
+  std::uint64_t seed = 1;
+  bool only_random = false;  // random histories only
+  HostGiven host;            // host of the scene
+};
+
+// Adds the subcommand "stability" to the program.
+CLI::App* add_stability(CLI::App& program, StabilityOptions& options);
+
+// Returns 0 if all invariants held, all invalid requests were refused and all wrong solvers failed, otherwise 1. A row
+// that does not reach its regime counts as a fault of the campaign, but not for a scene of the user or with fewer
+// steps.
+int run_stability(const StabilityOptions& options);
+
+}  // namespace shearbus::study

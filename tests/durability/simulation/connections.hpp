@@ -1,0 +1,87 @@
+// Client connections of the simulation: through its network, and straight to a reference service.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "tests/durability/simulation/world.hpp"
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::simulation {
+
+using namespace std::chrono_literals;
+
+class SimulatedConnection final : public Connection {
+ public:
+  explicit SimulatedConnection(World& world)
+      : Connection({.reply_deadline = 20s, .retry_after = 100ms}), world_(world) {}
+
+  Received call(const wire::Request& request, std::chrono::milliseconds deadline) override {
+    const Packet packet{.to_server = true,
+                        .socket = 0,
+                        .header = wire::encode_header(request),
+                        .payload = support::bytes_of(request.batch)};
+    const auto last_moment = now() + deadline;
+    do {
+      Packet sent = packet;
+      const std::uint64_t socket = sent.socket = world_.new_socket();
+      world_.transmit(std::move(sent));
+      if (dies_next) break;
+      while (auto got = world_.next(socket, std::min(last_moment, now() + options().retry_after))) {
+        auto payload = std::make_shared<std::vector<std::byte>>(std::move(got->payload));
+        Received received{.payload_frame = payload, .reply = {}};
+        const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(got->header)), *payload};
+        wire::decode(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1), received.reply);
+        if (received.reply.request_id != request.request_id) continue;
+        if (!received.reply.status.ok()) throw Error(received.reply.status);
+        return received;
+      }
+    } while (now() < last_moment);
+    throw Error({.code = Code::kUnknownOutcome, .text = "no answer"});
+  }
+  void say(const wire::Request&) noexcept override {}
+  Clock::time_point now() const override { return world_.now(); }
+  void pause(std::chrono::milliseconds time) override { world_.next(0, now() + time); }
+
+  bool dies_next = false;  // the client dies right after it has sent its next call
+
+ private:
+  World& world_;
+};
+
+// Calls a service directly: nothing is lost, and it never dies.
+class DirectConnection final : public Connection {
+ public:
+  explicit DirectConnection(support::ServiceHarness& harness) : Connection({}), harness_(harness) {}
+  Received call(const wire::Request& request, std::chrono::milliseconds) override {
+    auto answer = std::make_shared<support::Answer>(harness_.ask(request));
+    Received received{.payload_frame = answer, .reply = {}};
+    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
+                                                  answer->frames.payload};
+    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
+    if (!received.reply.status.ok()) throw Error(received.reply.status);
+    return received;
+  }
+  void say(const wire::Request&) noexcept override {}
+
+ private:
+  support::ServiceHarness& harness_;
+};
+
+// Repeats the call until it is answered, at most 1000 times. Rethrows refusals, except that of a full disk.
+template <typename Call>
+auto insist(const Call& call) {
+  for (int tries = 0;; ++tries) {
+    try {
+      return call();
+    } catch (const Error& fault) {
+      const bool again = fault.status().code == Code::kUnknownOutcome || fault.status().code == Code::kNoSpace;
+      if (!again || tries == 1000) throw;
+    }
+  }
+}
+
+}  // namespace shearbus::simulation

@@ -1,0 +1,112 @@
+// A host of the simulation: it steps its session and changes its nodes at random, and makes each answered call on the
+// reference service too, whose answers must have the same bits.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tests/durability/simulation/connections.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus::simulation {
+
+using wire::Strategy;
+
+// The nodes that a domain must have, and its offers, by their ids at the simulated and at the reference server.
+struct Ledger {
+  struct Offer {
+    unsigned giver;
+    TransferId transfer;
+    TransferId of_reference;
+    std::vector<std::uint64_t> nodes;
+    bool waits = true;  // neither accepted nor withdrawn
+  };
+  std::multiset<std::uint64_t> nodes;
+  std::vector<std::uint64_t> free;  // ids that were retired, to be used again
+  std::vector<Offer> offers;
+  std::uint64_t next_id = 1000;
+
+  void add(std::span<const std::uint64_t> ids) { nodes.insert(ids.begin(), ids.end()); }
+  void drop(std::span<const std::uint64_t> ids) {
+    for (const std::uint64_t id : ids) ASSERT_EQ(nodes.erase(id), 1u) << "node " << id;
+  }
+};
+
+class Host {
+ public:
+  Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& reference, unsigned number,
+       Strategy strategy);
+
+  void act();
+  const std::vector<std::uint64_t>& nodes() const { return session_.node_ids(); }
+  std::uint64_t nodes_of_server();
+  void close();
+
+ private:
+  const StepResult& made(Session& session, const Batch& columns, wire::Mode mode, bool commit_previous);
+  void step(int number, wire::Mode mode, bool commit_previous = false);
+
+  std::vector<std::uint64_t> first_nodes() const { return support::node_ids(3 + 6 * number_, 100 * (number_ + 1)); }
+
+  std::vector<std::uint64_t> some_nodes();
+
+  // Makes the call on both sessions; its code must be equal. Returns the code.
+  template <typename Call, typename Expected>
+  Code both(const Call& call, const Expected& expected) {
+    const auto code_of = [](const auto& made) {
+      try {
+        made();
+        return Code::kOk;
+      } catch (const Error& fault) {
+        return fault.status().code;
+      }
+    };
+    const Code code = code_of([&] { insist(call); });
+    EXPECT_EQ(code, code_of(expected));
+    EXPECT_EQ(session_.node_ids(), reference_.node_ids());
+    if (code != Code::kOk) ++tally_.refused;
+    return code;
+  }
+
+  void change_nodes();
+  void register_some();
+  void retire_some();
+  void offer_some();
+  void accept_one();
+
+  void mark();
+  // Rolls back to one of the last marks, which may be deleted or have nodes that another host owns now.
+  void go_back();
+
+  void ask_nonsense();
+
+  // The client dies after sending a request. Its successor learns whether the request was executed, and no later packet
+  // of the dead client is executed. Offered nodes are not lost.
+  void die_and_be_succeeded();
+
+  World& world_;
+  Tally& tally_;
+  Ledger& ledger_;
+  unsigned number_;
+  Strategy strategy_;
+  std::shared_ptr<SimulatedConnection> connection_;
+  Client client_;
+  Client reference_client_;
+  Session session_;
+  Session reference_;
+  int steps_ = 0;
+  struct Mark {
+    std::string name;
+    std::vector<std::uint64_t> nodes;
+    std::size_t offers_before;
+  };
+  std::vector<Mark> marks_;
+};
+
+}  // namespace shearbus::simulation

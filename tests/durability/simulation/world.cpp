@@ -1,0 +1,92 @@
+#include "tests/durability/simulation/world.hpp"
+
+#include <algorithm>
+
+namespace shearbus::simulation {
+
+World::World(unsigned seed, Tally& tally)
+    : random(seed),
+      durability_(seed % 2 == 0 ? store::Durability::kPower : store::Durability::kProcess),
+      tally_(tally) {
+  start();
+}
+
+void World::transmit(Packet packet) {
+  if (chance(12)) {
+    ++tally_.dropped;
+    return;
+  }
+  const auto delay = [&] { return std::chrono::milliseconds(chance(20) ? random() % 2000 : random() % 5); };
+  if (chance(12)) {
+    ++tally_.repeated;
+    network_.emplace(now_ + delay(), packet);
+  }
+  network_.emplace(now_ + delay(), std::move(packet));
+}
+
+std::optional<Packet> World::next(std::uint64_t socket, Clock::time_point until) {
+  while (!network_.empty() && network_.begin()->first <= until) {
+    now_ = std::max(now_, network_.begin()->first);
+    Packet packet = std::move(network_.extract(network_.begin()).mapped());
+    if (packet.to_server)
+      deliver(packet);
+    else if (packet.socket == socket)
+      return packet;
+  }
+  now_ = std::max(now_, until);
+  return std::nullopt;
+}
+
+void World::start() {
+  static constexpr int kFaults[] = {0, 0, EIO, ENOSPC};  // 0: the machine dies
+  if (chance(2)) {
+    disk_.plan({.at_call = 1 + random() % 80, .code = kFaults[random() % 4]});
+    ++tally_.disk_faults;
+  }
+  try {
+    server_ = std::make_unique<DurableServer>(disk_, durability_, ++epoch_ << 32, 1 + random() % 2);
+  } catch (const store::StorageError&) {
+    crash();  // during recovery, too
+  }
+  if (disk_.dead()) crash();
+}
+
+void World::crash() {
+  ++tally_.crashes;
+  server_.reset();
+  if (durability_ == store::Durability::kPower)
+    disk_.die_of_power(random);
+  else
+    disk_.die_of_process();
+  // Connections end with the server, and with them what was on its way to it.
+  std::erase_if(network_, [](const auto& entry) { return entry.second.to_server; });
+  if (chance(6)) damage_a_checkpoint();
+  back_at_ = now_ + std::chrono::milliseconds(random() % 400);
+}
+
+// Flips a bit of the newest checkpoint if a sound older checkpoint exists.
+void World::damage_a_checkpoint() {
+  std::vector<std::string> sound;
+  for (const std::string& name : disk_.names())
+    if (name.starts_with("checkpoint-") && name.ends_with(".h5") && !damaged_.contains(name)) sound.push_back(name);
+  if (sound.size() < 2) return;
+  auto& bytes = disk_.bytes(sound.back());
+  bytes[random() % bytes.size()] ^= static_cast<std::byte>(1U << random() % 8);
+  damaged_.insert(sound.back());
+  ++tally_.damaged;
+}
+
+void World::deliver(const Packet& packet) {
+  if (!server_ && now_ >= back_at_) start();
+  if (!server_) return;
+  const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
+  auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1));
+  if (disk_.dead() || server_->service.failed() || chance(60)) return crash();  // the answer, if any, is never sent
+  if (answer)
+    transmit(
+        {.to_server = false, .socket = packet.socket, .header = answer->frames.header, .payload = answer->payload()});
+  if (chance(12) && server_->service.checkpoint()) ++tally_.checkpoints;
+  if (disk_.dead()) crash();
+}
+
+}  // namespace shearbus::simulation

@@ -1,0 +1,75 @@
+// The surroundings of a simulated server: a clock, a network that loses, repeats, delays and reorders packets, and a
+// disk that fails or dies with the machine at any of its calls. Everything follows from the seed.
+#pragma once
+
+#include <cerrno>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <random>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/src/connection.hpp"
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+
+namespace shearbus::simulation {
+
+using support::DurableServer;
+using support::MemoryStorage;
+using Clock = Connection::Clock;
+
+struct Packet {
+  bool to_server = false;
+  std::uint64_t socket = 0;
+  std::string header;
+  std::vector<std::byte> payload;
+};
+
+// Counts of what happened in a run, for its report.
+struct Tally {
+  std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0,
+                checkpoints = 0, node_changes = 0, moved = 0, refused = 0;
+};
+
+class World {
+ public:
+  World(unsigned seed, Tally& tally);
+
+  bool chance(int one_in) { return random() % static_cast<unsigned>(one_in) == 0; }
+  Clock::time_point now() const { return now_; }
+  std::uint64_t new_socket() { return ++last_socket_; }
+
+  // Sends the packet on its way; it may be lost, sent twice or late.
+  void transmit(Packet packet);
+  // The next packet for this socket; nothing where `until` comes first.
+  std::optional<Packet> next(std::uint64_t socket, Clock::time_point until);
+
+  std::mt19937 random;
+
+ private:
+  void start();
+  void crash();
+  void damage_a_checkpoint();
+  void deliver(const Packet& packet);
+
+  store::Durability durability_;
+  Tally& tally_;
+  MemoryStorage disk_;
+  std::set<std::string> damaged_;
+  std::unique_ptr<DurableServer> server_;  // null while it is down
+  std::uint64_t epoch_ = 0;
+  std::uint64_t last_socket_ = 0;
+  Clock::time_point now_{};
+  Clock::time_point back_at_{};
+  std::multimap<Clock::time_point, Packet> network_;
+};
+
+}  // namespace shearbus::simulation

@@ -1,0 +1,303 @@
+// Every pair of options, and every law with every option: each pair is refused with its reason, or steps through random
+// histories under all invariants and against the scalar twin. The pairs are made from the rows of solver/parts.cpp and
+// from the lists of laws: a new row or law is tested without an edit here.
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <cmath>
+#include <cstdlib>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/physics/solver/parts.hpp"
+#include "tests/support/combinations.hpp"
+#include "tests/support/random_history.hpp"
+#include "tests/support/twin.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+void require_refusal(const ModelOptions& options) {
+  const std::vector<Refusal> found = refusals(options);
+  require(!found.empty(), "nothing is refused");
+  for (const Refusal& refusal : found) {
+    require(!refusal.key.empty() && refusal.text.find(refusal.key) != std::string::npos,
+            "a refusal without its key: {}", refusal.text);
+    require(refusal.text.find("nothing is known") == std::string::npos, "nobody has decided: {}", refusal.text);
+  }
+  try {
+    const Model model(options);
+  } catch (const RefusedOptions& refused) {
+    require(refused.refusals.size() == found.size(), "the constructor refuses something else: {}", refused.what());
+    return;
+  }
+  throw Broken("a model is made of options that exclude each other");
+}
+
+// ---- How they are stepped ----
+
+int scenes() {
+  const char* text = std::getenv("SHEARBUS_COMBINATION_SCENES");
+  return text != nullptr ? std::atoi(text) : 1;
+}
+
+constexpr int kHistorySteps = 10;
+constexpr int kTwinSteps = 3;
+constexpr int kMostEffort = 3000;  // of a fast step with a tolerance: the twin would take minutes for more
+constexpr double kStep = 1e-9;     // [s]
+
+// The bodies slide under a pressure that the interface law feels, on its friction or on its yield limit.
+void slide(Rig& rig) {
+  rig.set_all(100.0, 2e9);
+  for (int l = 0; l < kLanes; ++l) rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1.0 + l;
+}
+
+// Long enough at rest to fall asleep.
+void rest(Rig& rig, Figures& figures) {
+  rig.set_all(0.0, 2e9);
+  for (int l = 0; l < kLanes; ++l) rig.inputs.stress_soft[l] = rig.inputs.stress_hard[l] = 0.0;
+  for (int n = 0; n < 24; ++n) {
+    rig.step(kStep);
+    for (int l = 0; l < kLanes; ++l) require_invariants(rig, l, kStep, figures);
+  }
+}
+
+struct TwinStep {
+  reference::NodeState state;
+  reference::NodeOutputs outputs;
+};
+
+// One step of the rig and of the twin of one lane, with `twin_options`; nothing where the twin is no oracle: the lane
+// sleeps, the step has several answers, or the twin would take too long.
+std::optional<TwinStep> step_both(Rig& rig, const ModelOptions& twin_options, int l, double dt) {
+  const ModelOptions& options = rig.model.options();
+  const bool slept = rig.slept(l);
+  TwinStep twin;
+  if (!slept) twin.state = rig.node_state(l);
+  reference::NodeInputs inputs = rig.node_inputs(l);
+  const reference::NodeState before = twin.state;
+  SearchEffort effort;
+  rig.inputs.effort = &effort;
+  rig.step(dt);
+  rig.inputs.effort = nullptr;
+  if (slept || rig.slept(l) || (rig.outputs.outcome[l] & (kSubstepped | kMultipleRoots)) != 0) return {};
+  if (options.tolerance && effort.layer_sums + effort.limit_values > kMostEffort) return {};
+  const bool first_order = (rig.outputs.outcome[l] & kFirstOrder) != 0;
+  twin.outputs = reference::advance_one(twin_options, dt, inputs, twin.state);
+  // The criterion of one answer is sufficient, not necessary: it may send the fast solver back to first order.
+  if (!options.tolerance && first_order && !twin.outputs.first_order) {
+    inputs.backward_euler = true;
+    twin.state = before;
+    twin.outputs = reference::advance_one(twin_options, dt, inputs, twin.state);
+  }
+  if (twin.outputs.answers > 1) return {};
+  return twin;
+}
+
+void require_twin(Rig& rig, int l, double dt, long& compared) {
+  const ModelOptions& options = rig.model.options();
+  const bool flows = rig.model.layout().plastic_strain != TileLayout::kAbsent;
+  std::vector<double> strain;
+  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) strain.push_back(flows ? rig.ep(i, l) : 0.0);
+  const std::optional<TwinStep> twin = step_both(rig, options, l, dt);
+  if (!twin) return;
+  ++compared;
+  if (options.tolerance) {  // what either promises
+    const double range = options.soft.melting_temperature - options.initial_temperature;
+    require_near(rig.outputs.interface_temperature[l], twin->outputs.interface_temperature,
+                 range * (rig.outputs.error_estimate[l] + twin->outputs.error_estimate) + 1e-8, "T0 under a tolerance");
+    return;
+  }
+  if (options.inertia) {  // the fields of the two are compared by PhysicsWavesReference
+    require_near(rig.outputs.shear_stress[l], twin->outputs.shear_stress,
+                 1e-6 * std::abs(twin->outputs.shear_stress) + 1.0, "s of a layer with inertia");
+    return;
+  }
+  Worst worst;
+  require_agreement(rig, strain, twin->outputs, twin->state, l, dt, worst);
+}
+
+struct Counts {
+  long steps = 0, compared = 0;
+};
+
+// Random histories and states of one model under all invariants, then steps against the twin.
+void require_sound_model(Draw& draw, const ModelOptions& options, Counts& counts) {
+  Figures figures;
+  {
+    Rig rig(options);
+    if (draw.chance(0.5)) random_state(draw, rig);
+    random_history(draw, rig, false, options.tolerance ? 3 : kHistorySteps, figures, [] {});
+  }
+  Rig rig(options);
+  slide(rig);
+  for (int n = 0; n < kTwinSteps; ++n) require_twin(rig, n % 3, kStep, counts.compared);
+  rest(rig, figures);
+  for (int n = 0; n < kTwinSteps; ++n) {
+    random_inputs(draw, rig, false);
+    require_twin(rig, n % 3, std::max(random_dt(draw, false), shortest_step(options)), counts.compared);
+  }
+  counts.steps += figures.node_steps;
+}
+
+// ---- The tests ----
+
+struct Case {
+  Strategy strategy;
+  std::size_t item;
+};
+
+std::string name_of(const Case& c) {
+  std::string name = c.strategy == Strategy::kVelocityDriven ? "VelocityDriven_" : "ForceDriven_";
+  const std::vector<Item> all = items();
+  for (const char letter : all[c.item].name) name += std::isalnum(static_cast<unsigned char>(letter)) ? letter : '_';
+  return name;
+}
+
+std::vector<Case> cases(bool laws_only) {
+  const std::vector<Item> list = items();
+  std::vector<Case> all;
+  for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven})
+    for (std::size_t i = 0; i < list.size(); ++i)
+      if (!laws_only || list[i].kind != Kind::kOption) all.push_back({strategy, i});
+  return all;
+}
+
+class PhysicsCombinations : public ::testing::TestWithParam<Case> {};
+
+TEST_P(PhysicsCombinations, EachPairIsRefusedWithItsReasonOrHolds) {
+  const auto [strategy, first] = GetParam();
+  const std::vector<Item> all = items();
+  Draw draw(1000 + first + (strategy == Strategy::kForceDriven ? 500 : 0));
+  Counts counts;
+  int made = 0, refused = 0;
+  for (std::size_t second = first; second < all.size(); ++second) {  // first with itself: alone
+    for (int scene = 0; scene < 2 * scenes(); ++scene) {
+      SCOPED_TRACE(all[first].name + " and " + all[second].name);
+      const bool rubs = scene % 2 == 0;
+      try {
+        const std::optional<ModelOptions> options = possible(strategy, {&all[first], &all[second]}, all, rubs);
+        if (options) {
+          require_sound_model(draw, *options, counts);
+          ++made;
+        } else {
+          require_refusal(combined(strategy, {&all[first], &all[second]}, rubs));
+          ++refused;
+        }
+      } catch (const Broken& broken) {
+        ADD_FAILURE() << broken.what();
+      }
+    }
+  }
+  std::printf("%d models of pairs, %d refused; %ld node-steps held, %ld compared with the twin\n", made, refused,
+              counts.steps, counts.compared);
+  if (made > 0) {
+    EXPECT_GT(counts.compared, 2 * made);
+  }
+}
+
+// The test above can fail: where a solver forgot a law and took the default one, the twin would tell. Here it is the
+// twin that forgets.
+class PhysicsForgottenLaws : public ::testing::TestWithParam<Case> {};
+
+TEST_P(PhysicsForgottenLaws, AreSeenWithEveryOption) {
+  const auto [strategy, first] = GetParam();
+  const std::vector<Item> all = items();
+  // Friction laws show where friction holds the stress, flow laws where the yield limit or the layer does.
+  const bool is_friction = all[first].kind == Kind::kFrictionLaw;
+  int made = 0;
+  for (const Item& other : all) {
+    if (other.kind != Kind::kOption && &other != &all[first]) continue;
+    const std::optional<ModelOptions> options = possible(strategy, {&all[first], &other}, all, is_friction);
+    if (!options) continue;
+    ++made;
+    ModelOptions forgetful = *options;
+    if (is_friction)
+      forgetful.interface.friction_law = FrictionLaw{};
+    else
+      forgetful.soft = with_strength_of(forgetful.soft, paper_options().soft);
+    Rig rig(*options);
+    slide(rig);
+    bool seen = false;
+    for (int n = 0; n < 6 && !seen; ++n) {
+      const std::optional<TwinStep> twin = step_both(rig, forgetful, 0, kStep);
+      if (!twin) continue;
+      const double s = rig.outputs.shear_stress[0];
+      seen = std::abs(s - twin->outputs.shear_stress) > 1e-4 * std::abs(s);
+    }
+    EXPECT_TRUE(seen) << all[first].name << " with " << other.name << ": the stress of the default law fits as well";
+  }
+  std::printf("%d models\n", made);
+}
+
+INSTANTIATE_TEST_SUITE_P(, PhysicsCombinations, ::testing::ValuesIn(cases(false)),
+                         [](const auto& test) { return name_of(test.param); });
+INSTANTIATE_TEST_SUITE_P(, PhysicsForgottenLaws, ::testing::ValuesIn(cases(true)),
+                         [](const auto& test) { return name_of(test.param); });
+
+// An exclusion that is missing leaves its pair undecided, and an undecided pair is refused.
+TEST(PhysicsExclusions, APairWhoseExclusionIsMissingIsRefusedAllTheSame) {
+  const std::span<const Exclusion> all = exclusions();
+  const std::vector<Item> list = items();
+  int tried = 0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    std::vector<Exclusion> others(all.begin(), all.end());
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+    EXPECT_FALSE(go_together(part_of(all[k].first), part_of(all[k].second), others));
+    EXPECT_GT(all[k].reason.size(), 20U) << all[k].reason;
+    for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven})
+      for (const Item& a : list)
+        for (const Item& b : list) {
+          const ModelOptions options = combined(strategy, {&a, &b}, true);
+          const Properties on = properties_of(options);
+          if (!on.has(all[k].first) || !on.has(all[k].second)) continue;
+          EXPECT_FALSE(refusals(options, parts(), others).empty()) << a.name << ", " << b.name;
+          ++tried;
+        }
+  }
+  EXPECT_GT(tried, 100);
+}
+
+// A property that the table does not know of, of a law or option that does not exist: refused with everything.
+TEST(PhysicsExclusions, APropertyThatNoRowHasDecidedAboutIsRefusedEverywhere) {
+  std::vector<Part> more(parts().begin(), parts().end());
+  more.push_back({.property = static_cast<Property>(kProperties),
+                  .key = "interface.friction_law",
+                  .is_on = [](const ModelOptions&) { return true; }});
+  for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    const std::vector<Refusal> found = refusals(combined(strategy, {}, true), more, exclusions());
+    ASSERT_FALSE(found.empty());
+    for (const Refusal& refusal : found) EXPECT_NE(refusal.text.find("nothing is known"), std::string::npos);
+  }
+}
+
+// ---- Laws of tests only ----
+
+struct CompleteLaw : ConstantFriction {};
+static_assert(FrictionLawClass<CompleteLaw>);
+
+// Does not say whether it depends on slip.
+struct ForgetfulLaw {
+  static constexpr std::string_view kName = "forgetful", kEquation = "", kAdds = "", kWhen = "";
+  static constexpr bool kDependsOnTemperature = false;
+  static LawFault fault_of(const InterfaceOptions&, const Material&) { return {}; }
+  static InterfaceOptions typical(const InterfaceOptions& options, const Material&) { return options; }
+  static FrictionValue at(const InterfaceOptions&, const Material&, double, double) { return {0.1, 0.0, 0.0}; }
+};
+static_assert(!FrictionLawClass<ForgetfulLaw>);
+
+// Depends on the temperature and gives no bound of its slope, so that no search knows whether an answer is the only one.
+struct UnboundedLaw : CompleteLaw {
+  static constexpr bool kDependsOnTemperature = true;
+};
+static_assert(!FrictionLawClass<UnboundedLaw>);
+
+// Depends on slip and does not solve a step.
+struct UnsolvedLaw : CompleteLaw {
+  static constexpr bool kDependsOnSlip = true;
+};
+static_assert(!FrictionLawClass<UnsolvedLaw>);
+
+}  // namespace
+}  // namespace shearbus::testing

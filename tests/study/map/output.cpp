@@ -1,0 +1,97 @@
+#include "tests/study/map/output.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <system_error>
+
+#include "tests/study/map/limits.hpp"
+
+namespace shearbus::map {
+namespace {
+
+void save(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file)
+    throw std::runtime_error(fmt::format("{}: not written: {}", path.string(), std::generic_category().message(errno)));
+}
+
+std::string nodes_csv(const Map& map) {
+  std::string text =
+      "time_s,pressure_pa,velocity_jump_m_per_s,shear_stress_pa,friction_coefficient,slip_carried_m,slip_share,"
+      "interface_temperature_k,regime,melting_time_s\n";
+  for (const Observation& seen : map.observations) {
+    const std::vector<double> shares = slip_share(map, seen);
+    for (std::size_t p = 0; p < map.axes.pressure_pa.size(); ++p) {
+      for (std::size_t v = 0; v < map.axes.velocity_m_per_s.size(); ++v) {
+        const std::size_t i = map.axes.node(p, v);
+        const double melted = map.melting_time_s[i];
+        text += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", seen.time_s, map.axes.pressure_pa[p],
+                            map.axes.velocity_m_per_s[v], seen.shear_stress_pa[i],
+                            seen.shear_stress_pa[i] / map.axes.pressure_pa[p], seen.slip_m[i], shares[i],
+                            seen.interface_temperature_k[i], seen.regime[i],
+                            std::isnan(melted) ? std::string() : fmt::format("{}", melted));
+      }
+    }
+  }
+  return text;
+}
+
+// The velocity at every pressure; null if it lies outside the map.
+nlohmann::ordered_json json_of(const Line& line) {
+  auto values = nlohmann::ordered_json::array();
+  for (const auto& value : line) values.push_back(value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json());
+  return values;
+}
+
+nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, const std::string& version) {
+  nlohmann::ordered_json out = {{"producer", "shearbus-study " + version},
+                                {"server_version", map.server_version},
+                                {"scene_name", scene_name},
+                                {"effective_scene", map.effective_scene},
+                                {"dt_s", map.dt_s},
+                                {"domain_share", kDomainShare},
+                                {"pressure_pa", map.axes.pressure_pa},
+                                {"velocity_jump_m_per_s", map.axes.velocity_m_per_s}};
+  for (const Observation& seen : map.observations)
+    out["observations"].push_back({{"time_s", seen.time_s},
+                                   {"sticking_below_m_per_s", json_of(velocity_of_share(map, seen, 0.0))},
+                                   {"domain_limit_m_per_s", json_of(velocity_of_share(map, seen, kDomainShare))},
+                                   {"melting_above_m_per_s", json_of(velocity_of_melting(map, seen.time_s))}});
+  return out;
+}
+
+}  // namespace
+
+void write(const Map& map, const std::string& scene_name, const std::string& version,
+           const std::filesystem::path& out) {
+  std::filesystem::create_directories(out);
+  save(out / "nodes.csv", nodes_csv(map));
+  save(out / "map.json", map_json(map, scene_name, version).dump(1) + '\n');
+}
+
+std::string summary(const Map& map) {
+  const std::vector<double>& P = map.axes.pressure_pa;
+  const auto ends = [](const Line& line) {
+    const auto end = [](const std::optional<double>& v) {
+      return v ? fmt::format("{:8.3g}", *v) : std::string("       -");
+    };
+    return fmt::format("{} {}", end(line.front()), end(line.back()));
+  };
+  std::string text = fmt::format(
+      "{} pressures x {} velocities, dt {:g} s\n"
+      "velocity (m/s) at {:g} and {:g} GPa: sticking below, {:.0f} % of the slip carried, melting above\n",
+      P.size(), map.axes.velocity_m_per_s.size(), map.dt_s, 1e-9 * P.front(), 1e-9 * P.back(), 100.0 * kDomainShare);
+  for (const Observation& seen : map.observations) {
+    text += fmt::format("  {:>8.3g} s  {}  {}  {}\n", seen.time_s, ends(velocity_of_share(map, seen, 0.0)),
+                        ends(velocity_of_share(map, seen, kDomainShare)), ends(velocity_of_melting(map, seen.time_s)));
+  }
+  return text;
+}
+
+}  // namespace shearbus::map

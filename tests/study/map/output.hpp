@@ -1,0 +1,18 @@
+// Writes a map: nodes.csv with one row per node and observation, map.json with axes, lines, scene and versions.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "tests/study/map/sweep.hpp"
+
+namespace shearbus::map {
+
+inline constexpr double kDomainShare = 0.9;  // share of the imposed slip, as in the server's outcome of each step
+
+void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);
+
+// Returns the printed summary.
+std::string summary(const Map& map);
+
+}  // namespace shearbus::map

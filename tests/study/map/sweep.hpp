@@ -1,0 +1,56 @@
+// A sweep of constant pressures and velocity jumps through the velocity-driven model: every pair is a node, all nodes
+// are one batch of a server inside this process.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "client/include/shearbus/client.hpp"
+
+namespace shearbus::map {
+
+struct Axes {
+  std::vector<double> pressure_pa;
+  std::vector<double> velocity_m_per_s;
+
+  std::size_t num_nodes() const { return pressure_pa.size() * velocity_m_per_s.size(); }
+  std::size_t node(std::size_t pressure, std::size_t velocity) const {
+    return pressure * velocity_m_per_s.size() + velocity;
+  }
+};
+
+// `count` values from `low` to `high` at equal ratios.
+std::vector<double> log_spaced(double low, double high, std::size_t count);
+
+// The state of the map at one time; one value per node.
+struct Observation {
+  double time_s = 0.0;
+  std::vector<double> shear_stress_pa;
+  std::vector<double> slip_m;  // slip of the layer since the start
+  std::vector<double> interface_temperature_k;
+  std::vector<std::uint8_t> regime;
+};
+
+struct Map {
+  Axes axes;
+  double dt_s = 0.0;
+  std::vector<Observation> observations;
+  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt; NaN: none
+  std::string scene_name;
+  std::string effective_scene;  // TOML
+  std::string server_version;
+  std::vector<std::string> warnings;
+};
+
+struct SceneText {
+  std::string text;  // TOML
+  std::string file;  // its name, for messages
+};
+
+// The scene's sweep up to the last of `times_s`, which are increasing multiples of dt_s. Throws Error for a scene whose
+// layer is not the one that carries the jump.
+Map sweep(const SceneText& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s);
+
+}  // namespace shearbus::map

@@ -1,0 +1,92 @@
+// Inputs and answer of one node in one step, on which the invariants are stated.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "tests/support/invariants/figures.hpp"
+
+namespace shearbus::testing {
+
+inline constexpr int kMostParts =
+    1 << 22;  // substeps of a step under a tolerance; at most 64 of a step with several solutions
+
+// Inputs and answer of one node in one step, projected on the direction of the answer. The solver that answered is not
+// known here, so that models and wrong solvers are judged alike.
+struct Answered {
+  double dt = 0.0;        // [s]
+  double pressure = 0.0;  // [Pa]
+  double jump_old = 0.0, jump_new = 0.0, slip = 0.0;
+  double jump_length = 0.0;  // of both components; its last digit bounds the accuracy of the projections
+  double stress_old = 0.0, stress = 0.0;
+  double T0 = 0.0, heat = 0.0;
+  double driven = 0.0;         // change of the jump by the far stresses, DLP (61)                    [m/s]
+  double driven_size = 0.0;    // sum of the magnitudes of both parts
+  double per_stress = 0.0;     // decrease of the jump per stress                                  [m/(s Pa)]
+  double plastic_drive = 0.0;  // sqrt(3) h Ep_dot                                                   [m/s]
+  double junction_strain = 0.0;
+  bool sticks = false;  // plastic layer: the interface does not slip at the end of the step
+  Regime regime = Regime::kOpen;
+  std::uint8_t outcome = 0;
+  bool controlled = false;  // a model with a tolerance: any number of substeps
+
+  bool divided() const { return (outcome & kSubstepped) != 0; }
+  // Upper bound of the number of substeps. The answer mixes means, sums and end values of them.
+  int parts() const { return divided() || controlled ? kMostParts : 1; }
+  bool in_parts() const { return parts() > 1; }
+  double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
+};
+
+// Reads one lane of a rig after a step; `trial` of the rig is the state before. Two components are projected on the
+// direction of the answer.
+inline Answered answered(const Rig& rig, int lane, double dt) {
+  const TileInputs& in = rig.inputs;
+  const TileOutputs& out = rig.outputs;
+  const TileLayout& layout = rig.model.layout();
+  double x = 1.0, y = 0.0;
+  if (rig.model.options().tangential_components == 2) {
+    const auto along = [&](double first, double second) {
+      const double largest = std::max(std::abs(first), std::abs(second));
+      if (!(largest > 0.0)) return false;
+      const double length = std::hypot(first / largest, second / largest);
+      x = first / largest / length;
+      y = second / largest / length;
+      return true;
+    };
+    along(out.shear_stress[lane], rig.outputs.second_shear_stress[lane]) ||
+        along(out.sliding_velocity[lane], rig.outputs.second_sliding_velocity[lane]) ||
+        along(out.velocity_jump_new[lane], rig.outputs.second_velocity_jump_new[lane]);
+  }
+  const auto project = [&](double first, double second) { return y == 0.0 ? first * x : first * x + second * y; };
+  Answered a;
+  a.dt = dt;
+  a.pressure = in.pressure[lane];
+  a.jump_old = project(in.velocity_jump[lane], rig.inputs.second_velocity_jump[lane]);
+  a.jump_length = std::hypot(in.velocity_jump[lane], rig.inputs.second_velocity_jump[lane]);
+  a.jump_new = project(out.velocity_jump_new[lane], rig.outputs.second_velocity_jump_new[lane]);
+  a.slip = project(out.sliding_velocity[lane], rig.outputs.second_sliding_velocity[lane]);
+  a.stress = project(out.shear_stress[lane], rig.outputs.second_shear_stress[lane]);
+  a.stress_old = project(rig.trial[layout.shear_stress + lane],
+                         layout.second_stress == TileLayout::kAbsent ? 0.0 : rig.trial[layout.second_stress + lane]);
+  a.T0 = out.interface_temperature[lane];
+  a.heat = out.friction_heat[lane];
+  const double minus = project(in.stress_soft[lane], rig.inputs.second_stress_soft[lane]) / in.mass_soft[lane];
+  const double plus = project(in.stress_hard[lane], rig.inputs.second_stress_hard[lane]) / in.mass_hard[lane];
+  a.driven = dt * (minus + plus);
+  a.driven_size = dt * (std::abs(minus) + std::abs(plus));
+  a.per_stress = dt * (1 / in.mass_soft[lane] + 1 / in.mass_hard[lane]);
+  a.plastic_drive = kSqrt3 * rig.model.options().grid.thickness * in.soft_plastic_strain_rate[lane];
+  if (layout.junction_strain != TileLayout::kAbsent) a.junction_strain = rig.junction_strain(lane);
+  if (layout.sticking != TileLayout::kAbsent) a.sticks = rig.committed[layout.sticking + lane] != 0.0;
+  a.regime = out.regime[lane];
+  a.outcome = out.outcome[lane];
+  a.controlled = rig.model.options().tolerance.has_value();
+  return a;
+}
+
+inline constexpr double kProductOfDenormals = 1e-290;  // products of denormal inputs have no relative accuracy
+
+inline constexpr double kSleeperGrain = 1e-9;  // error of a temperature that was expanded into modes and back  [K]
+
+}  // namespace shearbus::testing

@@ -1,0 +1,38 @@
+// Counts and largest residuals of a run that is held to the invariants.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <limits>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+
+// Counts and largest residuals over all node-steps of a run.
+struct Figures {
+  long node_steps = 0;
+  std::array<long, 5> in_regime{};  // by Regime
+  long divided = 0;                 // node-steps divided into substeps
+  long several = 0;                 // node-steps with several solutions
+  long flowing = 0;                 // plastic layers that carry a stress; below, those with a resolved slip
+  long flowing_resolved = 0;
+  double heat_residual = 0.0;                                        // of the heat balance, relative to the stored heat
+  double nearest_melting = std::numeric_limits<double>::infinity();  // T_melt - T                 [K]
+  double over_limit = 0.0;  // largest excess of a stress over its limit, relative
+
+  void add(const Figures& other) {
+    node_steps += other.node_steps;
+    for (std::size_t i = 0; i < in_regime.size(); ++i) in_regime[i] += other.in_regime[i];
+    divided += other.divided;
+    several += other.several;
+    flowing += other.flowing;
+    flowing_resolved += other.flowing_resolved;
+    heat_residual = std::max(heat_residual, other.heat_residual);
+    nearest_melting = std::min(nearest_melting, other.nearest_melting);
+    over_limit = std::max(over_limit, other.over_limit);
+  }
+  long regime(Regime which) const { return in_regime[static_cast<std::size_t>(which)]; }
+};
+
+}  // namespace shearbus::testing

@@ -1,0 +1,60 @@
+// MODEL.md, what always holds, 2 and 5: complementarity of the layer's flow.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "tests/support/invariants/answered.hpp"
+#include "tests/support/invariants/broken.hpp"
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+
+inline std::vector<double> strain_before(const Rig& rig, int lane) {
+  std::vector<double> ep(static_cast<std::size_t>(rig.model.grid().num_vertices()));
+  for (std::size_t i = 0; i < ep.size(); ++i) ep[i] = rig.ep_of(rig.trial, static_cast<int>(i), lane);
+  return ep;
+}
+
+// The stress of a layer is at most its flow stress, and equal to it where the layer flows; plastic strain does not
+// decrease. Temperatures have an error of `grain` [K] in addition to their last digits.
+inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
+  const ModelOptions& options = rig.model.options();
+  const TileLayout& layout = rig.model.layout();
+  const Material soft = at_pressure(options.soft, a.pressure);
+  const std::vector<double> profile = rig.layer_temperatures(lane);
+  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
+    const double carried =
+        options.inertia ? std::abs(rig.committed[place(layout.shear_stress, i, lane)]) : std::abs(a.stress);
+    const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
+    require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
+    if (a.pressure <= 0.0) continue;
+    // The strain increment bounds the rate of the step, or of its last substep, up to the rounding of a difference of
+    // strains. Below the least rate of the law the stress determines strains through hardening alone, up to its last
+    // digits.
+    const double dep = a.parts() * (ep - ep_old);
+    const double T = profile[static_cast<std::size_t>(i)];
+    const bool rated = properties_of(soft.flow_law).depends_on_rate;
+    const double slope = rated && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt, a.pressure, T) : 0.0;
+    const double at_rest = hardened_strength(soft, ep, 0.0, a.pressure, T);
+    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * at_rest / slope : 0.0);
+    const auto limit = [&](double temperature, double increment) {
+      return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
+    };
+    const double most = limit(T * (1 - kDigits) - grain, dep + noise);
+    require(carried <= most * (1 + 1e-10), "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i,
+            carried, most, T, ep);
+    if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
+    // Increments below the resolution of the strain do not show in the limit.
+    const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
+    if (a.in_parts()) continue;  // the vertex may have flowed in an earlier substep
+    if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
+    const double least = limit(T * (1 + kDigits) + grain, dep - noise);
+    require(carried >= least * (1 - 1e-10),
+            "vertex {} flows under {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {} from {}", i, carried, least, T,
+            ep, ep_old);
+  }
+}
+
+}  // namespace shearbus::testing

@@ -1,0 +1,40 @@
+// Slip next to a flowing force-driven layer, DLP (64).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/invariants/flow_stress.hpp"
+#include "tests/support/invariants/interface_limits.hpp"
+
+namespace shearbus::testing {
+
+// A flowing layer satisfies DLP (64): at the middle of the step if the interface slips, at its end if it sticks.
+inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Figures& figures) {
+  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // without a stress there is no direction
+  const double d = std::copysign(1.0, a.stress);
+  const double jump_old = d * a.jump_old, jump_new = d * a.jump_new;
+  const double flow = (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane)) / a.dt;
+  const double size = std::abs(jump_old) + std::abs(jump_new) + a.plastic_drive + flow + a.driven_size;
+  const ModelOptions& options = rig.model.options();
+  ++figures.flowing;
+  if (!is_resolved(options, a, size)) return;
+  ++figures.flowing_resolved;
+  const double grain = heat_grain(options, a, size) + (rig.slept(lane) ? kSleeperGrain : 0.0);
+  require_complementary_flow(rig, a, lane, grain, figures);
+  double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
+                     kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
+  if (a.sticks) {
+    require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
+    require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");
+  } else {
+    // The slip heats T0, T0 sets the stress and the stress the slip, both through (61) and through the heat.
+    const Limits limit = interface_limits(options, a, size);
+    tolerance += (limit.upper - limit.lower) * (a.per_stress + std::abs(a.slip / a.stress));
+    require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old + jump_new) + a.plastic_drive - flow), tolerance, "(64)");
+    require(jump_new + a.plastic_drive - flow >= -tolerance, "friction pulls past rest: {} m/s",
+            jump_new + a.plastic_drive - flow);
+  }
+}
+
+}  // namespace shearbus::testing

@@ -1,0 +1,33 @@
+// MODEL.md, what always holds, 3: heat comes from friction work.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/invariants/answered.hpp"
+#include "tests/support/invariants/broken.hpp"
+
+namespace shearbus::testing {
+
+// Returns true for a second-order step: its heat and stress come from two stages, of which the answer shows the end
+// only.
+inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
+  return options.time_integrator == TimeIntegrator::kSdirk2 && !(a.outcome & kFirstOrder);
+}
+
+// The heat that enters is the conducted share of the friction work; `share` is that share.
+inline void require_heat_of_work(const ModelOptions& options, double share, const Answered& a) {
+  if (options.strategy == Strategy::kVelocityDriven) {
+    if (a.in_parts() || of_two_stages(options, a)) return;
+    const double work = std::max(0.0, a.stress * a.jump_old) * a.dt;
+    const double least = options.taylor_quinney_factor.value_or(1.0) * share * work;
+    const double noise = 1e-15 * std::abs(a.stress) * a.jump_length * a.dt + kProductOfDenormals;
+    require(a.heat >= least * (1 - 1e-13) - noise && a.heat <= share * work * (1 + 1e-13) + noise,
+            "heat {:.17g} of work {:.17g}, share {}", a.heat, work, share);
+  } else if (!a.in_parts()) {
+    const double work = a.stress * a.slip * a.dt;
+    require_near(a.heat, share * work, 1e-13 * work + kProductOfDenormals, "heat against friction work");
+  }
+}
+
+}  // namespace shearbus::testing

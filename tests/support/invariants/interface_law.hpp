@@ -1,0 +1,49 @@
+// MODEL.md, what always holds, 2, and DLP (61): complementarity of the interface and momentum of the bodies.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/invariants/broken.hpp"
+#include "tests/support/invariants/heat_of_work.hpp"
+#include "tests/support/invariants/interface_limits.hpp"
+
+namespace shearbus::testing {
+
+// The jump satisfies the momentum balance of the bodies, DLP (61), and the stress the limits of the interface.
+inline void require_interface_law(const ModelOptions& options, const Answered& a, Figures& figures) {
+  // Substeps may move in both directions, by at most the plastic flow of the host's zone.
+  const double size = a.size() + (a.in_parts() ? a.plastic_drive : 0.0);
+  require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * size + kProductOfDenormals,
+               "[V] against (61)");
+  if (a.pressure <= 0.0) {
+    require(a.stress == 0.0, "an open contact carries {} Pa", a.stress);
+    return;
+  }
+  const InterfaceOptions& law = options.interface;
+  const double most_friction = std::max(law.friction_coefficient, law.friction_coefficient_fast) * a.pressure;
+  const double carried = std::abs(a.stress);
+  require(carried <= most_friction * (1 + 1e-12), "s {:.17g} above mu P {:.17g}", a.stress, most_friction);
+  if (a.in_parts()) return;  // the stress is a mean of the substeps
+  if (options.plastic_layer && !is_resolved(options, a, a.size())) return;
+  const Limits limit = interface_limits(options, a, a.size());
+  // A second-order step answers the mean stress while the limit changes: only direction and sticking are checked here.
+  // The scalar twin checks the stresses of the stages.
+  const bool mean = of_two_stages(options, a) && a.outcome == 0 && a.regime != Regime::kStick;
+  if (!mean) {
+    require(carried <= limit.upper, "s {:.17g} above its limit {:.17g} at T0 {:.17g}", a.stress, limit.upper, a.T0);
+    if (limit.upper > 0.0) figures.over_limit = std::max(figures.over_limit, carried / limit.upper - 1.0);
+  }
+  if (options.plastic_layer && a.sticks) return;
+  if (a.regime == Regime::kStick) {
+    require(a.jump_new == 0.0, "an interface that sticks moves at {} m/s", a.jump_new);
+    return;
+  }
+  require(mean || carried >= limit.lower, "slips under s {:.17g} below its limit {:.17g} at T0 {:.17g}", a.stress,
+          limit.lower, a.T0);
+  if (options.plastic_layer) return;
+  require(a.stress * a.jump_new >= -1e-12 * carried * a.size(), "friction pulls past rest: s {}, [V] {}", a.stress,
+          a.jump_new);
+}
+
+}  // namespace shearbus::testing

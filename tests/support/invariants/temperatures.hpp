@@ -1,0 +1,55 @@
+// MODEL.md, what always holds, 1 and 5: temperatures below melting, in their range and monotonic.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "tests/support/invariants/answered.hpp"
+#include "tests/support/invariants/broken.hpp"
+#include "tests/support/random_physics.hpp"
+
+namespace shearbus::testing {
+
+// A temperature below melting stays below melting. `hottest`: the largest temperature of the state before.
+inline void require_solid(double T, double T_melt, double hottest, Figures& figures) {
+  require(T < T_melt || T <= hottest * (1 + 1e-15), "T {:.17g} K, melting {:.17g} K, hottest before {:.17g} K", T,
+          T_melt, hottest);
+  figures.nearest_melting = std::min(figures.nearest_melting, std::abs(T_melt - T));
+}
+
+// Temperatures stay in their range, and fall with the distance from the interface if only the interface is heated.
+inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Figures& figures) {
+  const ModelOptions& options = rig.model.options();
+  const TileLayout& layout = rig.model.layout();
+  const bool has_profile = layout.heat_modes == TileLayout::kAbsent;
+  const double T_melt = at_pressure(options.soft, a.pressure).melting_temperature;
+  const std::vector<double> before = rig.temperatures(rig.trial, lane), after = rig.temperatures(rig.committed, lane);
+  const std::size_t interface = layout.num_hard_vertices;
+  const double grain = rig.slept(lane) ? kSleeperGrain : 0.0;
+  require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
+          after[interface]);
+  double coldest = *std::min_element(before.begin(), before.end());
+  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // initial temperature
+  const double hottest = *std::max_element(before.begin(), before.end());
+  const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const double T = after[i];
+    const int vertex = static_cast<int>(i) - static_cast<int>(interface);
+    require(T >= coldest - grain, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", vertex, T, coldest);
+    if (i < interface) {  // the hard body has another melting temperature: bound it by the state before and by T0
+      // Substeps may be hotter than the end of the step; second order extrapolates and overshoots by a few percent.
+      const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
+      const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
+      require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,
+              "vertex {} heats to {:.17g} K above all there was", vertex, T);
+    } else {
+      require_solid(T, T_melt, hottest + grain, figures);
+    }
+    require(i <= interface || !falls_inwards || T <= after[i - 1] * (1 + 1e-15) + grain,
+            "T rises with z at vertex {}: {:.17g} K", vertex, T);
+  }
+}
+
+}  // namespace shearbus::testing

@@ -1,0 +1,84 @@
+// A step of the fast solvers against the same step of the slow twin (server/physics/reference).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "tests/support/invariants.hpp"
+
+namespace shearbus::testing {
+
+// The largest differences of a run.
+struct Worst {
+  double stress = 0.0, temperature = 0.0, slip = 0.0;
+  int shapes = 0;  // shares of heat compared closely
+};
+
+// Relative agreement to expect of two roots of the same balance. The last Newton step is below 1e-10 of the stress and
+// may cross the kink where a vertex begins to flow; each root is resolved to an ulp of T0, which softening multiplies.
+inline double resolution(const ModelOptions& options, const Material& m, double pressure, double T0) {
+  const Softening soften = softening(m, pressure, T0);
+  if (soften.g == 0.0) return 1.0;
+  double steepness = std::abs(soften.slope) / (std::max(soften.g, 1e-300) * flow_exponent(m));
+  if (options.strategy == Strategy::kForceDriven &&
+      properties_of(options.interface.friction_law).depends_on_temperature) {
+    const StressLimit limit = interface_strength(options.interface, m, pressure, nullptr);
+    const StressLimit::Value friction = limit.friction(T0);
+    steepness = std::max(steepness, std::abs(friction.slope) / std::max(friction.stress, 1e-300));
+  }
+  return 5e-10 + 4e-13 * steepness * T0;
+}
+
+inline void require_agreement(const Rig& rig, const std::vector<double>& ep_old, const reference::NodeOutputs& twin,
+                              const reference::NodeState& twin_state, int l, double dt, Worst& worst) {
+  const TileOutputs& out = rig.outputs;
+  const Material soft = at_pressure(rig.model.options().soft, rig.inputs.pressure[l]);
+  const double T_hottest = *std::max_element(twin_state.temperature.begin(), twin_state.temperature.end());
+  const double eps = resolution(rig.model.options(), soft, rig.inputs.pressure[l], T_hottest);
+  const bool flows = rig.model.layout().plastic_strain != TileLayout::kAbsent;
+  const double s = std::abs(twin.shear_stress);
+  require_near(out.shear_stress[l], twin.shear_stress, eps * s + 1e-6, "s");
+  require_near(out.interface_temperature[l], twin.interface_temperature, 1e-9, "T0");
+  const double size = std::abs(rig.inputs.velocity_jump[l]) + std::abs(twin.sliding_velocity) +
+                      rig.model.options().grid.thickness * std::abs(rig.inputs.soft_shear_rate[l]) +
+                      rig.model.options().grid.thickness * s / (soft.shear_modulus * dt);
+  // The printed (48) takes differences of strains: their rounding over dt is a velocity.
+  double strain = strain_scale(soft);
+  for (double ep : twin_state.plastic_strain) strain = std::max(strain, ep);
+  double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * flow_exponent(soft));
+  if (flows) noise += kSqrt3 * flow_grain(rig, ep_old, rig.stress(l), l, dt) / dt;
+  require_near(out.sliding_velocity[l], twin.sliding_velocity, (1e-8 + eps) * size + noise, "[v]");
+  const double driven = dt * (std::abs(rig.inputs.stress_soft[l]) / rig.inputs.mass_soft[l] +
+                              std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l]);
+  require_near(out.velocity_jump_new[l], twin.velocity_jump_new,
+               1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-12 * driven,
+               "[V]");
+  require_near(out.friction_heat[l], twin.friction_heat, eps * twin.friction_heat + 1e-9, "friction heat");
+  require(((out.outcome[l] & kFirstOrder) != 0) == twin.first_order, "the order of the step differs");
+  if (std::abs(twin.sliding_velocity) > noise || twin.regime == Regime::kOpen) {
+    require(out.regime[l] == twin.regime, "regime {} instead of {}, T0 {:.17g}", static_cast<int>(out.regime[l]),
+            static_cast<int>(twin.regime), twin.interface_temperature);
+  }
+  for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
+    require_near(rig.T(static_cast<int>(i), l), twin_state.temperature[i], 1e-9, "T of the soft body");
+  }
+  // The shape is a ratio of strains of the step: known as well as they are, at the hottest vertex worst.
+  const double share_noise = 1e-6 + 100.0 * noise / std::abs(twin.sliding_velocity) +
+                             1e3 * resolution(rig.model.options(), soft, rig.inputs.pressure[l], T_hottest);
+  for (std::size_t i = 0; i < twin_state.heat_shape.size() && twin.sliding_velocity != 0.0; ++i) {
+    require_near(rig.heat_shape(static_cast<int>(i), l), twin_state.heat_shape[i], share_noise, "heat shape");
+    if (share_noise < 1e-4) ++worst.shapes;
+  }
+  const int num_hard = static_cast<int>(rig.model.layout().num_hard_vertices);
+  for (int i = 0; i < num_hard; ++i) {
+    require_near(rig.T(i - num_hard, l), twin_state.hard_temperature[static_cast<std::size_t>(i)], 1e-9,
+                 "T of the hard body");
+  }
+  if (s > 0.0) worst.stress = std::max(worst.stress, std::abs(out.shear_stress[l] / twin.shear_stress - 1.0));
+  worst.temperature = std::max(worst.temperature, std::abs(out.interface_temperature[l] - twin.interface_temperature));
+  if (size > noise) worst.slip = std::max(worst.slip, std::abs(out.sliding_velocity[l] - twin.sliding_velocity) / size);
+}
+
+}  // namespace shearbus::testing

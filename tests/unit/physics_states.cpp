@@ -1,0 +1,88 @@
+// The list of a node's states (server/physics/solver/states.hpp): rows without gaps, and the names that checkpoints have.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+using ::testing::ElementsAre;
+
+std::vector<std::string> names_of(const ModelOptions& options) {
+  const Model model(options);
+  std::vector<std::string> names;
+  for (const State& state : model.layout().states()) names.emplace_back(state.name);
+  return names;
+}
+
+ModelOptions with_modes() {
+  ModelOptions options = paper_options(Strategy::kForceDriven);
+  options.modes.emplace();
+  options.tangential_components = 2;
+  return options;
+}
+
+ModelOptions flowing_sleeper() {
+  ModelOptions options = two_sided(graded(paper_options(Strategy::kForceDriven)));
+  options.plastic_layer = true;
+  options.sleep = true;
+  return options;
+}
+
+ModelOptions with_inertia() {
+  ModelOptions options = graded(paper_options());
+  options.inertia = true;
+  return options;
+}
+
+ModelOptions with_heated_layer() {
+  ModelOptions options = two_sided(graded(paper_options()));
+  options.taylor_quinney_factor = 0.9;
+  return options;
+}
+
+TEST(PhysicsStates, RowsFollowOneAnotherAndFillTheTile) {
+  for (const ModelOptions& options :
+       {paper_options(), with_modes(), flowing_sleeper(), with_inertia(), with_heated_layer()}) {
+    const Model model(options);
+    std::size_t end = 0;
+    std::set<std::string> names;
+    for (const State& state : model.layout().states()) {
+      EXPECT_EQ(state.offset, end) << state.name;
+      EXPECT_GT(state.width, 0u) << state.name;
+      EXPECT_TRUE(names.insert(state.name).second) << state.name << " stands twice";
+      end += state.width * kLanes;
+    }
+    EXPECT_EQ(model.layout().doubles, end);
+  }
+}
+
+// Renaming one of these breaks checkpoints: server/store/FORMAT.md lists them.
+TEST(PhysicsStates, HaveTheNamesOfCheckpoints) {
+  EXPECT_THAT(names_of(with_modes()),
+              ElementsAre("heat_modes_k", "temperature_k", "shear_stress_pa", "second_shear_stress_pa", "regime"));
+  EXPECT_THAT(names_of(flowing_sleeper()),
+              ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain", "shear_stress_pa", "regime",
+                          "sticking", "resting", "hottest_at_rest_k", "least_strain_at_rest"));
+  EXPECT_THAT(names_of(with_inertia()),
+              ElementsAre("temperature_k", "plastic_strain", "shear_stress_pa", "layer_velocity_m_per_s", "regime"));
+  EXPECT_THAT(names_of(with_heated_layer()), ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain",
+                                                         "heat_shape", "shear_stress_pa", "regime"));
+}
+
+TEST(PhysicsStates, JunctionsDeclareTheirOwn) {
+  ModelOptions options = paper_options(Strategy::kForceDriven);
+  options.junctions = JunctionOptions{0.5, 1e-6, options.soft};
+  const Model model(options);
+  const TileLayout& layout = model.layout();
+  EXPECT_EQ(layout.states().back().name, Junctions::kStates[0].name);
+  EXPECT_EQ(layout.states().back().offset, layout.junction_strain);
+}
+
+}  // namespace
+}  // namespace shearbus::testing

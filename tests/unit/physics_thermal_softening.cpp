@@ -1,0 +1,125 @@
+// Friction that softens with the interface temperature, and the strength of an interface as one object.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "tests/support/physics_rig.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kP = 2e9;  // [Pa]
+
+InterfaceOptions softening_friction(double mu, double exponent) {
+  InterfaceOptions options{mu, 1e12, FrictionLaws::place<ThermalSoftening>()};
+  options.friction_reference_temperature = 300.0;
+  options.friction_softening_exponent = exponent;
+  return options;
+}
+
+TEST(PhysicsThermalSoftening, FallsFromMuAtTheReferenceToNothingAtMelting) {
+  const Material soft = paper_options().soft;
+  for (const double exponent : {1.0, 2.0, 4.5}) {
+    const InterfaceOptions law = softening_friction(0.3, exponent);
+    const auto mu = [&](double T) { return ThermalSoftening::at(law, soft, T, 0.0); };
+    EXPECT_EQ(mu(1.0).coefficient, 0.3);
+    EXPECT_EQ(mu(300.0).coefficient, 0.3);
+    EXPECT_EQ(mu(1220.0).coefficient, 0.0);
+    EXPECT_EQ(mu(5000.0).coefficient, 0.0);
+    EXPECT_NEAR(mu(760.0).coefficient, 0.3 * (1.0 - std::pow(0.5, exponent)), 1e-15);
+    for (double T = 310.0; T < 1220.0; T += 37.0) {
+      const double h = 1e-3;
+      const double slope = (mu(T + h).coefficient - mu(T - h).coefficient) / (2.0 * h);
+      EXPECT_NEAR(mu(T).slope, slope, 1e-6 * std::abs(slope) + 1e-12);
+      EXPECT_LE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, 300.0, T) * (1.0 + 1e-12));
+      EXPECT_GE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, T - 1.0, T) * (1.0 - 1e-12));
+    }
+  }
+}
+
+TEST(PhysicsThermalSoftening, ConstantsThatHaveNoMeaningAreRefused) {
+  ModelOptions options = paper_options(Strategy::kForceDriven);
+  options.interface = softening_friction(0.3, 2.0);
+  EXPECT_TRUE(refusals(options).empty());
+  options.interface.friction_reference_temperature = 1220.0;
+  ASSERT_EQ(refusals(options).size(), 1U);
+  EXPECT_EQ(refusals(options)[0].key, "interface.friction_reference_temperature_k");
+  options.interface = softening_friction(0.3, 0.9);
+  ASSERT_EQ(refusals(options).size(), 1U);
+  EXPECT_EQ(refusals(options)[0].key, "interface.friction_softening_exponent");
+}
+
+// The criterion is sufficient: where it holds H falls everywhere, seen on a fine scan.
+TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
+  const Material soft = paper_options().soft;
+  int unique = 0, several = 0;
+  for (const double exponent : {1.0, 3.0})
+    for (const double rise : {1e-9, 3e-9, 1e-8, 3e-8, 1e-7, 3e-7})
+      for (const double T_ad : {300.0, 800.0, 1200.0})
+        for (const double yield : {1e12, 0.4e9}) {
+          InterfaceOptions law = softening_friction(0.3, exponent);
+          law.yield_strength = yield;
+          const StressLimit limit = interface_strength(law, soft, kP, nullptr);
+          const FrictionHeating heating{T_ad, rise, 100.0, 2e-7};
+          // Above this stress the interface carries less at any temperature.
+          const double a_max = std::min(heating.c / heating.b, limit.at(T_ad).stress);
+          bool falls = true;
+          double before = spare_strength(limit, heating, 0.0);
+          for (int i = 1; i <= 20000; ++i) {
+            const double now = spare_strength(limit, heating, a_max * i / 20000);
+            falls = falls && now < before;
+            before = now;
+          }
+          const bool promised = slip_is_unique(limit, heating, a_max);
+          EXPECT_TRUE(!promised || falls) << exponent << " " << rise << " " << T_ad << " " << yield;
+          (promised ? unique : several) += 1;
+        }
+  EXPECT_GT(unique, 10);
+  EXPECT_GT(several, 5);
+}
+
+// With an exponent so large that mu stays what it is below melting, it is Coulomb's law.
+TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
+  ModelOptions constant = graded(paper_options(Strategy::kForceDriven), 20, 1.1);
+  constant.interface = {0.02, 400e6};
+  ModelOptions softening = constant;
+  softening.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+  softening.interface.friction_reference_temperature = 1219.0;
+  softening.interface.friction_softening_exponent = 1.0;
+  Rig one(constant), two(softening);
+  for (Rig* rig : {&one, &two}) rig->set_all(50.0, kP);
+  for (int n = 0; n < 50; ++n) {
+    one.step(1e-9);
+    two.step(1e-9);
+    ASSERT_LT(one.T(0), 1219.0);
+    ASSERT_EQ(one.outputs.shear_stress[0], two.outputs.shear_stress[0]);
+    ASSERT_EQ(one.outputs.velocity_jump_new[0], two.outputs.velocity_jump_new[0]);
+    ASSERT_EQ(one.outputs.interface_temperature[0], two.outputs.interface_temperature[0]);
+  }
+}
+
+// Where friction falls with the temperature that it makes, the interface is hot without melting.
+TEST(PhysicsThermalSoftening, StrengthIsTheLesserOfBothBranchesAndSaysWhich) {
+  const Material soft = paper_options().soft;
+  InterfaceOptions law = softening_friction(0.3, 1.0);
+  law.yield_strength = 0.5e9;
+  const StressLimit limit = interface_strength(law, soft, kP, nullptr);
+  int rubbing = 0, yielding = 0;
+  for (double T = 300.0; T < 1220.0; T += 5.0) {
+    const double friction = 0.3 * (1.0 - (T - 300.0) / 920.0) * kP;
+    const double yield = 0.5e9 / kSqrt3 * softening(soft, kP, T).g;
+    const StressLimit::Value value = limit.at(T);
+    EXPECT_NEAR(value.stress, std::min(friction, yield), 1e-6 * yield);
+    EXPECT_EQ(value.is_coulomb, friction < yield);
+    (value.is_coulomb ? rubbing : yielding) += 1;
+    EXPECT_LE(std::abs(value.slope), limit.steepest(300.0, T, 0.0) * (1.0 + 1e-9));
+  }
+  EXPECT_GT(rubbing, 10);
+  EXPECT_GT(yielding, 10);
+  EXPECT_EQ(limit.at(1220.0).stress, 0.0);
+}
+
+}  // namespace
+}  // namespace shearbus::testing

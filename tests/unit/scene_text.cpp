@@ -1,0 +1,489 @@
+// Scenes as text: read, checked, written.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "hydro_stub/scene.hpp"
+#include "proto/scene/scene.hpp"
+#include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
+#include "server/service/scene_model.hpp"
+#include "shearbus_places.hpp"
+#include "tests/support/scenes.hpp"
+
+namespace shearbus::scene {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+// The scene every example starts from.
+constexpr const char* kPaper = R"(name = "paper_velocity_driven"
+strategy = "velocity_driven"            # or "force_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 20e-6
+cells = 500
+grading = 1.0
+far_boundary = "insulated"              # or "half_space"
+initial_temperature_k = 300.0
+[velocity_driven]
+drive = "layer_shear"                   # or "interface_slip"
+[interface]                             # force-driven
+friction_coefficient = 0.3
+yield_strength_pa = 200e6
+)";
+
+// What the programs say of a text: the reader of shearbus-hydro, which knows every table, and then the server.
+std::string refusal_of(const std::string& toml) {
+  try {
+    const hydro::SceneFile file = hydro::parse_scene(toml, "scene.toml");
+    if (file.scene.scene().has_soft()) service::scene_model(file.server_text(), "scene.toml");
+  } catch (const wire::Error& error) {
+    EXPECT_EQ(error.status().code, wire::Code::kInvalidScene);
+    return error.status().text;
+  }
+  return "";
+}
+
+std::string load_refusal(const std::filesystem::path& path) {
+  try {
+    load(path);
+  } catch (const wire::Error& error) {
+    return error.status().text;
+  }
+  return "";
+}
+
+TEST(SceneText, ThePapersSceneLoadsAsWritten) {
+  const v1::Scene scene = parse(kPaper, "paper.toml").scene;
+  EXPECT_EQ(scene.name(), "paper_velocity_driven");
+  EXPECT_EQ(scene.source(), "");
+  EXPECT_EQ(scene.strategy(), v1::STRATEGY_VELOCITY_DRIVEN);
+  EXPECT_EQ(scene.soft().material(), "aluminium_dlp");
+  EXPECT_TRUE(numbers_of(scene.soft()).empty());
+  EXPECT_EQ(scene.hard().material(), "steel_dlp");
+  EXPECT_EQ(scene.layer().thickness_m(), 20e-6);
+  EXPECT_EQ(scene.layer().cells(), 500U);
+  EXPECT_EQ(scene.layer().grading(), 1.0);
+  EXPECT_EQ(scene.layer().far_boundary(), v1::FAR_BOUNDARY_INSULATED);
+  EXPECT_EQ(scene.layer().initial_temperature_k(), 300.0);
+  EXPECT_EQ(scene.velocity_driven().drive(), v1::DRIVE_LAYER_SHEAR);
+  EXPECT_FALSE(scene.velocity_driven().has_friction_coefficient());
+  EXPECT_EQ(scene.interface().friction_coefficient(), 0.3);
+  EXPECT_EQ(scene.interface().yield_strength_pa(), 200e6);
+}
+
+TEST(SceneText, AbsentKeysTakeTheirDefaults) {
+  const v1::Scene scene =
+      parse("name='x'\nstrategy='velocity_driven'\nsoft.material='a'\nhard.material='b'\n", "s").scene;
+  EXPECT_EQ(scene.layer().thickness_m(), 20e-6);
+  EXPECT_EQ(scene.layer().cells(), 500U);
+  EXPECT_EQ(scene.layer().grading(), 1.0);
+  EXPECT_EQ(scene.layer().far_boundary(), v1::FAR_BOUNDARY_INSULATED);
+  EXPECT_EQ(scene.layer().initial_temperature_k(), 300.0);
+  EXPECT_EQ(scene.layer().time_integrator(), v1::TIME_INTEGRATOR_BACKWARD_EULER);
+  EXPECT_EQ(scene.layer().heat(), v1::HEAT_PROFILE);
+  EXPECT_FALSE(scene.layer().has_modes());
+  EXPECT_FALSE(scene.layer().inertia());
+  EXPECT_EQ(scene.velocity_driven().drive(), v1::DRIVE_LAYER_SHEAR);
+  EXPECT_FALSE(scene.velocity_driven().has_friction_coefficient());
+  EXPECT_EQ(scene.tangential_components(), 1U);
+  EXPECT_FALSE(scene.has_interface());
+  EXPECT_FALSE(scene.has_hard_layer());
+}
+
+TEST(SceneText, DefaultsFollowTheChoicesThatTheyDependOn) {
+  const std::string bodies =
+      "soft.material='a'\nhard.material='b'\n[interface]\nfriction_coefficient=0.3\nyield_strength_pa=2e8\n";
+  const v1::Scene modes = parse("name='x'\nstrategy='force_driven'\nlayer.heat='modes'\n" + bodies, "s").scene;
+  EXPECT_EQ(modes.layer().modes().accuracy(), 1e-6);
+  EXPECT_EQ(modes.layer().modes().shortest_step_s(), 1e-10);
+  EXPECT_EQ(modes.layer().modes().longest_time_s(), 1e-4);
+  const v1::Scene tolerant = parse("name='x'\nstrategy='force_driven'\ntolerance=1e-3\n" + bodies, "s").scene;
+  EXPECT_FALSE(tolerant.layer().has_cells());
+  EXPECT_FALSE(tolerant.layer().has_grading());
+  EXPECT_EQ(tolerant.layer().heat(), v1::HEAT_UNSPECIFIED);
+  EXPECT_FALSE(tolerant.layer().has_modes());
+  EXPECT_EQ(tolerant.layer().thickness_m(), 20e-6);
+}
+
+TEST(SceneText, TheGuestsDefaultsAreThoseOfItsSchema) {
+  const guest::Hydro hydro =
+      hydro::parse_scene(std::string(kPaper) + "[hydro]\nend_time_s = 1e-6\n", "s").scene.hydro();
+  EXPECT_EQ(hydro.interface_law(), guest::INTERFACE_LAW_SUBGRID);
+  EXPECT_EQ(hydro.cfl(), 1.0);
+  EXPECT_FALSE(hydro.has_dt_s());
+  EXPECT_FALSE(hydro.has_shear_column());
+  EXPECT_EQ(hydro.coulomb_tresca().friction_coefficient_at_rest(), 0.3);
+  EXPECT_EQ(hydro.coulomb_tresca().friction_coefficient_fast(), 0.02);
+  EXPECT_EQ(hydro.coulomb_tresca().velocity_decay_s_per_m(), 0.01);
+  EXPECT_EQ(hydro.coulomb_tresca().yield_fraction(), 1.0);
+}
+
+TEST(SceneText, ConstantsGivenOverrideByName) {
+  const v1::Scene scene = parse(
+                              "name='x'\nstrategy='velocity_driven'\nhard.material='b'\n[soft]\nmaterial='a'\n"
+                              "melting_temperature_k = 1743\nyield_strength_pa = 2.1e8\n",
+                              "s")
+                              .scene;
+  EXPECT_THAT(numbers_of(scene.soft()), ElementsAre(std::pair<std::string, double>("yield_strength_pa", 2.1e8),
+                                                    std::pair<std::string, double>("melting_temperature_k", 1743.0)));
+}
+
+TEST(SceneText, AScalarStandsForAListOfOne) {
+  const guest::ShearColumn column =
+      hydro::parse_scene(std::string(kPaper) +
+                             "[hydro]\nend_time_s=1e-6\n[hydro.shear_column]\nlength_m=1e-3\nzones=100\n"
+                             "velocity_jump_m_per_s=100\npressure_pa=[1e9, 2_000_000_000]\n",
+                         "s")
+          .scene.hydro()
+          .shear_column();
+  EXPECT_THAT(column.velocity_jump_m_per_s(), ElementsAre(100.0));
+  EXPECT_THAT(column.pressure_pa(), ElementsAre(1e9, 2e9));
+}
+
+TEST(SceneText, ABooleanIsTrueOrFalse) {
+  const std::string toml =
+      "name='x'\nstrategy='force_driven'\nsoft.material='a'\nhard.material='b'\n"
+      "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 2e8\n";
+  EXPECT_FALSE(parse(toml, "s").scene.interface().plastic_layer());
+  const v1::Scene scene = parse(toml + "plastic_layer = true\n", "s").scene;
+  EXPECT_TRUE(scene.interface().plastic_layer());
+  EXPECT_TRUE(parse(to_toml(scene), "again").scene.interface().plastic_layer());
+  EXPECT_THROW(parse(toml + "plastic_layer = 1\n", "s"), wire::Error);
+}
+
+TEST(SceneText, PlacesPointIntoTheFile) {
+  const Document document = parse(kPaper, "paper.toml").document;
+  EXPECT_EQ(document.where("layer.cells"), "paper.toml:9:1");
+  EXPECT_EQ(document.where("soft.yield_strength_pa"), "paper.toml:3:1");  // absent: its table
+  EXPECT_EQ(document.where("strategy"), "paper.toml:2:1");
+  EXPECT_EQ(document.where("layer.cells[3]"), "paper.toml:9:1");
+  EXPECT_EQ(document.where("nowhere"), "paper.toml");
+  EXPECT_EQ(document.where(""), "paper.toml");
+}
+
+// The server is not told of the guest's tables, and its faults still point into the user's file.
+TEST(SceneText, TheServersTextKeepsTheLinesOfTheFile) {
+  const std::string text =
+      "name = 'x'\nstrategy = 'velocity_driven'\n[hydro]  # the problem\nend_time_s = 1e-6\n[hydro.shear_column]\n"
+      "length_m = 1e-3\nzones = 100\nvelocity_jump_m_per_s = [1,\n  2]\npressure_pa = 1e9\n[soft]\nmaterial = "
+      "'unobtainium'\n"
+      "[hard]\nmaterial = 'steel_dlp'\n";
+  const hydro::SceneFile file = hydro::parse_scene(text, "mine.toml");
+  EXPECT_EQ(file.server_text(),
+            "name = 'x'\nstrategy = 'velocity_driven'\n\n\n\n\n\n\n\n\n[soft]\nmaterial = 'unobtainium'\n"
+            "[hard]\nmaterial = 'steel_dlp'\n");
+  EXPECT_THAT(refusal_of(text), StartsWith("scene.toml:12:1: soft.material: "));
+  const std::string dotted = "hydro.end_time_s = 1e-6\nhydro.gas_flow = {test = 'noh'}\nname = 'x'\n";
+  EXPECT_EQ(without_table(dotted, "m.toml", "hydro"), "\n\nname = 'x'\n");
+  EXPECT_EQ(without_table("a = 1\nb = 2", "m.toml", "b"), "a = 1\n");
+  EXPECT_EQ(without_table(kPaper, "m.toml", "hydro"), kPaper);
+}
+
+// tests/golden/wire/scene_faults.txt: blocks of "=== title", a TOML text, "---", and the lines the loader must answer
+// with.
+TEST(SceneText, EveryFaultIsReportedWithItsPlace) {
+  std::ifstream golden(std::string(SHEARBUS_SOURCE_DIR) + "/tests/golden/wire/scene_faults.txt");
+  ASSERT_TRUE(golden);
+  std::string line, title, toml, expected;
+  bool in_answer = false;
+  int blocks = 0;
+  const auto check = [&] {
+    if (title.empty()) return;
+    ++blocks;
+    SCOPED_TRACE(title);
+    EXPECT_FALSE(expected.empty());
+    EXPECT_EQ(refusal_of(toml) + "\n", expected);
+  };
+  while (std::getline(golden, line)) {
+    if (line.starts_with("=== ")) {
+      check();
+      title = line.substr(4);
+      toml.clear(), expected.clear();
+      in_answer = false;
+    } else if (line == "---") {
+      in_answer = true;
+    } else {
+      (in_answer ? expected : toml) += line + "\n";
+    }
+  }
+  check();
+  EXPECT_GE(blocks, 30);
+}
+
+TEST(SceneText, WhatIsNoSceneFileIsRefused) {
+  const auto directory = std::filesystem::path(testing::TempDir()) / "wire_scene_files";
+  std::filesystem::create_directories(directory);
+  EXPECT_THAT(load_refusal(directory), HasSubstr("is a directory, expected a scene file"));
+  EXPECT_THAT(load_refusal(directory / "absent.toml"),
+              HasSubstr("absent.toml: cannot be opened: No such file or directory"));
+  const auto with = [&](const char* name, const std::string& text) {
+    std::ofstream(directory / name, std::ios::binary) << text;
+    return load_refusal(directory / name);
+  };
+  EXPECT_THAT(with("empty.toml", ""), HasSubstr("empty.toml:1:1: the file is empty, expected a scene"));
+  std::mt19937_64 random(5);
+  std::string rubbish(4096, '\0');
+  for (char& c : rubbish) c = static_cast<char>(random());
+  EXPECT_THAT(with("rubbish.bin", rubbish), HasSubstr("rubbish.bin:1:"));
+  EXPECT_THAT(with("zeros.bin", std::string(64, '\0')), HasSubstr("zeros.bin:1:1:"));
+  EXPECT_THAT(with("large.toml", std::string(wire::kMaxSceneBytes + 1, ' ')), HasSubstr("larger than 262144 bytes"));
+  EXPECT_EQ(with("good.toml", kPaper), "");
+  std::filesystem::remove_all(directory);
+}
+
+// toml++ takes tables down recursively: a line of many dots would overflow the stack.
+TEST(SceneText, DepthIsRefusedBeforeItIsBuilt) {
+  std::string key = "a";
+  for (int i = 0; i < 100'000; ++i) key += ".a";
+  EXPECT_THAT(refusal_of(key + " = 1\n"), HasSubstr("a key of too many parts"));
+  EXPECT_THAT(refusal_of("\n[" + key + "]\n"), StartsWith("scene.toml:2:"));
+  EXPECT_THAT(refusal_of("x = 'a # b'\ny = {" + key + " = 1}\n"), HasSubstr("a key of too many parts"));
+  EXPECT_THAT(refusal_of("x = \"\"\"\n a . b \\\"\"\" \n\"\"\"\n" + key + " = 1\n"),
+              StartsWith("scene.toml:4:18: a key of"));
+  EXPECT_THAT(refusal_of("y = {x = \"\"\"a\"\"\"\"\", " + key + " = 1}\n"), HasSubstr("a key of too many parts"));
+  EXPECT_THAT(refusal_of("y = {x = '''a'''', " + key + " = 1}\n"), HasSubstr("a key of too many parts"));
+  EXPECT_THAT(refusal_of("x = " + std::string(100'000, '[')), HasSubstr("nested"));
+  std::string tables;
+  for (int i = 0; i < 15'000; ++i) tables += "{a.a.a.a.a.a=";
+  EXPECT_THAT(refusal_of("x = " + tables), HasSubstr("nested"));
+  EXPECT_EQ(refusal_of("source = 'a.b.c.d.e.f.g.h.i.j.k.l'  # ............\n" + std::string(kPaper)), "");
+}
+
+// ---- round trip ----
+
+class RandomScene {
+ public:
+  explicit RandomScene(std::uint64_t seed) : random_(seed) {}
+
+  v1::Scene draw() {
+    v1::Scene scene;
+    const bool forced = flip();
+    scene.set_name("s" + text());
+    scene.set_source(text());
+    scene.set_strategy(forced ? v1::STRATEGY_FORCE_DRIVEN : v1::STRATEGY_VELOCITY_DRIVEN);
+    body(*scene.mutable_soft());
+    body(*scene.mutable_hard());
+    if (flip()) scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_LINDEMANN);
+    if (flip()) scene.mutable_soft()->set_pressure_term(v1::PRESSURE_TERM_COMPRESSED);
+    const bool tolerant = random_() % 4 == 0;
+    if (flip()) hard_layer(*scene.mutable_hard_layer(), !tolerant);
+    const bool slip = !forced && flip();
+    if (slip) scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
+    if (flip()) scene.mutable_velocity_driven()->set_friction_coefficient(number(1e-290, 10));
+    const bool heated = !forced && !slip && !tolerant && scene.has_hard_layer() && flip();
+    if (heated) scene.mutable_velocity_driven()->set_taylor_quinney_factor(number(1e-3, 1));
+    if (forced || flip()) {
+      scene.mutable_interface()->set_friction_coefficient(number(1e-9, 10));
+      scene.mutable_interface()->set_yield_strength_pa(number(1e-290, 1e12));
+    }
+    layer(
+        *scene.mutable_layer(),
+        {.forced = forced, .slip = slip, .heated = heated, .tolerant = tolerant, .two_bodies = scene.has_hard_layer()});
+    const bool plain =
+        scene.layer().heat() != v1::HEAT_MODES && scene.layer().time_integrator() != v1::TIME_INTEGRATOR_SDIRK2;
+    if (forced && plain && flip())
+      scene.mutable_interface()->set_plastic_layer(true);
+    else if (forced && scene.layer().time_integrator() != v1::TIME_INTEGRATOR_SDIRK2 && flip())
+      junctions(*scene.mutable_junctions());
+    if (!slip && !scene.layer().inertia() && flip()) scene.set_tangential_components(2);
+    if (tolerant) scene.set_tolerance(number(1e-6, 0.1));
+    return scene;
+  }
+
+ private:
+  struct Options {
+    bool forced, slip, heated, tolerant, two_bodies;
+  };
+
+  bool flip() { return random_() % 2 == 0; }
+  // Log-uniform with a full mantissa; every fourth number is short, as people write them.
+  double number(double low, double high) {
+    const double at = std::uniform_real_distribution<double>(std::log(low), std::log(high))(random_);
+    const double value = std::clamp(std::exp(at), low, high);
+    if (random_() % 4 != 0) return value;
+    const double ten = std::pow(10.0, std::floor(std::log10(value)));
+    return std::clamp(std::round(value / ten) * ten, low, high);
+  }
+  std::string text() {
+    static constexpr std::string_view kPieces[] = {"a", "\"",   "\\",   "\n", "\t", "\xC3\xA9",        "#",
+                                                   "'", "\x01", "\x7F", " ",  "]",  "\xF0\x9F\x94\xA9"};
+    std::string out;
+    for (std::uint64_t n = random_() % 12; n > 0; --n) out += kPieces[random_() % std::size(kPieces)];
+    return out;
+  }
+  void body(v1::Body& body) {
+    body.set_material("m" + text());
+    if (flip()) body.set_density_kg_per_m3(number(1, 1e5));
+    if (flip()) body.set_hardening_coefficient(flip() ? 0.0 : number(1e-5, 1e6));
+    if (flip()) body.set_pressure_coefficient_per_pa(number(1e-13, 1e-6));
+    if (flip()) body.set_flow_law(v1::FLOW_LAW_STEINBERG_COCHRAN_GUINAN);
+  }
+  void layer(v1::Layer& layer, const Options& with) {
+    layer.set_thickness_m(number(1e-6, 1e-3));
+    if (flip()) layer.set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
+    layer.set_initial_temperature_k(number(1e-3, 1e4));
+    if (with.tolerant) return;
+    layer.set_cells(1 + static_cast<std::uint32_t>(random_() % 100));
+    layer.set_grading(number(1.0, 1.05));
+    layer.set_inertia(!with.forced && !with.slip && !with.heated && flip());
+    if (with.forced && !with.two_bodies && flip()) {
+      layer.set_heat(v1::HEAT_MODES);
+      layer.mutable_modes()->set_accuracy(number(1e-10, 0.1));
+      layer.mutable_modes()->set_shortest_step_s(number(1e-15, 1e-9));
+      layer.mutable_modes()->set_longest_time_s(number(1e-9, 1e3));
+    }
+    if (!with.heated && !layer.inertia() && flip()) layer.set_time_integrator(v1::TIME_INTEGRATOR_SDIRK2);
+    if (layer.heat() != v1::HEAT_MODES && !layer.inertia() && layer.time_integrator() != v1::TIME_INTEGRATOR_SDIRK2)
+      layer.set_sleep(flip());
+  }
+  void junctions(v1::Junctions& junctions) {
+    junctions.set_contact_fraction(number(1e-3, 1));
+    junctions.set_height_m(number(1e-12, 1e-3));
+    if (flip()) junctions.set_yield_strength_max_pa(number(1e6, 1e12));
+    if (flip()) junctions.set_hardening_coefficient(number(1e-3, 1e6));
+    if (flip()) junctions.set_hardening_exponent(number(1e-3, 1));
+  }
+  void hard_layer(v1::HardLayer& layer, bool cells) {
+    if (flip()) layer.set_thickness_m(number(1e-6, 1e-3));
+    if (cells && flip()) layer.set_cells(1 + static_cast<std::uint32_t>(random_() % 100));
+    if (cells && flip()) layer.set_grading(number(1.0, 1.05));
+    if (flip()) layer.set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
+  }
+
+  std::mt19937_64 random_;
+};
+
+TEST(SceneText, WrittenAndReadBackIsTheSameToTheBit) {
+  RandomScene random(20240);
+  for (int i = 0; i < 2000; ++i) {
+    v1::Scene scene = random.draw();
+    const std::string toml = to_toml(scene);
+    v1::Scene again;
+    ASSERT_NO_THROW(read(toml, "again.toml", again)) << toml;
+    const std::vector<Fault> faults = faults_of(scene);  // fills in the defaults
+    ASSERT_TRUE(faults.empty()) << faults.front().text << "\n" << toml;
+    ASSERT_EQ(again.SerializeAsString(), scene.SerializeAsString()) << toml;
+    ASSERT_EQ(parse(to_toml(again), "filled.toml").scene.SerializeAsString(), scene.SerializeAsString());
+  }
+}
+
+// ---- the same rules without a file ----
+
+std::vector<Fault> faults_in(v1::Scene scene) {
+  return faults_of(scene);
+}
+
+TEST(SceneRules, NameTheFirstFieldAtFault) {
+  v1::Scene scene = support::force_scene();
+  EXPECT_TRUE(faults_in(scene).empty());
+  scene.mutable_layer()->set_cells(0);
+  scene.mutable_interface()->set_yield_strength_pa(std::nan(""));
+  const std::vector<Fault> faults = faults_in(scene);
+  ASSERT_EQ(faults.size(), 2U);
+  EXPECT_EQ(faults[0].path, "layer.cells");
+  EXPECT_EQ(faults[0].text, "layer.cells = 0 is out of range, expected at least 1 and at most 1e5");
+  EXPECT_EQ(faults[1].text, "interface.yield_strength_pa = nan is not a finite number");
+}
+
+// What the physics excludes has its place in the text, too; the rules are those of server/physics/solver/parts.hpp.
+TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
+  const std::string force =
+      "name = 'x'\nstrategy = 'force_driven'\nsoft.material = 'aluminium_dlp'\nhard.material = 'steel_dlp'\n"
+      "[interface]\nfriction_coefficient = 0.3\nyield_strength_pa = 2e8\n";
+  const std::string junctions = "[junctions]\ncontact_fraction = 0.3\nheight_m = 1e-7\n";
+  EXPECT_EQ(refusal_of(force + "plastic_layer = true\n"), "");
+  EXPECT_EQ(refusal_of(force + junctions), "");
+  EXPECT_THAT(refusal_of(force + "plastic_layer = true\n" + junctions),
+              StartsWith("scene.toml:9:1: [junctions] does not go with interface.plastic_layer = true: "));
+  std::string velocity = force;
+  velocity.replace(velocity.find("force_driven"), 12, "velocity_driven");
+  EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));
+  EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:8:1: [junctions]"));
+  // Several at once, each on its line, in the order of the text.
+  const std::string several =
+      refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\ntime_integrator = 'sdirk2'\n");
+  EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));
+  EXPECT_THAT(
+      several,
+      HasSubstr("\nscene.toml:11:1: layer.time_integrator = \"sdirk2\" does not go with interface.plastic_layer"));
+  EXPECT_LT(several.find(":10:1:"), several.find(":11:1:"));
+}
+
+TEST(SceneRules, ASharedAreaIsAFraction) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_junctions()->set_contact_fraction(1.5);
+  scene.mutable_junctions()->set_height_m(1e-7);
+  EXPECT_EQ(faults_in(scene).front().path, "junctions.contact_fraction");
+}
+
+TEST(SceneRules, ForceDrivenNeedsAnInterface) {
+  v1::Scene scene = support::force_scene();
+  scene.clear_interface();
+  EXPECT_EQ(faults_in(scene).front().path, "strategy");
+  EXPECT_THAT(faults_in(scene).front().text, HasSubstr("needs the table [interface]"));
+}
+
+TEST(SceneRules, AConstantThatNoMaterialHasIsRefused) {
+  v1::Body body;
+  EXPECT_THROW(set_numbers({{"viscosity_pa_s", 1.0}}, body), std::invalid_argument);
+  EXPECT_THROW(set_numbers({{"material", 1e8}}, body), std::invalid_argument);
+  set_numbers({{"yield_strength_pa", 1e8}}, body);
+  EXPECT_EQ(body.yield_strength_pa(), 1e8);
+}
+
+TEST(SceneRules, RefuseEnumsAndTextNoFileCouldHold) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_layer()->set_far_boundary(static_cast<v1::FarBoundary>(9));
+  EXPECT_THAT(faults_in(scene).front().text,
+              HasSubstr("layer.far_boundary = 9 is not one of \"insulated\", \"half_space\""));
+  EXPECT_THROW(to_toml(scene), wire::Error);
+  scene = support::force_scene();
+  scene.set_name(std::string(wire::kMaxTextBytes + 1, 'x'));
+  EXPECT_THAT(faults_in(scene).front().text, HasSubstr("name has 4097 bytes, expected at most 4096"));
+  EXPECT_THAT(refusal_of("name = \"\xFF\"\n"), StartsWith("scene.toml:1:"));
+}
+
+TEST(SceneReference, HasEveryTable) {
+  const std::string scene = reference_of(*v1::Scene::descriptor());
+  const std::string hydro = hydro::reference();
+  for (const char* heading : {"## [soft], [hard]:", "## [layer]:", "## [velocity_driven]:", "## [interface]:"}) {
+    EXPECT_THAT(scene, HasSubstr(heading));
+    EXPECT_THAT(hydro, HasSubstr(heading));
+  }
+  for (const char* heading : {"## [hydro]:", "## [hydro.shear_column]:", "## [hydro.coulomb_tresca]:"}) {
+    EXPECT_THAT(scene, ::testing::Not(HasSubstr(heading)));
+    EXPECT_THAT(hydro, HasSubstr(heading));
+  }
+  EXPECT_THAT(scene, HasSubstr("| `thickness_m` | number | m | 2e-05 | above 0 and at most 1 m |"));
+  EXPECT_THAT(hydro, HasSubstr("| `end_time_s` | number | s | required |"));
+}
+
+TEST(Nearest, FindsASlipOfTheFingerOnly) {
+  const std::string_view known[] = {"cells", "thickness_m", "grading"};
+  EXPECT_EQ(wire::nearest("cels", known), "cells");
+  EXPECT_EQ(wire::nearest("clels", known), "cells");
+  EXPECT_EQ(wire::nearest("thicknes_m", known), "thickness_m");
+  EXPECT_EQ(wire::nearest("grdaing", known), "grading");
+  EXPECT_EQ(wire::nearest("x", known), "");
+  EXPECT_EQ(wire::nearest("conductivity", known), "");
+  EXPECT_EQ(wire::nearest(std::string(1'000'000, 'c'), known), "");
+}
+
+}  // namespace
+}  // namespace shearbus::scene

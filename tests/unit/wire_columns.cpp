@@ -1,0 +1,99 @@
+#include "proto/wire/columns.hpp"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "shearbus_places.hpp"
+
+namespace shearbus::wire {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+
+std::string text_of(const std::string& file) {
+  std::ifstream in(std::string(SHEARBUS_SOURCE_DIR) + "/" + file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+const char* name_of(Element element) {
+  return element == Element::kFloat64 ? "float64" : element == Element::kUint64 ? "uint64" : "uint8";
+}
+
+// The table of WIRE.md, "The payload", line by line: the page is written by hand, and this keeps it true.
+TEST(Columns, StandInTheContractAsInTheirRows) {
+  const std::string page = text_of("proto/WIRE.md");
+  for (const ColumnRow& row : column_rows()) {
+    const std::string unit = *row.unit == '\0' ? "" : std::string(row.unit) + " ";
+    const std::string line = fmt::format("\n| {} | `{}` | {} | {}| {} |\n", static_cast<std::uint32_t>(row.field),
+                                         row.name, name_of(row.element), unit, row.meaning);
+    EXPECT_NE(page.find(line), std::string::npos) << line;
+  }
+}
+
+TEST(Columns, HaveOneNameFromWireToFile) {
+  std::set<std::string> names, quantities;
+  for (const ColumnRow& row : column_rows()) {
+    EXPECT_TRUE(names.insert(row.name).second) << row.name;
+    EXPECT_TRUE(quantities.insert(row.quantity).second) << row.quantity;
+    EXPECT_TRUE(std::string(row.name).starts_with(row.quantity)) << row.name;
+    EXPECT_EQ(find_column(row.field), &row);
+    EXPECT_STREQ(name(row.field), row.name);
+  }
+  EXPECT_EQ(quantity_of(Field::kStressSoft, 1), "stress_soft_second");
+}
+
+TEST(Columns, UnitsInFilesAreUdunitsText) {
+  std::set<std::string> units;
+  for (const ColumnRow& row : column_rows()) units.insert(units_in_files(row));
+  EXPECT_THAT(units, ElementsAre("1", "J m-2", "K", "Pa", "kg m-2", "m s-1", "s-1"));
+}
+
+// A name says its unit where the number has one.
+TEST(Columns, NamesEndInTheirUnit) {
+  const auto suffix = [](const std::string& unit) -> std::string {
+    if (unit == "1/s") return "_per_s";
+    if (unit == "m/s") return "_m_per_s";
+    if (unit == "kg/m2") return "_kg_per_m2";
+    if (unit == "J/m2") return "_j_per_m2";
+    if (unit == "K") return "_k";
+    if (unit == "Pa") return "_pa";
+    return "";
+  };
+  for (const ColumnRow& row : column_rows()) EXPECT_EQ(row.quantity + suffix(row.unit), row.name);
+}
+
+TEST(Columns, OfAStrategyAreThoseItsRowsSay) {
+  for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    const StrategyColumns& columns = columns_of(strategy);
+    std::size_t used = 0;
+    for (const ColumnRow& row : column_rows()) {
+      const auto in = [&](std::span<const Field> list) { return std::ranges::count(list, row.field); };
+      EXPECT_EQ(in(columns.required), row.use(strategy) == Use::kRequired) << row.name;
+      EXPECT_EQ(in(columns.optional), row.use(strategy) == Use::kOptional) << row.name;
+      EXPECT_EQ(in(columns.reply), row.use(strategy) == Use::kReply) << row.name;
+      EXPECT_EQ(in(columns.on_request), row.use(strategy) == Use::kOnRequest) << row.name;
+      if (row.use(strategy) != Use::kNone) ++used;
+    }
+    EXPECT_EQ(used,
+              columns.required.size() + columns.optional.size() + columns.reply.size() + columns.on_request.size());
+  }
+  EXPECT_TRUE(columns_of(Strategy::kUnspecified).required.empty());
+  EXPECT_THAT(columns_of(Strategy::kForceDriven).required, Contains(Field::kMassHard));
+  EXPECT_THAT(kLedgerColumns, Contains(Field::kEnergyResidual));
+}
+
+TEST(Columns, OfARequestHaveBounds) {
+  for (const ColumnRow& row : column_rows()) EXPECT_EQ(row.lowest < row.highest, row.kind == Kind::kInput) << row.name;
+}
+
+}  // namespace
+}  // namespace shearbus::wire
