@@ -49,11 +49,16 @@ inline std::string sent_text(const std::string& text, std::size_t most = kMaxTex
 // Writes the fields that differ from the default of proto3, which is zero or nothing. A struct is always written.
 class FieldWriter {
  public:
-  explicit FieldWriter(Encoder& out) : out_(out) {}
+  explicit FieldWriter(Encoder& out, const FieldPath& path = {}) : out_(out), path_(path) {}
 
   template <typename T>
-  void operator()(std::uint32_t number, const char*, const T& value) const {
-    write(number, value);
+  void operator()(std::uint32_t number, const char* name, const T& value) const {
+    if constexpr (HasRows<const T>)
+      write_message(number, {&path_, name}, value);
+    else if constexpr (requires { typename T::IsSceneText; })
+      write_scene(number, {&path_, name}, value.value);
+    else
+      write(number, value);
   }
 
  private:
@@ -72,7 +77,11 @@ class FieldWriter {
   }
   template <HasRows T>
   void write(std::uint32_t number, const T& value) const {
-    out_.nested(number, [&] { T::fields(*this, value); });
+    write_message(number, path_, value);
+  }
+  template <typename T>
+  void write_message(std::uint32_t number, const FieldPath& path, const T& value) const {
+    out_.nested(number, [&] { T::fields(FieldWriter(out_, path), value); });
   }
   template <typename T>
   void write(std::uint32_t number, const std::vector<T>& values, bool fixed = false) const {
@@ -106,13 +115,11 @@ class FieldWriter {
   void write(std::uint32_t number, const LongText<T>& row) const {
     if (!row.value.empty()) out_.bytes(number, sent_text(row.value, kMaxSceneBytes));
   }
-  template <typename T>
-  void write(std::uint32_t number, const SceneText<T>& row) const {
-    if (row.value.size() > kMaxSceneBytes)
-      refuse_field(Code::kLimit, {nullptr, "scene"},
-                   fmt::format("has {} bytes, at most {} allowed", row.value.size(), kMaxSceneBytes));
-    if (!is_utf8(row.value)) refuse_field(Code::kInvalidScene, {nullptr, "scene"}, "is not UTF-8");
-    out_.bytes(number, row.value);
+  void write_scene(std::uint32_t number, const FieldPath& path, const std::string& text) const {
+    if (text.size() > kMaxSceneBytes)
+      refuse_field(Code::kLimit, path, fmt::format("has {} bytes, at most {} allowed", text.size(), kMaxSceneBytes));
+    if (!is_utf8(text)) refuse_field(Code::kInvalidScene, path, "is not UTF-8");
+    out_.bytes(number, text);
   }
   template <typename T>
   void write(std::uint32_t number, const AtMost<T>& row) const {
@@ -120,6 +127,7 @@ class FieldWriter {
   }
 
   Encoder& out_;
+  FieldPath path_;
 };
 
 // ---- reading ----

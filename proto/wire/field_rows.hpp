@@ -64,6 +64,7 @@ KnownOnly<T> known_only(T& value) {
 // The text of a scene: required, longer than other texts may be, and never cut or mended.
 template <typename T>
 struct SceneText {
+  using IsSceneText = void;
   T& value;
 };
 template <typename T>

@@ -54,10 +54,10 @@ TEST(Histogram, EveryDurationFallsIntoTheBucketOfItsPowerOfTwo) {
     service::Histogram histogram;
     EXPECT_TRUE(histogram.empty());
     histogram.add(ns);
-    const wire::Histogram sent = histogram.on_wire("x");
-    ASSERT_EQ(sent.counts.size(), service::Histogram::kBuckets);
-    EXPECT_EQ(sent.counts[bucket], 1u) << ns;
-    EXPECT_EQ(sent.sum_ns, ns);
+    const wire::Histogram told = histogram.on_wire("x");
+    ASSERT_EQ(told.counts.size(), service::Histogram::kBuckets);
+    EXPECT_EQ(told.counts[bucket], 1u) << ns;
+    EXPECT_EQ(told.sum_ns, ns);
     EXPECT_FALSE(histogram.empty());
   }
 }

@@ -1,11 +1,11 @@
 #include "server/physics/solver/options_page.hpp"
 
-#include <cctype>
 #include <string_view>
 
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/text.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -21,16 +21,13 @@ measured in [MEASURED.md](MEASURED.md); `shearbus-hydro --explain SCENE.toml` me
 )";
 
 std::string row(std::string_view key, std::string_view equation, std::string_view adds, std::string_view when) {
-  std::string text = "| ";
-  for (const std::string_view cell : {key, equation, adds, when}) text += std::string(cell) + " | ";
-  text.back() = '\n';
-  return text;
+  return text_of("| ", key, " | ", equation, " | ", adds, " | ", when, " |\n");
 }
 
 // The texts of a law; a law without them has its name only.
 template <class Law>
 std::string row_of_law() {
-  const std::string name = "`\"" + std::string(Law::kName) + "\"`";
+  const std::string name = text_of("`\"", Law::kName, "\"`");
   if constexpr (requires { Law::kEquation; }) return row(name, Law::kEquation, Law::kAdds, Law::kWhen);
   return row(name, "", "", "");
 }
@@ -45,8 +42,7 @@ std::string table_of_laws() {
 
 // An option as a scene writes it, or the property of a law.
 std::string name_of(const Part& part) {
-  if (!part.law_with.empty()) return std::string("a ").append(part.law_with);
-  return std::string("`").append(setting_of(part, {})).append("`");
+  return part.law_with.empty() ? text_of('`', setting_of(part, {}), '`') : text_of("a ", part.law_with);
 }
 
 }  // namespace
@@ -76,8 +72,8 @@ std::string options_page() {
   const auto properties = [&](std::string_view law, const ModelOptions& options, std::string_view key) {
     std::string all;
     for (const Part& part : parts())
-      if (part.key == key && part.is_on(options)) all += (all.empty() ? "" : "; ") + std::string(part.law_with);
-    page += "| `" + std::string(law) + "` | " + (all.empty() ? "none" : all) + " |\n";
+      if (part.key == key && part.is_on(options)) all += text_of(all.empty() ? "" : "; ", part.law_with);
+    page += text_of("| `", law, "` | ", all.empty() ? "none" : all, " |\n");
   };
   for (int n = 1; const auto law = FrictionLaws::numbered(n); ++n) {
     ModelOptions options;

@@ -228,7 +228,7 @@ constexpr std::array kParts = {
          .goes_with = kEitherStrategy | kEitherHardBody | kFlow | kUnderPressure |
                       Properties{kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions, kSlipDependentFriction,
                                  kSecondOrder, kModes, kSleep, kTolerance},
-         .equation = "MODEL.md, Two components",
+         .equation = "MODEL.md, \"Two tangential components\"",
          .adds = "slip and stress are vectors in the interface",
          .when = "hosts in three dimensions"},
     Part{.property = kTemperatureDependentFriction,

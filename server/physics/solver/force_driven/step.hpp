@@ -1,5 +1,6 @@
-// The force-driven step, simplified (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65). The host sends far-field
-// stresses, the interface law finds the slip. The only plastic strain is that of junctions (MODEL.md, "Junctions").
+// The force-driven step, simplified (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65). The host sends
+// far-field stresses, the interface law finds the slip. The only plastic strain is that of junctions (MODEL.md,
+// "Junctions").
 #pragma once
 
 #include <optional>
