@@ -3,8 +3,7 @@
 namespace shearbus::service {
 namespace {
 
-// In the order of wire::Request's bodies; the names of their fields in the envelope.
-// Names of the bodies of a request, by their place in the variant.
+// Names of the bodies of a request, by their index in the variant.
 template <typename... Body>
 constexpr std::array<const char*, Metrics::kVerbs> names_of(const std::variant<std::monostate, Body...>*) {
   return {"unreadable", Body::kBody.name...};

@@ -1,5 +1,5 @@
-// Where the service's time goes, and why it refuses. Counting is a bit scan and two additions, without allocation; the
-// thread that counts also reads.
+// Histograms of the service's time, and counts of its refusals. Counting costs a bit scan and two additions and allocates
+// nothing. The same thread counts and reads.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace shearbus::service {
 
 class Histogram {
  public:
-  static constexpr std::size_t kBuckets = 28;  // the last begins at 69 s
+  static constexpr std::size_t kBuckets = 28;  // the last bucket begins at 69 s
 
   void add(std::uint64_t ns) {
     const auto bucket = static_cast<std::size_t>(std::bit_width(ns / wire::kHistogramBaseNs));
@@ -37,9 +37,9 @@ class Histogram {
 
 struct Metrics {
   static constexpr std::size_t kVerbs = std::variant_size_v<decltype(wire::Request::body)>;
-  static constexpr std::size_t kCodes = 500;  // of the classes a server answers with
+  static constexpr std::size_t kCodes = 500;  // codes 1xx to 4xx
 
-  std::array<Histogram, kVerbs> requests;  // from arrival to answer, by place of the body in wire::Request
+  std::array<Histogram, kVerbs> requests;  // time from arrival to answer, by index of the body in wire::Request
   Histogram solver;
   Histogram journal_append;
   Histogram journal_sync;
@@ -49,7 +49,7 @@ struct Metrics {
   void put_into(wire::ServerStatus& status) const;
 };
 
-// Runs `act` and adds its time, also where it throws.
+// Runs `act` and adds its time, even if `act` throws.
 template <typename Clock, typename Act>
 auto timed(const Clock& now_ns, Histogram& histogram, Act act) {
   struct Lap {
