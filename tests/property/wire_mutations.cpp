@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "hydro_stub/scene.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/codec.hpp"
 #include "tests/support/wire_samples.hpp"
 
