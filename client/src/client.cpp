@@ -32,7 +32,7 @@ Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(c
     connection_->set_durable(welcome_.durability != "none");
   } catch (const Error& fault) {
     if (fault.status().code != Code::kUnknownOutcome) throw;
-    // A greeting changes nothing: that it was not answered means that nobody is there who could.
+    // `hello` changes nothing on the server, so its unknown outcome means that no server answered.
     wire::Status status = fault.status();
     status.code = Code::kUnreachable;
     status.text = fmt::format("{} accepts connections but did not answer the greeting within {} ms",
@@ -77,7 +77,7 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   impl->resume_token = opening.resume_token;
   impl->node_ids.assign(node_ids.begin(), node_ids.end());
 
-  impl->closed = true;  // until it is open there is nothing to say goodbye to
+  impl->closed = true;  // a session that is not open yet needs no closing request
   Received received;
   try {
     received = connection_->call(request, connection_->options().reply_deadline);
@@ -102,7 +102,7 @@ Session Client::resume(const Session::Ticket& ticket) {
   impl->resume_token = ticket.resume_token;
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
-  impl->stand_where(received);
+  impl->adopt_position(received);
   return Session(std::move(impl));
 }
 

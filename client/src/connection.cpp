@@ -27,8 +27,8 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
-constexpr int kSilentFailures = 3;     // in a row, before they are taken for a wrong key
-constexpr int kGoodbyeLingerMs = 100;  // how long a goodbye may hold up the end of the program
+constexpr int kSilentFailures = 3;     // consecutive failures after which the client reports a wrong key
+constexpr int kGoodbyeLingerMs = 100;  // longest delay of the program's end by an unsent closing request
 
 [[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
@@ -60,7 +60,7 @@ void check_endpoint(const ClientOptions& options) {
 }  // namespace
 
 void SocketConnection::CloseSocket::operator()(void* socket) const {
-  zmq_socket_monitor(socket, nullptr, 0);  // or its events would wait for a reader that has gone
+  zmq_socket_monitor(socket, nullptr, 0);  // otherwise the events would wait for a reader that has ended
   zmq_close(socket);
 }
 void SocketConnection::CloseContext::operator()(void* context) const {
@@ -107,7 +107,7 @@ void SocketConnection::connect() {
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
   if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
   zmq::socket_ref socket(zmq::from_handle, socket_.get());
-  socket.set(zmq::sockopt::immediate, true);  // nothing is queued for a server that is not there
+  socket.set(zmq::sockopt::immediate, true);  // queue nothing before the connection is up
   socket.set(zmq::sockopt::linger, 0);
   socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxPayloadBytes));
   socket.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
@@ -132,18 +132,18 @@ void SocketConnection::connect() {
 
 std::string SocketConnection::own_public_key() const {
   std::array<char, wire::kKeyCharacters + 1> key{};
-  zmq_curve_public(key.data(), options().secret_key.c_str());  // fails only for what is_key() has refused
+  zmq_curve_public(key.data(), options().secret_key.c_str());  // fails only for keys that is_key() refuses
   return key.data();
 }
 
 void SocketConnection::watch_handshakes() {
-  static std::atomic<unsigned> counter{0};  // names are the context's, which may be shared
+  static std::atomic<unsigned> counter{0};  // the names must be unique in the context, which may be shared
   const std::string name = fmt::format("inproc://shearbus-client-{}", ++counter);
   constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
                           ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
   void* context = own_context_ ? own_context_.get() : options().context;
   monitor_.reset(zmq_socket(context, ZMQ_PAIR));
-  const int unlimited = 0;  // an event that finds no room would hold up the I/O thread
+  const int unlimited = 0;  // an event without space in the queue would block the I/O thread
   if (!monitor_ || zmq_socket_monitor(socket_.get(), name.c_str(), kEvents) != 0 ||
       zmq_setsockopt(monitor_.get(), ZMQ_RCVHWM, &unlimited, sizeof unlimited) != 0 ||
       zmq_connect(monitor_.get(), name.c_str()) != 0)
@@ -169,7 +169,7 @@ void SocketConnection::read_handshakes() {
   }
 }
 
-// Keeps the reason where it says that trying again is in vain.
+// Stores the reason of a failed handshake if a retry is useless.
 void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
   const bool keys = !options().server_key.empty();
   const auto refused = [&](std::string why, std::string remedy) {
@@ -196,7 +196,7 @@ void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
   } else if (keys &&
              ((event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL && detail == ZMQ_PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC) ||
               (event == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL && ++silent_failures_ == kSilentFailures))) {
-    // A server that cannot open what was sealed for another key says nothing.
+    // A server that cannot decrypt the handshake, because it was encrypted for another key, sends no reason.
     refused(
         "the connection is broken off in the handshake: the server has no keys, or not the secret one to server_key",
         "Take the server's public key from the line it logs at its start.");
@@ -210,11 +210,11 @@ void SocketConnection::refused(bool sent) const {
                .remedy = refusal_.remedy});
 }
 
-// False where `until` has come first, or the server has refused the connection.
+// Waits for the connection. False if `until` passed first, or if the server refused the connection.
 bool SocketConnection::wait(short events, Clock::time_point until) {
   std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
   for (;;) {
-    // Rounded up: a wait of less than a millisecond must not become a busy loop.
+    // Rounds up, because a timeout of 0 ms would be a busy loop.
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
     const int found = zmq_poll(items.data(), static_cast<int>(items.size()), std::max<long>(left, 0));
     if (found > 0 && items[0].revents != 0) return true;
@@ -225,11 +225,11 @@ bool SocketConnection::wait(short events, Clock::time_point until) {
   }
 }
 
-// False where there is no connection (yet).
+// False if there is no connection (yet).
 bool SocketConnection::send(const std::string& header, const wire::Batch& batch) {
   const bool has_payload = !batch.columns().empty();
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
-    // A copy: the bytes are the caller's, and libzmq may hold on to a message beyond this call when a reply is lost.
+    // Copies the bytes: they belong to the caller, and libzmq may keep a message beyond this call if a reply is lost.
     zmq::message_t message(bytes.data(), bytes.size());
     while (zmq_msg_send(message.handle(), socket_.get(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
       if (zmq_errno() == EINTR) continue;
@@ -242,7 +242,7 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
   return !has_payload || send_frame(batch.bytes(), false);
 }
 
-// Waits for the reply to `request_id`; answers to earlier requests are passed over. False where `until` has come first.
+// Waits for the reply to `request_id` and skips replies to earlier requests. False if `until` passed first.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   while (wait(ZMQ_POLLIN, until)) {
     std::array<std::shared_ptr<zmq::message_t>, wire::kMaxFrames + 1> frames;
@@ -256,7 +256,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
         unreachable(options(), zmq_strerror(zmq_errno()));
       }
       more = frame->more();
-      if (count == frames.size()) continue;  // too many frames: decode() says so from the first three
+      if (count == frames.size()) continue;  // decode() refuses a message of three frames
       views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
       frames[count++] = std::move(frame);
     }
@@ -269,7 +269,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
                    .text = fmt::format("{} sent what is no reply: {}", options().endpoint, describe(fault.status())),
                    .remedy = "Is it a shearbus server of this version?"});
     }
-    // A server that could not read a request's id answers with 0.
+    // The reply to a request whose id the server could not read has the id 0.
     if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
       continue;
     received.payload_frame = frames[1];
@@ -333,7 +333,7 @@ void SocketConnection::say(const wire::Request& request) noexcept try {
   zmq_setsockopt(socket_.get(), ZMQ_LINGER, &linger, sizeof linger);
   send(wire::encode_header(request), request.batch);
 } catch (const std::exception&) {
-  // A goodbye that cannot be said is no fault: the server keeps the session.
+  // A request that cannot be sent is no error here: the server keeps the session.
 }
 
 }  // namespace shearbus

@@ -1,4 +1,4 @@
-// One DEALER socket with deadlines and retries. It takes a request to the server and brings the reply to that request.
+// One DEALER socket with deadlines and retries: sends a request to the server and receives the reply to it.
 #pragma once
 
 #include <chrono>
@@ -16,12 +16,12 @@
 namespace shearbus {
 
 struct Received {
-  std::shared_ptr<void> payload_frame;  // the batch of `reply` points into it
+  std::shared_ptr<void> payload_frame;  // the frame that the batch of `reply` points into
   wire::Reply reply;
   std::chrono::nanoseconds round_trip{0};
 };
 
-// What a session needs of the way to its server. The one there is has a socket; tests have others.
+// The interface between a session and its server. The production implementation has a socket; tests have others.
 class Connection {
  public:
   using Clock = std::chrono::steady_clock;
@@ -31,22 +31,22 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
   virtual ~Connection() = default;
 
-  // Sends `request` until its reply is here: the same bytes again, on a fresh socket, after every `retry_after` without
-  // one. Throws Error: the reply's status where it is not OK, kUnreachable where the request never left, kAuth as soon
-  // as the server refuses the connection, kUnknownOutcome where it left and nothing came back before the deadline.
+  // Sends `request` and waits for its reply; repeats the same bytes on a fresh socket after every `retry_after` without
+  // a reply. Throws Error: the status of the reply if that is not OK, kUnreachable if the request was never sent, kAuth
+  // when the server refuses the connection, kUnknownOutcome if the request was sent and no reply came before the deadline.
   virtual Received call(const wire::Request& request, std::chrono::milliseconds deadline) = 0;
 
-  // Sends `request` now, if that can be done without waiting; the call() of the same request that must follow then only
-  // waits for its reply.
+  // Sends `request` if that is possible without waiting. The caller must then call() the same request, which only waits
+  // for the reply.
   virtual void post(const wire::Request& /*request*/) {}
 
-  // Sends without waiting for anything, if that can be done now.
+  // Sends `request` if that is possible without waiting; nobody reads its reply.
   virtual void say(const wire::Request& request) noexcept = 0;
 
   virtual Clock::time_point now() const { return Clock::now(); }
   virtual void pause(std::chrono::milliseconds time);
 
-  // Of a call that takes several exchanges: what is left of its deadline.
+  // Time left until the deadline of a call of several exchanges.
   std::chrono::milliseconds left_since(Clock::time_point started) const;
 
   const ClientOptions& options() const { return options_; }
@@ -55,12 +55,12 @@ class Connection {
     return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
   }  // random, of this client
 
-  // An opening that got no session: nobody knows its outcome, or it was refused, and a late copy may still succeed
-  // (when the disk has room again). The same one again must have the same bytes, so that it is one session that holds
-  // the nodes.
+  // The last opening without a session: its outcome is unknown, or it was refused and a late copy may still succeed (for
+  // example when the disk has space again). A repeated opening must have the same bytes, so that one session owns the
+  // nodes.
   std::optional<wire::Request> opening_in_doubt;
 
-  bool durable() const { return durable_; }  // the server's sessions outlive it, says its welcome
+  bool durable() const { return durable_; }  // by its welcome, the server's sessions outlive the server
   void set_durable(bool durable) { durable_ = durable; }
 
  private:
@@ -102,12 +102,13 @@ class SocketConnection final : public Connection {
   [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
-  std::unique_ptr<void, CloseContext> own_context_;  // null where the caller shares one
+  std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<Posted> posted_;
-  std::unique_ptr<void, CloseSocket> monitor_;  // libzmq's word on the handshakes of socket_
-  std::unique_ptr<void, CloseSocket> socket_;   // null after a timeout: a late reply must not be taken for another's
-  wire::Status refusal_;                        // the server has refused the connection; OK: not so far
-  int silent_failures_ = 0;                     // handshakes in a row that were broken off without a reason
+  std::unique_ptr<void, CloseSocket> monitor_;  // events of the handshakes of socket_
+  std::unique_ptr<void, CloseSocket>
+      socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
+  wire::Status refusal_;     // why the server refused the connection; OK if it did not
+  int silent_failures_ = 0;  // consecutive handshakes that failed without a reason
 };
 
 }  // namespace shearbus

@@ -1,4 +1,4 @@
-// A session: its requests in their order, each answered once.
+// A session sends its requests in order of their sequence numbers; each has one reply.
 #include "client/src/session.hpp"
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 namespace shearbus {
 namespace {
 
-constexpr std::chrono::milliseconds kStoppingPause{100};  // between two questions to a server that is being restarted
+constexpr std::chrono::milliseconds kStoppingPause{100};  // between two attempts while the server restarts
 
-// The same columns, for the length of a call.
+// A view of the same columns, valid while `batch` is.
 wire::Batch view_of(const wire::Batch& batch) {
   return wire::Batch::over(batch.columns(), batch.bytes());
 }
@@ -31,7 +31,6 @@ Received ask(Connection& connection, wire::Request request) {
   return connection.call(request, connection.options().reply_deadline);
 }
 
-// Makes the session this client's: what others have sent, or sent late, does not run any more. Tells where it stands.
 Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token) {
   const auto stand = [&](std::uint64_t epoch, std::uint64_t claim) {
     const wire::ResumeSession claimed{
@@ -44,7 +43,7 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
     try {
       return stand(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
     } catch (const Error& fault) {
-      // Between the two the server was restarted once more.
+      // The server was restarted between the two requests.
       const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
       if (!again) throw;
     }
@@ -83,18 +82,18 @@ Received Session::Impl::exchange(wire::Request request) {
     last_sequence = request.sequence;
     return received;
   } catch (const Error& fault) {
-    // A server that cannot run it now may still run a copy that is on its way.
+    // After a refusal of class 4xx the server may still run a copy of the request that is on its way.
     const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
     if (fault.status().code == Code::kUnknownOutcome || not_now)
       in_doubt = InDoubt{request.request_id, request.epoch};
     else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
       in_doubt.reset();
-    if (fault.status().code == Code::kSequenceReused) take_up();
+    if (fault.status().code == Code::kSequenceReused) resynchronise();
     throw;
   }
 }
 
-void Session::Impl::stand_where(Received& where) {
+void Session::Impl::adopt_position(Received& where) {
   auto& resumed = body_of<wire::SessionResumed>(where);
   last_sequence = resumed.last_sequence;
   offers = std::move(resumed.offers);
@@ -102,20 +101,20 @@ void Session::Impl::stand_where(Received& where) {
   node_ids.assign(nodes.begin(), nodes.end());
 }
 
-// Another call has run than the one that was made now: where the session stands is asked.
-void Session::Impl::take_up() {
+// Another request than the present one has run under its sequence number: asks the server for the position.
+void Session::Impl::resynchronise() {
   Received where = ask(*connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = resume_token}});
-  stand_where(where);
+  adopt_position(where);
 }
 
-void Session::Impl::forget(std::span<const std::uint64_t> nodes) {
+void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
   std::vector<std::uint64_t> gone(nodes.begin(), nodes.end());
   std::ranges::sort(gone);
   std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
 }
 
-// A server that was restarted answers the last request of the session whatever its epoch; it refuses the next one
-// with EPOCH until that is sent for the new epoch, which is done once it is sure where the session stands.
+// A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
+// session then claims itself, checks its position and sends the request again with the new epoch.
 Received Session::Impl::call(wire::Request& request) {
   const auto started = connection->now();
   for (;;) {
@@ -140,7 +139,7 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   try {
     where = claim_session(*connection, id, resume_token);
   } catch (const Error& refusal) {
-    if (refusal.status().code == Code::kUnknownSession) throw fault;  // which says what that means
+    if (refusal.status().code == Code::kUnknownSession) throw fault;  // its text explains the restart
     throw;
   }
   const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;
@@ -171,7 +170,7 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
   return request;
 }
 
-const StepResult& Session::Impl::take(wire::Request request) {
+const StepResult& Session::Impl::exchange_step(wire::Request request) {
   Received received = exchange(std::move(request));
   body_of<wire::Upscale>(received);
   result.payload_frame_ = std::move(received.payload_frame);
@@ -181,7 +180,7 @@ const StepResult& Session::Impl::take(wire::Request request) {
 }
 
 const StepResult& Session::Impl::step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
-  return take(step_request(columns, options, mode));
+  return exchange_step(step_request(columns, options, mode));
 }
 
 Batch Session::Impl::columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
@@ -195,14 +194,14 @@ Batch Session::Impl::columns(std::span<const Field> optional_columns, bool with_
 Session::Session(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Session::Session(Session&&) noexcept = default;
 Session& Session::operator=(Session&& other) noexcept {
-  std::swap(impl_, other.impl_);  // the other says goodbye for what was here
+  std::swap(impl_, other.impl_);  // the other closes the session that was here
   return *this;
 }
 
 Session::~Session() {
   if (!impl_ || impl_->closed) return;
   wire::Request request = impl_->next_request();
-  if (impl_->posted) ++request.sequence;  // it has run, or will have when the goodbye arrives
+  if (impl_->posted) ++request.sequence;  // the trial runs before the closing request
   if (request.request_id == 0) request.request_id = impl_->connection->next_request_id();
   request.body = wire::CloseSession{.reason = "the client has gone"};
   impl_->connection->say(request);
@@ -240,7 +239,7 @@ const StepResult& Session::finish_trial() {
                  .remedy = "Start a trial first, and finish it once."});
   wire::Request request = std::move(*impl_->posted);
   impl_->posted.reset();
-  return impl_->take(std::move(request));
+  return impl_->exchange_step(std::move(request));
 }
 
 std::uint64_t Session::commit() {
@@ -273,13 +272,13 @@ void Session::register_nodes(std::span<const std::uint64_t> node_ids, std::span<
 
 void Session::retire_nodes(std::span<const std::uint64_t> node_ids) {
   impl_->exchange<wire::NodesChanged>(wire::RetireNodes{}, named_nodes(node_ids));
-  impl_->forget(node_ids);
+  impl_->remove_nodes(node_ids);
 }
 
 TransferId Session::offer_nodes(std::span<const std::uint64_t> node_ids) {
   if (!impl_->in_doubt) impl_->offered = random_bytes();
   impl_->exchange<wire::NodesChanged>(wire::OfferNodes{.transfer_id = impl_->offered}, named_nodes(node_ids));
-  impl_->forget(node_ids);
+  impl_->remove_nodes(node_ids);
   return impl_->offered;
 }
 

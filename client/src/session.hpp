@@ -1,4 +1,4 @@
-// What client.cpp and session.cpp share: a session's memory of where it stands, and how replies are read.
+// Shared by client.cpp and session.cpp: the state of a session on the client's side, and access to bodies of replies.
 #pragma once
 
 #include <fmt/format.h>
@@ -19,7 +19,7 @@ namespace shearbus {
 
 std::array<std::uint8_t, 16> random_bytes();
 
-// The body of a reply, which must be of the kind the request asks for.
+// The body of a reply. Throws Error{kUnexpectedReply} if it is not the body that answers the request.
 template <typename Body>
 Body& body_of(Received& received) {
   Body* body = std::get_if<Body>(&received.reply.body);
@@ -31,13 +31,14 @@ Body& body_of(Received& received) {
   return *body;
 }
 
-// A request that is no step of a session, under an id of its own.
+// Sends a request that has no sequence number, with a new request id, and waits for the reply.
 Received ask(Connection& connection, wire::Request request);
 
-// Makes the session this client's: what others have sent, or sent late, does not run any more. Tells where it stands.
+// Claims the session for this client: the server then refuses requests of other clients, late ones included. The reply holds the
+// position of the session.
 Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token);
 
-// Columns of an opening, or of a change of nodes; nothing of no nodes.
+// The payload of a request that names nodes; empty if there are none.
 wire::Batch named_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> temperatures = {});
 
 struct Session::Impl {
@@ -49,21 +50,21 @@ struct Session::Impl {
   wire::SessionOpened opened;
   std::vector<Field> wanted;
   std::uint64_t last_sequence = 0;
-  struct InDoubt {  // the request whose outcome is unknown: the same call again must have the same bytes
+  struct InDoubt {  // a request with unknown outcome, which a repeated call must send with the same bytes
     std::uint64_t request_id = 0;
     std::uint64_t epoch = 0;
   };
   std::optional<InDoubt> in_doubt;
   std::vector<TransferId> offers;
-  TransferId offered{};                 // of the last offer: that one's as long as it is in doubt
-  std::optional<wire::Request> posted;  // a trial that was sent and not yet asked for
+  TransferId offered{};                 // id of the last offer, used again while its outcome is unknown
+  std::optional<wire::Request> posted;  // the request of start_trial(), until finish_trial()
   bool closed = false;
   StepResult result;
 
   wire::Request next_request() const;
 
-  // Sends the session's next request. Only an answered one counts. One without an answer keeps its id, so that the same
-  // call again has the same bytes and the server knows it.
+  // Sends the session's next request. The sequence number advances with the reply only. A request without a reply keeps
+  // its id, so that a repeated call has the same bytes and the server recognises it.
   Received exchange(wire::Request request);
   template <typename Answer, typename Question>
   Received exchange(Question question, wire::Batch batch = {}) {
@@ -75,17 +76,17 @@ struct Session::Impl {
     return received;
   }
 
-  // Stands where the server says that the session stands.
-  void stand_where(Received& where);
-  void forget(std::span<const std::uint64_t> nodes);
+  // Adopts sequence number, nodes and offers from a `session_resumed`.
+  void adopt_position(Received& where);
+  void remove_nodes(std::span<const std::uint64_t> nodes);
 
   wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const;
-  const StepResult& take(wire::Request request);
+  const StepResult& exchange_step(wire::Request request);
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
   Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const;
 
  private:
-  void take_up();
+  void resynchronise();
   Received call(wire::Request& request);
   void follow_restart(wire::Request& request, const Error& fault);
 };

@@ -21,13 +21,13 @@ bool sound_grid(const Findings& findings, const std::string& table) {
          findings.sound(table + ".grading");
 }
 
-void check_first_cell(const std::string& table, double thickness, std::uint32_t cells, double ratio,
+void check_first_cell(const std::string& table, double thickness, std::uint32_t cells, double ratio, bool grading_given,
                       Findings& findings) {
   const double sum = ratio == 1.0 ? cells : std::expm1(cells * std::log(ratio)) / (ratio - 1.0);
   const double first = thickness / sum;
   if (!(first >= kThinnestCell))
     findings.add(
-        table + (ratio == 1.0 ? ".cells" : ".grading"),
+        table + (grading_given ? ".grading" : ".cells"),
         fmt::format("{}.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} m: "
                     "take fewer cells or a ratio nearer to 1",
                     table, number_text(ratio), cells, first, kThinnestCell));
@@ -38,12 +38,13 @@ void check_grids(const v1::Scene& scene, Findings& findings) {
   if (!sound_grid(findings, "layer")) return;
   const std::uint32_t cells = layer.has_cells() ? layer.cells() : kCellsOfTolerance;
   const double grading = layer.has_grading() ? layer.grading() : 1.0;
-  check_first_cell("layer", layer.thickness_m(), cells, grading, findings);
+  check_first_cell("layer", layer.thickness_m(), cells, grading, grading != 1.0, findings);
   if (!scene.has_hard_layer() || !sound_grid(findings, "hard_layer")) return;
   // An absent key is as in [layer]; the thickness that the server derives is within a few times of it.
   const v1::HardLayer& hard = scene.hard_layer();
   check_first_cell("hard_layer", hard.has_thickness_m() ? hard.thickness_m() : layer.thickness_m(),
-                   hard.has_cells() ? hard.cells() : cells, hard.has_grading() ? hard.grading() : grading, findings);
+                   hard.has_cells() ? hard.cells() : cells, hard.has_grading() ? hard.grading() : grading,
+                   hard.has_grading(), findings);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A batch: columns of numbers, one value per node and field (structure of arrays). It is what a payload frame holds.
+// A batch holds columns of numbers, one value per row (structure of arrays): the content of a payload frame.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ struct Column {
   Field field = Field::kUnspecified;
   std::uint32_t component = 0;
   Element element = Element::kUnspecified;
-  std::uint64_t offset_bytes = 0;  // a multiple of 8
+  std::uint64_t offset_bytes = 0;  // from the start of the frame, a multiple of 8
   std::uint64_t count = 0;
 
   static void fields(auto&& v, auto& m) {
@@ -33,24 +33,24 @@ class Batch {
  public:
   Batch() = default;
 
-  // A block of its own, zeroed, with one column of `count` values for each field, and with `components` = 2 a second
-  // one for each that is tangential. Write through the spans below.
+  // Allocates zeroed columns of `count` values, one for each field, and with `components` = 2 two for each tangential
+  // field. Write through the spans below.
   static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
 
   // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out
-  // such frames below 8 kB) are copied. Throws Error{kShape} where a column leaves the frame, overlaps another, is
-  // misaligned, repeats a field, has the wrong element type, or where there are more than kMaxColumns.
+  // such frames below 8 kB) are copied. Throws Error{kShape} if a column leaves the frame, overlaps another, is
+  // misaligned, repeats a field and component or has the wrong element type, or if there are more than kMaxColumns.
   static Batch over(std::vector<Column> columns, std::span<const std::byte> bytes);
 
   const std::vector<Column>& columns() const { return columns_; }
   std::span<const std::byte> bytes() const { return {data_, size_}; }
 
   bool has(Field field, std::uint32_t component = 0) const;
-  // Empty span where the column is absent.
+  // The values of a column; empty if the batch does not have it.
   std::span<const double> f64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint64_t> u64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint8_t> u8(Field field, std::uint32_t component = 0) const;
-  // To write through. A batch over received bytes copies them first: they stay as they came.
+  // The same for writing. A batch over received bytes copies them first, so the received bytes do not change.
   std::span<double> f64(Field field, std::uint32_t component = 0);
   std::span<std::uint64_t> u64(Field field, std::uint32_t component = 0);
   std::span<std::uint8_t> u8(Field field, std::uint32_t component = 0);
@@ -60,7 +60,7 @@ class Batch {
   void own();
 
   std::vector<Column> columns_;
-  std::unique_ptr<std::uint64_t[]> owned_;  // null while over() needed no copy
+  std::unique_ptr<std::uint64_t[]> owned_;  // null if the bytes belong to the caller
   const std::byte* data_ = nullptr;
   std::size_t size_ = 0;
 };

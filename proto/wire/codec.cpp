@@ -59,7 +59,7 @@ Payload payload_of(const Batch& batch) {
   return {.size_bytes = batch.bytes().size(), .xxh3 = xxh3(batch.bytes()), .columns = batch.columns()};
 }
 
-// With as many nodes as a peer takes.
+// The status with at most as many node ids as a peer accepts.
 Status shortened(Status status) {
   status.node_ids.resize(std::min(status.node_ids.size(), kMaxNodesNamed));
   return status;
@@ -91,12 +91,12 @@ std::string encode(const Message& message) {
 
 // ---- reading ----
 
-// The alternatives of the bodies of a message, which know their rows; the first one is no body.
+// The bodies of a message by their numbers. The first alternative of the variant is "no body".
 template <typename Variant>
 struct Bodies;
 template <typename... Body>
 struct Bodies<std::variant<std::monostate, Body...>> {
-  // Calls use<Body>() for the body of this number; false where there is none.
+  // Calls use<Body>() for the body of this number; false if there is none.
   static bool find(std::uint32_t number, const auto& use) {
     return ((Body::kBody.number == number && (use.template operator()<Body>(), true)) || ...);
   }
@@ -149,7 +149,7 @@ void check_envelope(const EnvelopeScan& scan) {
   if (!scan.fault.empty()) refuse(Code::kMalformed, scan.fault);
 }
 
-// Everything behind the envelope, which the scan has found sound.
+// Decodes a header whose envelope the scan has found sound.
 template <typename Message>
 void read_header(Frames frames, bool strict, Message& message) {
   const FieldPath header;
@@ -233,7 +233,8 @@ bool declares_payload(std::span<const std::byte> header_frame) {
 }
 
 std::uint64_t hash_of(Frames frames) {
-  std::uint64_t hash = 0;  // each frame's is the seed of the next: bytes cannot wander from frame to frame unseen
+  std::uint64_t hash =
+      0;  // the hash of a frame is the seed of the next, so that moving bytes between frames changes the result
   for (const std::span<const std::byte> frame : frames) hash = XXH3_64bits_withSeed(frame.data(), frame.size(), hash);
   return hash;
 }

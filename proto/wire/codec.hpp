@@ -1,4 +1,4 @@
-// Messages to frames and back. Protobuf is seen by .cpp files of this room only.
+// Encodes messages to frames and decodes frames to messages.
 #pragma once
 
 #include <cstddef>
@@ -10,22 +10,22 @@
 
 namespace shearbus::wire {
 
-// The header frame of a message; the payload frame is message.batch.bytes(), sent only where the batch has columns.
-// Throws Error{kLimit} for what no peer would take, Error{kInvalidScene} for a scene that cannot be said.
+// The header frame of a message. The payload frame is message.batch.bytes(), sent only if the batch has columns. Throws
+// Error{kLimit or kShape} for a message that no peer accepts, Error{kInvalidScene} for a scene that is not UTF-8.
 std::string encode_header(const Request& request);
 std::string encode_header(const Reply& reply);
 
-// Frames to a message. `frames` holds the header and, where the header declares one, the payload; see Batch::over for
-// how long the payload's bytes must live. Throws Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum, kShape or
-// kUnsupported}; what could be read of request_id, session_id and sequence before the fault is left in `message`, so
-// that an answer finds its way. Numbers are not judged here: NaN, a negative dt and the like arrive as they were sent.
+// Decodes a message. `frames` holds the header and, if the header declares one, the payload, whose bytes must outlive the
+// message as Batch::over says. Throws Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum, kShape or kUnsupported};
+// request_id, session_id and sequence are then set as far as they could be read, so that the refusal can be addressed.
+// Numbers are not checked here: NaN or a negative dt arrive as they were sent.
 void decode(std::span<const std::span<const std::byte>> frames, Request& message);
 void decode(std::span<const std::span<const std::byte>> frames, Reply& message);
 
-// Whether a payload frame, though it may be empty, belongs to this header.
+// Whether a payload frame follows this header; the payload may be empty.
 bool declares_payload(std::span<const std::byte> header_frame);
 
-// XXH3-64 of bytes as received: what a session keeps to know a repeated request from a different one.
+// XXH3-64 of the received bytes, by which a session distinguishes a repeated request from another request.
 std::uint64_t hash_of(std::span<const std::span<const std::byte>> frames);
 
 }  // namespace shearbus::wire

@@ -1,4 +1,4 @@
-// A restart dump on disk: arrays and texts by name, in one HDF5 file that is whole or not there. Every value is
+// A restart dump on disk: arrays and texts by name in one HDF5 file, which appears only when complete. Every value is
 // checksummed; a flipped bit is an error. Throws wire::Error{kInvalidValue} with file and name in the text.
 #pragma once
 
@@ -15,23 +15,23 @@ namespace shearbus::wire {
 
 class DumpWriter {
  public:
-  // Works on FILE.partial, which only the owner may read: a dump may hold what gives access to a session.
+  // Writes FILE.partial, which only the owner may read, because a dump may hold the ticket of a session.
   explicit DumpWriter(std::filesystem::path file);
   DumpWriter(const DumpWriter&) = delete;
   DumpWriter& operator=(const DumpWriter&) = delete;
-  ~DumpWriter();  // of a writer that was not closed: removes the partial file
+  ~DumpWriter();  // removes the partial file unless the writer was closed
 
   void numbers(const std::string& name, std::span<const double> values);
   void counts(const std::string& name, std::span<const std::uint64_t> values);
   void text(const std::string& name, std::string_view value);
-  void close();  // everything is on the disk, under the final name, when this returns
+  void close();  // returns when the file is on the disk under its final name
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-// A dump read whole, so that one that is damaged is found at once.
+// Reads the whole dump at once, so that damage is found at once.
 class DumpReader {
  public:
   explicit DumpReader(std::filesystem::path file);
@@ -39,7 +39,7 @@ class DumpReader {
   const std::vector<double>& numbers(const std::string& name) const;
   const std::vector<std::uint64_t>& counts(const std::string& name) const;
   const std::string& text(const std::string& name) const;
-  // Fills `values`, which must have the dump's length.
+  // Fills `values`, which must have the length of the array in the dump.
   void fill(const std::string& name, std::span<double> values) const;
   void fill(const std::string& name, std::span<std::uint64_t> values) const;
 

@@ -13,18 +13,18 @@ namespace shearbus::wire {
 
 class EnergyTotals {
  public:
-  // One step of all nodes; a reply without the ledger adds nothing.
+  // Adds one step of all nodes; a reply without the ledger adds nothing.
   void add(const Batch& upscale);
 
   void add(const EnergyTotals& step);
 
   bool empty() const { return numbers_.back() == 0.0; }
-  double mean(Field term) const;  // of the nodes, summed over the steps  [J/m2]
+  double mean(Field term) const;  // mean over the nodes of the sum over the steps  [J/m2]
 
   // Lines of a summary: label and text.
   std::vector<std::pair<std::string, std::string>> lines() const;
 
-  // All there is to keep: for restart dumps.
+  // The whole state, for restart dumps.
   std::span<double> numbers() { return numbers_; }
   std::span<const double> numbers() const { return numbers_; }
 

@@ -7,11 +7,11 @@
 namespace shearbus::wire {
 namespace {
 
-// Field numbers of RequestHeader and ReplyHeader, which are the same up to 8.
+// Field numbers of RequestHeader and ReplyHeader, which agree up to 8.
 constexpr std::uint32_t kFirstBody = 16;
-constexpr std::uint32_t kLastOnce = 47;  // no field up to here is repeated
+constexpr std::uint32_t kLastOnce = 47;  // no field up to this number may occur twice
 
-// Wire type a field of the envelope must have; any for a number this version does not know.
+// The wire type of a field of the envelope; none for an unknown number, which may have any type.
 std::optional<WireType> wire_type_of(std::uint32_t number) {
   switch (number) {
     case 1:

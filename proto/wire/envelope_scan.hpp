@@ -1,6 +1,5 @@
-// A first look at a header frame, before protobuf parses it: the fixed part of the envelope, read without allocating.
-// Protobuf alone would take an empty buffer for a message of defaults and two messages for one (repeated fields are
-// merged).
+// Scans the envelope of a header frame before its body is decoded, without allocating. By the rules of protobuf alone an
+// empty buffer would be a message of defaults, and two concatenated messages one message.
 #pragma once
 
 #include <cstddef>
@@ -19,9 +18,9 @@ struct EnvelopeScan {
   std::span<const std::byte> session_id;
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
-  bool has_payload = false;  // declares one
-  std::uint32_t body = 0;    // field number of the message in the oneof, 16 to 31; 0: none
-  std::string fault;  // empty: the top level is sound. What was read before the fault stands in the fields above.
+  bool has_payload = false;  // declares a payload frame
+  std::uint32_t body = 0;    // field number of the body, 16 to 47; 0: none
+  std::string fault;         // empty if the envelope is sound; the members above hold what precedes the fault
 };
 
 EnvelopeScan scan_envelope(std::span<const std::byte> header);

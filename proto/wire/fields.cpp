@@ -13,7 +13,7 @@ using namespace hdf5;
 
 namespace {
 
-// A file under way, and its names.
+// A file being written, with its final and its partial name.
 struct Part {
   std::filesystem::path file;
   std::filesystem::path partial;

@@ -13,22 +13,22 @@
 
 namespace shearbus::wire {
 
-// Every frame is on the disk, and the sidecar names it, when frame() returns: what a run that dies leaves can be
+// frame() returns when the frame is on the disk and the sidecar names it, so the files of an interrupted run can be
 // opened.
 class FieldWriter {
  public:
-  // `quads` holds four nodes a zone; `sidecar` ends in .xmf. `times_s`: of frames that an earlier process left and this
-  // one goes on from; none: what is there is removed.
+  // `quads` holds four nodes per zone; `sidecar` ends in .xmf. `times_s` are the times of frames of an earlier process
+  // that this one continues; if there are none, existing frames are removed.
   FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,
               std::vector<Quantity> zone_quantities, const std::string& scene, std::vector<double> times_s = {});
   FieldWriter(FieldWriter&&) noexcept;
   FieldWriter& operator=(FieldWriter&&) noexcept;
   ~FieldWriter();
 
-  // Nodes' places and velocities as x, y, 0 for each; one span of zone values for each quantity, in their order.
+  // Positions and velocities of the nodes as x, y, 0; one span of zone values for each quantity, in their order.
   void frame(double time_s, std::span<const double> place, std::span<const double> velocity,
              std::span<const std::span<const double>> zones);
-  const std::vector<double>& times_s() const;  // of the frames so far
+  const std::vector<double>& times_s() const;  // of the frames written
 
  private:
   struct Impl;

@@ -1,4 +1,4 @@
-// SIGINT and SIGTERM of a program that writes files: it ends after the step it is in and takes its partial files away.
+// SIGINT and SIGTERM of a program that writes files: the program finishes the present step and removes its partial files.
 #pragma once
 
 #include <csignal>
@@ -13,7 +13,7 @@ inline bool interrupted() {
   return detail::interrupted != 0;
 }
 
-// From here on the first signal sets interrupted(), a second one ends the program at once.
+// After this call the first signal sets interrupted(), and a second signal ends the program at once.
 inline void stop_at_next_step() {
   struct sigaction action = {};
   action.sa_handler = [](int) { detail::interrupted = 1; };

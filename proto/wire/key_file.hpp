@@ -1,6 +1,6 @@
-// Files of CURVE keys. A key is 40 characters of Z85 (ZeroMQ RFC 32). One stands on each line, with words behind it;
-// lines that begin with "# ", and empty ones, are comments. A file of a secret key holds that one only, and must be its
-// owner's alone.
+// Files of CURVE keys. A key is 40 characters of Z85 (ZeroMQ RFC 32). Each line holds one key, followed by words; empty
+// lines and lines that begin with "# " are comments. A file of a secret key holds only that key, and only its owner may
+// read it.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,7 @@ namespace shearbus::wire {
 
 inline constexpr std::size_t kKeyCharacters = 40;
 
-// Where a server is, and what a client shows it: what programs take as --server, --server-key and --key.
+// Address of a server and keys of the connection: the options --server, --server-key and --key of programs.
 struct ServerAddress {
   std::string endpoint;    // tcp://host:port or ipc://path
   std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
@@ -20,21 +20,21 @@ struct ServerAddress {
 
 struct KeyLine {
   std::string key;
-  std::string words;  // what stands behind it
+  std::string words;  // the words after the key
 };
 
 bool is_key(const std::string& text);
 
-// All throw std::runtime_error that names file and line, what was expected and what was found.
+// All functions throw std::runtime_error whose text names file, line, the expected and the found.
 std::vector<KeyLine> read_keys(const std::filesystem::path& file);
 std::string read_public_key(const std::filesystem::path& file);
 std::string read_secret_key(const std::filesystem::path& file);
 
-// Both or neither of the files; fills in the keys of an address.
+// Reads the keys of an address; both files or neither must be given.
 void read_keys_into(ServerAddress& address, const std::filesystem::path& server_key,
                     const std::filesystem::path& secret_key);
 
-// Never writes over a file. The secret one has mode 0600.
+// Writes a pair of key files, the secret one with mode 0600. Never overwrites a file.
 void write_public_key(const std::filesystem::path& file, const KeyLine& line);
 void write_secret_key(const std::filesystem::path& file, const std::string& key);
 

@@ -1,4 +1,4 @@
-// A limit on everything that arrives from outside, related at compile time. The welcome publishes them.
+// Limits on everything that arrives from outside. The welcome publishes them.
 #pragma once
 
 #include <cstddef>
@@ -13,18 +13,18 @@ inline constexpr std::uint32_t kProtocolMinor = 0;
 inline constexpr std::size_t kSessionIdBytes = 16;
 inline constexpr std::size_t kMaxFrames = 2;  // header and payload
 inline constexpr std::size_t kMaxColumns = 32;
-inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // the widest row of a request or reply
+inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // of the widest row of a request or reply
 inline constexpr std::size_t kMaxNodesPerSession = 200'000;
 inline constexpr std::size_t kMaxSessions = 1'024;
-inline constexpr std::size_t kMaxMarks = 2;        // of a session: each holds its states once more
+inline constexpr std::size_t kMaxMarks = 2;        // of a session; a mark holds a copy of the session's states
 inline constexpr std::size_t kMaxNameBytes = 128;  // of a mark or a domain
-inline constexpr std::size_t kMaxOffers = 256;     // of a session, that wait to be accepted
+inline constexpr std::size_t kMaxOffers = 256;     // of a session, not yet accepted
 inline constexpr std::size_t kMaxTopNodes = 1'024;
 inline constexpr std::size_t kMaxSessionsListed = 128;  // in one reply
 inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
-inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any other string of a header
-inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, and what is said about it
+inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any string of a header, except:
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, and the list of its faults
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);

@@ -49,7 +49,7 @@ struct Hello {
 struct OpenSession {
   static constexpr BodyRow kBody = {17, "open_session", true};
   std::string scene;       // TOML text
-  std::string scene_file;  // its name, for messages about it
+  std::string scene_file;  // name of the text in messages about it
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: none
@@ -70,7 +70,7 @@ struct Downscale {
   std::uint32_t attempt = 0;
   Mode mode = Mode::kAdvance;
   bool commit_previous = false;
-  std::vector<Field> wanted;  // empty: all of the strategy's
+  std::vector<Field> wanted;  // empty: all default columns
   Policy policy = Policy::kUnspecified;
 
   static void fields(auto&& v, auto& m) {
@@ -90,7 +90,7 @@ struct Commit {
 };
 struct Rollback {
   static constexpr BodyRow kBody = {20, "rollback"};
-  std::string to_mark;  // empty: the standing trial is forgotten
+  std::string to_mark;  // empty: drop the standing trial
 
   static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
 };
@@ -225,10 +225,10 @@ struct SessionOpened {
   std::vector<std::string> warnings;
   Strategy strategy = Strategy::kUnspecified;
   std::uint32_t tangential_components = 1;
-  std::vector<Field> required_columns;    // of a step, besides the optional node_id
+  std::vector<Field> required_columns;    // of a step; node_id is always allowed
   std::vector<Field> optional_columns;    // of a step
-  std::vector<Field> reply_columns;       // where the request names none
-  std::vector<Field> columns_on_request;  // where the request names them
+  std::vector<Field> reply_columns;       // default columns of a reply
+  std::vector<Field> columns_on_request;  // columns that a request must ask for
   std::string scene_name;
 
   static void fields(auto&& v, auto& m) {
@@ -333,7 +333,7 @@ struct Histogram {
     v(4, "sum_ns", m.sum_ns);
   }
 };
-inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // counts[i] were shorter than this times 2^i
+inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // counts[i] counts durations below this times 2^i
 struct Refusals {
   std::uint32_t code = 0;
   std::uint64_t count = 0;

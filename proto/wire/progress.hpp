@@ -1,5 +1,4 @@
-// A line that says how far a long run is and when it will end: on a terminal only, and only once two seconds have
-// passed.
+// A progress line of a long run with its remaining time: on a terminal only, and only after two seconds.
 #pragma once
 
 #include <fmt/format.h>
@@ -45,7 +44,7 @@ class Progress {
     fmt::print(stderr, "\r{}\033[K", progress_line(what_, done, total_, elapsed_s));
     drawn_ = true;
   }
-  // Takes the line away, so that what is printed next starts on a clean one.
+  // Erases the line, so that later output starts on an empty line.
   void clear() {
     if (drawn_) fmt::print(stderr, "\r\033[K");
     drawn_ = false;

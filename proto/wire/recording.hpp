@@ -29,29 +29,29 @@ struct Quantity {
   bool is_outcome = false;  // uint8 with the bits of Outcome instead of float64
 };
 
-// A component of a column of a payload as a dataset; `long_name` replaces the column's own meaning.
+// A component of a column as a dataset of a history; `long_name` replaces the meaning in the column's row.
 Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std::string& long_name = {});
 
 class HistoryWriter {
  public:
-  // `meta` goes into /meta beside format, version, created and units_system: one line as an attribute, a longer text
+  // `meta` is written to /meta, with format, version, created and units_system: one line as an attribute, a longer text
   // (the scene) as a scalar dataset. Rows are buffered to chunks of at most 512 KiB a dataset.
   HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
                 const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;
   HistoryWriter& operator=(HistoryWriter&&) noexcept;
-  ~HistoryWriter();  // of a writer that was not closed: removes the partial file
+  ~HistoryWriter();  // removes the partial file unless the writer was closed
 
-  // End of the step, increasing. The length is for hosts whose dt is not, to the last bit, the difference of two times;
-  // all rows have it or none.
+  // Begins the row of the step that ends at `time_s`; times increase. `dt_s` is for hosts whose dt is not exactly the
+  // difference of two times; either all rows have it or none.
   void begin_row(double time_s, std::optional<double> dt_s = std::nullopt);
   void set(std::size_t quantity, std::span<const double> values);        // index into `quantities`
   void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime or outcome
-  void end_row();                                                        // every quantity has been set
+  void end_row();                                                        // refused unless every quantity was set
 
-  // A dataset of shape [N] or any other length, e.g. masses.
+  // Writes a dataset of one dimension and any length, such as masses [N].
   void add_static(const Quantity& quantity, std::span<const double> values);
-  // Everything is on the disk, under the final name (which replaces a file of that name), when this returns.
+  // Returns when the file is on the disk under its final name. It replaces a file of that name.
   void close(const std::map<std::string, std::string>& closing_meta = {});
 
  private:
@@ -59,7 +59,7 @@ class HistoryWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// A macroscopic history to be replayed. Rows are read as they are asked for.
+// Reads a macroscopic history. Rows are read on demand.
 class HistoryReader {
  public:
   explicit HistoryReader(std::filesystem::path file);

@@ -196,7 +196,7 @@ void HistoryReader::Impl::read_dts() {
   if (given.size() != times.size()) fail("dt", fmt::format("has {} values, /time {}", given.size(), times.size()), "");
   read_all("dt", dataset, H5T_NATIVE_DOUBLE, given.data());
   for (std::size_t i = 0; i < times.size(); ++i) {
-    // What a sum of steps loses to rounding, with room for a host that keeps its time in single precision.
+    // Rounding of a sum of steps, also of a host with its time in single precision.
     const double allowed = 1e-6 * (dts[i] + std::abs(times[i]));
     if (!(given[i] > 0 && std::abs(given[i] - dts[i]) <= allowed))
       fail("dt",
@@ -245,7 +245,7 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
   one.rows_per_read = std::max<std::size_t>(kBufferElements / node_ids.size(), 1);
   const Properties creation(check(H5Dget_create_plist(one.dataset), "cannot read a layout"));
   if (H5Pget_layout(creation) == H5D_CHUNKED) {
-    // A cache that holds all chunks of a band of rows: each chunk is then unpacked once.
+    // The cache holds all chunks of a band of rows, so that each chunk is unpacked once.
     std::array<hsize_t, 2> chunk{};
     check(H5Pget_chunk(creation, 2, chunk.data()), "cannot read a layout");
     const Type type(check(H5Dget_type(one.dataset), "cannot read a type"));
@@ -263,7 +263,7 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
 
 void HistoryReader::Impl::read_rows(const std::string& name, Series& one, std::size_t step) const {
   const std::size_t nodes = node_ids.size();
-  one.count = 0;  // nothing is held if the read fails
+  one.count = 0;  // no rows are in memory if the read fails
   const std::size_t count = std::min(one.rows_per_read, times.size() - step);
   one.values.resize(count * nodes);
   const hsize_t start[2] = {step, 0};

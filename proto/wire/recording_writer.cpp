@@ -41,7 +41,7 @@ struct HistoryWriter::Impl {
     bool bytes = false;
     Type type;  // in the file
     Dataset dataset;
-    std::vector<double> numbers;  // rows waiting to be written, one of the two
+    std::vector<double> numbers;  // buffered rows, of `bytes` or not
     std::vector<std::uint8_t> codes;
     bool set = false;  // in the open row
   };
@@ -70,7 +70,7 @@ struct HistoryWriter::Impl {
     fs::remove(partial, ignored);
   }
 
-  // Datasets first: a file whose objects are open stays open.
+  // Closes the datasets first, because a file with open objects stays open.
   herr_t release() {
     herr_t worst = std::min(time.close(), dt.close());
     for (Series& one : series) worst = std::min({worst, one.dataset.close(), one.type.close()});
@@ -320,7 +320,7 @@ void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta
   if (self.row_open) refuse(self.file, "closed inside a row", "Call end_row first.");
   self.write_waiting_rows();
   self.write_meta(closing_meta);
-  // On a full disk the flush fails and H5Fclose returns success: the flush is the one to ask.
+  // On a full disk the flush fails but H5Fclose returns success, so the flush is checked.
   self.check(H5Fflush(self.handle, H5F_SCOPE_LOCAL), "cannot write to the disk");
   self.check(self.release(), "cannot close");
   publish(self.partial, self.file);

@@ -1,4 +1,4 @@
-// What went wrong, said so that a program can act on it and a person can mend it.
+// The status of a reply: a code for programs, a text and a remedy for people.
 #pragma once
 
 #include <cstdint>
@@ -49,7 +49,7 @@ enum class Code : std::uint16_t {
   kUnreachable = 500,      // no connection to the endpoint before the deadline
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request
-  kAuth = 503,             // the server does not let this client in, or is not the one it has the key of
+  kAuth = 503,             // the server refuses this client, or has another key than expected
 };
 
 // The name users see, e.g. "SEQUENCE_GAP".
@@ -63,7 +63,7 @@ struct Status {
   std::string remedy;                   // what to do about it
   std::string field;                    // scene field ("layer.cells") or column ("pressure_pa") at fault
   std::vector<std::uint64_t> node_ids;  // nodes at fault, at most kMaxNodesNamed
-  std::uint64_t last_sequence = 0;      // with the sequence codes
+  std::uint64_t last_sequence = 0;      // set with the sequence codes
 
   bool ok() const { return code == Code::kOk; }
 

@@ -14,8 +14,8 @@ bool is_utf8(std::string_view text);
 // cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
 
-// The candidate a typist may have meant: smallest edit distance (a swap of neighbours counts once), at most a third of
-// the longer word and at least one letter in common; empty where none is near.
+// The candidate nearest to a mistyped word: smallest edit distance (a swap of neighbours counts once), at most a third of
+// the longer word, with at least one common letter; empty if there is none.
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);
 
 }  // namespace shearbus::wire

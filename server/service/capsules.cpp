@@ -1,4 +1,4 @@
-// A node without an answer leaves all that made it so in a small file: its state, its inputs, the scene, the versions.
+// Failure capsules: a small file for a node without an answer, with its state, inputs, scene and versions.
 #include <fmt/format.h>
 
 #include <exception>
@@ -11,7 +11,7 @@ namespace shearbus::service {
 
 namespace {
 
-// Of the row; numbers of any element as doubles.
+// The values of a row; numbers of every element type as doubles.
 std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t row) {
   std::vector<store::CapsuleValue> values;
   for (const wire::Column& column : batch.columns()) {
@@ -25,7 +25,7 @@ std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t
 
 }  // namespace
 
-// Whatever happens here, the step is answered.
+// Errors are logged only: the step is answered without a capsule.
 void Service::leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
                              const shard::Rows& rows, const FailedStep& failed) noexcept try {
   if (store_ == nullptr || replaying_) return;

@@ -7,8 +7,7 @@
 #include "proto/wire/batch.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
-#include "server/physics/solver/model.hpp"
-#include "server/shard/step_columns.hpp"
+#include "server/shard/shard.hpp"
 
 namespace shearbus::service {
 

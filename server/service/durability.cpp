@@ -1,5 +1,5 @@
-// How sessions outlive the server: what is kept of a request before it is run, states to checkpoints and back, replay,
-// and the answer to a client that asks where its session stands.
+// Durability of sessions: the journal record of a request before it runs, checkpoints, recovery by replay, and
+// resume_session.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-// A reply and the bytes its columns point into.
+// A reply and the bytes that its columns point into.
 struct HeldReply {
   std::vector<std::byte> payload;
   wire::Reply reply;
@@ -38,7 +38,7 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
   return {held, &held->reply};
 }
 
-// Differs wherever the numbers of the reply do; its times do not count.
+// A hash of a reply without its times, to compare a replayed reply with the recorded one.
 std::uint64_t sum_of(const session::Session& conversation) {
   const wire::Reply& reply = *conversation.kept_reply();
   const auto* step = std::get_if<wire::Upscale>(&reply.body);
@@ -50,7 +50,7 @@ std::uint64_t sum_of(const session::Session& conversation) {
   return wire::hash_of(parts);
 }
 
-// Tells nothing about the token by the time it takes.
+// Compares in constant time.
 bool same_token(const wire::ResumeToken& a, const wire::ResumeToken& b) {
   unsigned difference = 0;
   for (std::size_t i = 0; i < a.size(); ++i) difference |= static_cast<unsigned>(a[i] ^ b[i]);
@@ -66,7 +66,7 @@ void make_repeat(wire::Reply& reply) {
     *totals = {.requests = totals->requests, .node_steps = totals->node_steps};
 }
 
-// From here on nothing may fail: the request will be replayed, so it must be run.
+// Writes the request to the journal. Nothing may fail afterwards: a recovery replays the request, so it must run.
 void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member) {
   if (store_ == nullptr || replaying_) return;
   try {
@@ -95,7 +95,7 @@ void Service::recover() {
   replaying_ = false;
   epoch_ = options_.epoch;
   times_ = {};
-  metrics_.node_steps = metrics_.solver_ns = 0;  // what was replayed had been counted by the server that ran it
+  metrics_.node_steps = metrics_.solver_ns = 0;  // the server that ran the requests first has counted them
 }
 
 void Service::clear() {
@@ -226,7 +226,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
   if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // claims are counted from the start of the server
+    if (request.epoch != epoch_)  // claims count from the start of the server
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});

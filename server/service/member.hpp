@@ -1,4 +1,4 @@
-// A session and the states it owns; of the service's own files only.
+// A session and its states. Private to the sources of the service.
 #pragma once
 
 #include <memory>
@@ -11,22 +11,22 @@ namespace shearbus::service {
 
 struct Service::Member {
   wire::SessionId id{};
-  std::string identity;              // of who opened it: nobody else may use it
+  std::string identity;              // the opener, the only identity that may use the session
   wire::ResumeToken resume_token{};  // all zero: nobody may resume the session
-  std::uint64_t claim = 0;           // the last one granted, to whom,
+  std::uint64_t claim = 0;           // the last granted claim
   std::uint64_t claimant = 0;
-  std::uint64_t epoch = 0;  // and the epoch of the session's requests since; 0: the server's
+  std::uint64_t epoch = 0;  // epoch of the session's requests since that claim; 0: that of the server
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null once closed
   std::string domain;                   // empty: none
   std::string scene_name;
   std::string scene;            // effective, as canonical text
-  std::uint64_t opened_ns = 0;  // by the service's clock; a recovered session: when it was taken up
+  std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 
-  std::uint64_t held_bytes() const;  // of states, marks included
+  std::uint64_t held_bytes() const;  // memory of states and marks
   Domain domain_it_is_in() const { return {identity, domain}; }
 };
 
@@ -39,21 +39,21 @@ struct Service::Arrival {
   std::uint64_t started_ns = 0;
 };
 
-// What a repeated request is answered with: the reply without its times, since a repeat takes none. So it has the same
-// bytes whether the server was restarted in between or not.
+// Turns a reply into the answer to a repeated request: without times, so that it has the same bytes whether or not the
+// server was restarted in between.
 void make_repeat(wire::Reply& reply);
 
-// A reply's list of nodes.
+// A batch of one column, the ids of the nodes.
 wire::Batch node_column(std::span<const std::uint64_t> node_ids);
 
-// Memory of states kept beside a shard, as marks and transfers keep them: each once, with the ids of their nodes.
+// Memory of the states that marks and transfers store, with the ids of their nodes.
 std::uint64_t kept_bytes(const shard::States& states);
 std::uint64_t kept_bytes(const physics::Model& model, std::size_t nodes);
 
-// The beginning of a session's id, for people: the whole of it would let them speak in its name.
+// The first digits of a session's id, for logs: the whole id is a secret of its client.
 std::string short_name(const wire::SessionId& id);
 
-// A client's words, fit for one line of a log.
+// A text of a client, as one printable line of a log.
 std::string printable(const std::string& text);
 
 }  // namespace shearbus::service

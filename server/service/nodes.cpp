@@ -1,9 +1,8 @@
-// Which nodes a session has: nodes that come and leave, nodes handed from one session to another, and the marks that
-// bring a set of nodes back.
+// The set of a session's nodes: registering and retiring nodes, moving nodes between sessions, and marks.
 //
-// A node belongs to one session of its domain, or to one transfer. An offer takes nodes out of the giver's session, an
-// acceptance puts them into the taker's; each is one request of one session, journaled and answered like any other. So
-// between the two a node is in the transfer and nowhere else, whoever dies.
+// A node belongs to one session of its domain, or to one transfer. offer_nodes moves nodes from a session to a transfer,
+// accept_nodes from a transfer to a session. Each is one request of one session, journaled and answered like any other,
+// so a crash between the two leaves the nodes in the transfer.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -86,8 +85,8 @@ std::uint64_t Service::Member::held_bytes() const {
   return bytes;
 }
 
-// Throws NODE_OWNED where another session than `self` has one of the nodes, or an offer waits with it; but for offers
-// of `self` after this sequence, which are about to be withdrawn.
+// Throws NODE_OWNED if a session other than `self` or a waiting offer has one of the nodes, except offers of `self` after
+// this sequence, which the request withdraws.
 void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                            std::span<const std::uint64_t> node_ids) const {
   if (domain.name.empty()) return;
@@ -117,7 +116,7 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   }
 }
 
-// The change that was made ready; from here on nothing fails.
+// Applies a prepared change; cannot fail.
 void Service::apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
   metrics_.state_bytes -= member.shard->state_bytes();
   member.shard->apply(std::move(change));
@@ -229,7 +228,7 @@ std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
   return offers;
 }
 
-// With the last session of a domain nobody is left who has a part in it.
+// Drops the offers of a domain without open sessions.
 void Service::forget_transfers_of(const Domain& domain) {
   const auto open = [&](const auto& entry) { return entry.second->shard && entry.second->domain_it_is_in() == domain; };
   if (domain.name.empty() || std::ranges::any_of(members_, open)) return;
@@ -288,8 +287,8 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
   reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
 }
 
-// The nodes of the mark with their states of then: those that came since are gone, those that were retired since are
-// back, and so are those that were offered and not yet accepted.
+// Restores the nodes of the mark with their states. Nodes registered since leave; nodes retired since return, and so do
+// nodes of offers made since that wait.
 void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
   const shard::Shard& before = *member.shard;
   std::unique_ptr<shard::Shard> other_nodes;
@@ -312,7 +311,7 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   metrics_.state_bytes += member.held_bytes();
 }
 
-// The session's offers since this request were never made; marks from while they stood are of a world that is not.
+// Withdraws the session's offers made after this request, and drops the marks made while one of the offers waited.
 void Service::withdraw_offers(Member& member, std::uint64_t after_sequence) {
   std::uint64_t first_withdrawn = std::numeric_limits<std::uint64_t>::max();
   std::erase_if(transfers_, [&](const auto& entry) {

@@ -1,4 +1,4 @@
-// What an operator may ask: a checkpoint now, no new sessions, and a look at the sessions there are.
+// Requests of operators: checkpoint, drain and inspect.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ using wire::Field;
 
 namespace {
 
-// A top list before it is cut: rows of the session, with what they are sorted by.
+// A candidate of a list of top nodes: a row of the session, and the value that the list is sorted by.
 struct Candidate {
   double value;
   std::uint32_t row;
@@ -30,7 +30,7 @@ void refuse_top(const std::string& text, const std::string& remedy) {
   throw Error({.code = Code::kInvalidValue, .text = text, .remedy = remedy, .field = "inspect.top"});
 }
 
-// Sliding velocities of all nodes: states do not hold them, the answer to the last step does.
+// Sliding velocities of all nodes, from the kept reply to the last step, because states do not hold them.
 std::span<const double> sliding_velocities(const wire::Reply& last, std::size_t nodes) {
   const std::span<const double> column = std::holds_alternative<wire::Upscale>(last.body)
                                              ? last.batch.f64(Field::kSlidingVelocity)

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "proto/scene/scene.hpp"
+#include "proto/scene/with_message.hpp"
 #include "proto/wire/status.hpp"
-#include "proto/wire/with_message.hpp"
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"

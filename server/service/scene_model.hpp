@@ -1,4 +1,4 @@
-// A scene to the model that runs it.
+// Converts a scene to the options of its model.
 #pragma once
 
 #include <string>

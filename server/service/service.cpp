@@ -42,7 +42,7 @@ Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* st
 
 Service::~Service() = default;
 
-// A line that cannot be written is lost: what it tells of has happened.
+// Writes a line of the log. A line that cannot be written is lost.
 void Service::log(const std::string& line) const noexcept try {
   if (options_.log) options_.log(line);
 } catch (const std::exception&) {
@@ -65,7 +65,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
                      .text = fmt::format("the server could not run the request: {}", fault.what()),
                      .remedy = "Nothing was changed. Tell the maintainers of the server."};
   }
-  if (kept_) failed_ = true;  // in the journal, but not run: states and journal have parted
+  if (kept_) failed_ = true;  // in the journal, but not run: states and journal differ
   if (failed()) {
     log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
     return std::nullopt;
@@ -95,7 +95,7 @@ void Service::settle() {
     store_->settle();
 }
 
-// Decodes, and sends each verb to its function. What is returned is `reply`, or the kept reply of a repeated request.
+// Decodes the request and calls the function of its verb. Returns `reply`, or the kept reply of a repeated request.
 Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const ReplyPtr& reply) {
   Arrival arrival{.frames = frames, .caller = caller, .request = {}, .hash = 0, .started_ns = 0};
   wire::Request& request = arrival.request;
@@ -107,7 +107,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   try {
     wire::decode(frames, request);
   } catch (const Error&) {
-    address();  // with what could be read of it
+    address();  // with the ids that could be read
     throw;
   }
   address();
@@ -141,14 +141,14 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     return reply;
   }
   if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, arrival, reply);
-  // The header holds the checksum of the payload, which decode() has compared: the header's bytes stand for all of
-  // them.
+  // The header holds the checksum of the payload, which decode() has compared, so the hash of the header identifies the
+  // whole request.
   arrival.hash = wire::hash_of(frames.first(1));
   if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, arrival, reply);
   return answer_in_session(arrival, reply);
 }
 
-// `member` is null where the request's session is not known. What is replayed was checked when it was run.
+// `member` is null if the request's session is unknown. Replayed requests were checked when they ran first.
 void Service::check_epoch(const wire::Request& request, const Member* member) const {
   const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
   if (request.epoch == 0 || request.epoch == expected || replaying_) return;
@@ -170,7 +170,7 @@ Service::ReplyPtr Service::repeat(const Member& member) {
   return member.conversation.kept_reply();
 }
 
-// A session id and a resume token are secrets, but secrets travel; a key or a uid has been proven.
+// A session id and a resume token may leak; a key or a uid is authenticated.
 void Service::check_identity(const Member& member, const Caller& caller) const {
   if (caller.identity == member.identity || caller.is_operator || replaying_) return;
   log(fmt::format("REFUSED: {} asked for session {} of {}", caller.identity, short_name(member.id), member.identity));
@@ -196,7 +196,7 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   reply.body = std::move(welcome);
 }
 
-// Refuses a new session whatever its scene and nodes are.
+// Refuses a new session before its scene and nodes are read.
 void Service::check_may_open(const wire::Request& request) const {
   check_epoch(request, nullptr);
   if (request.sequence != 0)
@@ -311,7 +311,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // of whatever epoch: it was run once
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // in any epoch, because the request has run
   check_epoch(request, &member);
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
   if (!member.shard)
@@ -353,7 +353,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
 void Service::downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   shard::Shard& shard = *member.shard;
-  // 1. everything that can fail: checks, factorisation, memory, the journal
+  // 1. Do everything that can fail: checks, factorisation, memory, the journal.
   const physics::ModelOptions& options = shard.model().options();
   const std::vector<Field> wanted = check_wanted(step, options);
   const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
@@ -366,8 +366,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   auto& upscale = reply->body.emplace<wire::Upscale>();
   shard::StepColumns columns = step_columns(request.batch, reply->batch);
-  std::vector<std::uint8_t> unasked(reply->batch.has(Field::kOutcome) ? 0
-                                                                      : num_rows);  // outcomes, for the server alone
+  std::vector<std::uint8_t> unasked(
+      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes that the host did not ask for
   if (!unasked.empty())
     columns.outputs.emplace_back(shard::AnswerColumn{&physics::TileOutputs::outcome, std::span(unasked)});
   const std::span<const std::uint8_t> outcomes =
@@ -385,7 +385,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   }
   keep(arrival, member.id, &member);
 
-  // 2. what changes states: from here to complete() nothing fails, so state, sequence and kept reply move together
+  // 2. Change the states. Nothing fails from here to complete(), so states, sequence and kept reply stay consistent.
   if (step.commit_previous) shard.commit();
   if (attempt) {
     shard.adopt(*attempt);
@@ -417,7 +417,7 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
                             wire::Reply& reply) {
   keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
-  ++totals.requests;  // this one
+  ++totals.requests;  // close_session itself
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));

@@ -1,5 +1,5 @@
-// Bytes in, bytes out: the whole server but its socket. One thread at a time. Same requests, same clock, same epoch:
-// same bytes.
+// The server without its socket: frames in, frames out. One thread at a time. Equal requests, clocks and epochs give
+// equal bytes.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +26,7 @@ namespace shearbus::service {
 
 using Frames = std::span<const std::span<const std::byte>>;
 
-// A reply ready to be sent. The payload is not copied: `owner` keeps it alive for as long as a socket needs it.
+// The frames of a reply. The payload is not copied: `owner` keeps it alive while a socket needs it.
 struct ReplyFrames {
   std::string header;
   bool has_payload = false;
@@ -34,58 +34,58 @@ struct ReplyFrames {
   std::shared_ptr<const void> owner;
 };
 
-// Who a request is from, as the server's door has made sure. A session belongs to the identity that opened it.
+// The authenticated sender of a request. A session belongs to the identity that opened it.
 struct Caller {
   std::string_view identity;  // "uid 1000", "key ...", "anonymous" or "process"
-  bool is_operator = false;   // may act for every identity, and on the server itself
+  bool is_operator = false;   // may act in any session and on the server itself
 };
 
 struct ServiceOptions {
-  std::uint64_t epoch = 1;  // of this incarnation of the server; not 0
+  std::uint64_t epoch = 1;  // number of this start of the server; not 0
   std::string server_version;
-  std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // of all sessions' states together
+  std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // bound of the states of all sessions together
   std::size_t max_sessions = wire::kMaxSessions;
   std::size_t nodes_per_task = 512;
-  std::function<std::uint64_t()> now_ns;                     // a clock that never goes back
-  std::function<void(const std::string&)> log;               // a line when a session opens or closes; may be empty
-  std::function<void(wire::ServerStatus&)> complete_status;  // with what others than the service count; may be empty
-  std::function<void(bool begins)> around_checkpoint;        // one begins, or has ended; may be empty
+  std::function<std::uint64_t()> now_ns;                     // a monotonic clock
+  std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
+  std::function<void(wire::ServerStatus&)> complete_status;  // adds the counters of other rooms; may be empty
+  std::function<void(bool begins)> around_checkpoint;        // called before and after a checkpoint; may be empty
 };
 
 class Service : private store::Recovery {
  public:
-  // With a store, requests outlive the server as its durability says; without one, nothing does.
+  // A store keeps requests beyond the end of the server, as its durability says; without a store nothing is kept.
   Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store = nullptr);
   ~Service() override;
 
-  // Once, before the first request: takes up what the store holds. Throws where it cannot be used.
+  // Restores the sessions of the store. Called once, before the first request. Throws if the store cannot be used.
   void recover();
 
-  // The answer to one request. Never throws. Empty where the request was run and its answer found no memory (the client
-  // will repeat it and be answered then), and always once failed().
+  // The answer to one request. Never throws. Empty if the request has run but there was no memory for its answer (the
+  // client repeats the request and gets the answer then), and always after failed().
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
-  // What was promised of a request that was run can no longer be held: nothing is answered any more. The server must
-  // end; the next one recovers.
+  // States and journal differ after a failure: the service answers nothing any more. The server must end; its successor
+  // recovers from the journal.
   bool failed() const { return failed_ || (store_ != nullptr && store_->failed()); }
 
-  // Writes the states of all sessions to the store. False where there is none or it could not be done.
+  // Writes the states of all sessions to the store. False without a store, or if writing failed.
   bool checkpoint();
 
-  // Drained, and no session is left: the server was asked to end then.
+  // An operator asked the server to end after the last session, and no session is open.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
-  // From here on every request is refused with SHUTTING_DOWN.
+  // Refuses every later request with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }
 
   wire::ServerStatus status() const;
 
  private:
-  // A session and the states it owns. A closed one stays for a while without states: it knows a repeated goodbye, and a
-  // late copy of its opening cannot bring it back.
+  // A session and its states. A closed session stays for a while without states, so that a repeated close_session is
+  // answered and a late copy of its opening cannot reopen it.
   struct Member;
   struct Arrival;
-  // Sessions of one identity that named the same; without a name a session is alone.
+  // Sessions of one identity with the same domain name; a session without a name is in no domain.
   struct Domain {
     std::string_view identity;
     std::string_view name;
@@ -112,19 +112,19 @@ class Service : private store::Recovery {
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
   wire::SessionOpened opened(const Member& member) const;
-  // At the model's initial temperature.
+  // A shard whose nodes have the model's initial temperature.
   std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids) const;
 
-  // capsules.cpp: what nodes without an answer leave behind.
+  // capsules.cpp: failure capsules of nodes without an answer.
   struct FailedStep {
     const wire::Batch& answer;
     std::span<const std::uint8_t> outcomes;
-    bool from_trial;  // the states it started from
+    bool from_trial;  // the step started from the standing trial
   };
   void leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
                       const shard::Rows& rows, const FailedStep& failed) noexcept;
 
-  // nodes.cpp: the set of a session's nodes, and the marks that keep it.
+  // nodes.cpp: the set of a session's nodes, and marks.
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
   void check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                     std::span<const std::uint64_t> node_ids) const;
@@ -155,10 +155,10 @@ class Service : private store::Recovery {
   ServiceOptions options_;
   shard::TaskPool& pool_;
   store::Store* store_;
-  std::uint64_t epoch_;       // options_.epoch; during recovery that of the server that answered
-  std::uint64_t claims_ = 0;  // granted: each brings an epoch of its own, counted on from the server's
+  std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that answered
+  std::uint64_t claims_ = 0;  // number of granted claims; each has an epoch, counted from that of the server
   bool replaying_ = false;    // during recovery
-  bool kept_ = false;         // the request at hand is in the journal, and not yet run
+  bool kept_ = false;         // the present request is in the journal and has not run
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
@@ -166,10 +166,10 @@ class Service : private store::Recovery {
   bool exit_when_drained_ = false;
   Members members_;                                             // open and closed
   std::deque<wire::SessionId> closed_;                          // oldest first
-  std::map<wire::TransferId, store::TransferImage> transfers_;  // nodes on their way, which no session has
+  std::map<wire::TransferId, store::TransferImage> transfers_;  // offered nodes, which no session owns
   wire::ServerStatus metrics_;
   Metrics times_;
-  struct Current {  // the request at hand
+  struct Current {  // the present request
     std::size_t verb = 0;
     std::uint64_t started_ns = 0;
   } current_;

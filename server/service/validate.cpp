@@ -70,7 +70,7 @@ bool contains(std::span<const Field> list, Field field) {
   return std::find(list.begin(), list.end(), field) != list.end();
 }
 
-// A second component where the scene's slip has one and the column is a vector along the interface, nowhere else.
+// Refuses a second component unless the scene has two components and the column is tangential.
 void check_components(const wire::Batch& batch, std::uint32_t components) {
   for (const wire::Column& column : batch.columns())
     if (column.component != 0 && (components == 1 || !wire::is_tangential(column.field)))
@@ -108,7 +108,7 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
   }
 }
 
-// The length and end of a step, which the model's heat conduction and tolerance bound too.
+// Checks length and end of a step. Heat modes and a tolerance bound the length further.
 void check_times(const wire::Downscale& step, const physics::ModelOptions& options) {
   if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
     refuse(Code::kInvalidValue, "dt_s",
@@ -158,7 +158,7 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
   return rows;
 }
 
-// The node_id column of an opening or of a change of nodes; empty where `needed` is null and there is none.
+// The node_id column of an opening or of a change of nodes; may be empty only if `needed` is null.
 std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed) {
   check_components(batch, 1);
   for (const wire::Column& column : batch.columns())

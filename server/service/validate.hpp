@@ -1,4 +1,4 @@
-// What a request must be before physics sees a number of it. Everything throws wire::Error that names column, nodes and
+// Checks of a request before physics uses its numbers. Every check throws wire::Error, whose text names column, nodes and
 // value.
 #pragma once
 
@@ -14,33 +14,33 @@
 
 namespace shearbus::service {
 
-// The node ids of an opening: not too many, each once; none only in a domain, where others may come.
+// The node ids of an opening: unique and not too many. Only a session of a domain may have none.
 std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain);
 
-// Nodes to register: as in an opening, at least one, and none that is there already.
+// The ids of nodes to register: unique, at least one, and none of the session's nodes.
 std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// Nodes to retire or offer: at least one, all there, each once.
+// The rows of nodes to retire or offer: unique, at least one, and all of the session.
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// Of a session's nodes together.
+// Refuses a session of too many nodes.
 void check_session_size(std::size_t nodes);
 
-// A name a client chose, of a mark or a domain.
+// Refuses a name of a mark or a domain that is empty or too long.
 void check_name(const std::string& name, const std::string& field);
 
-// Refuses a step of which some nodes have no answer.
+// Refuses a step in which nodes have no answer.
 [[noreturn]] void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
                                      std::span<const std::uint8_t> outcomes);
 
-// The initial temperature of each node, solid and above 0 K: the payload's column where there is one, else the model's.
+// The initial temperature of each node [K], above 0 and below melting: from the payload's column, else from the model.
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options);
 
-// A step's options and columns; returns where its rows belong.
+// Checks options and columns of a step; returns the slots of its rows.
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);
 
-// The reply's columns: those wanted, or all of the strategy's.
+// The columns of the reply: the wanted columns, or all default columns of the strategy.
 std::vector<wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options);
 
 }  // namespace shearbus::service

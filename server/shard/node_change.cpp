@@ -1,4 +1,4 @@
-// Nodes that come and nodes that leave: what is slow or can fail is done while the change is made ready.
+// Changes of the set of nodes. All work that is slow or can fail is done when the change is prepared.
 #include <sys/mman.h>
 
 #include <algorithm>
@@ -23,7 +23,7 @@ void copy_lane(const double* from, double* to, std::size_t doubles, std::size_t 
 
 }  // namespace
 
-// Large ones are pages of their own: freed, they are the system's again at once, which a heap does not promise.
+// Large blocks are mapped: unmapping returns their pages to the system at once, unlike a heap.
 Shard::Block Shard::make_states(std::size_t doubles) {
   const std::size_t bytes = doubles * sizeof(double);
   if (bytes < kMappedFrom) return Block(static_cast<double*>(::operator new[](bytes, kAlignment)));
@@ -39,7 +39,7 @@ void Shard::Release::operator()(double* p) const {
     ::munmap(p, mapped_bytes);
 }
 
-// Of so many tiles in all.
+// Number of tiles in a block, if the shard has `tiles` tiles.
 std::size_t Shard::tiles_in_block(std::size_t block, std::size_t tiles) const {
   return std::min(tiles - block * tiles_per_block_, tiles_per_block_);
 }
@@ -50,7 +50,7 @@ void Shard::size_lists(std::size_t nodes, NodeChange& change) const {
   change.committed_.assign(committed_.begin(),
                            committed_.begin() + static_cast<std::ptrdiff_t>(std::min(tiles, committed_.size())));
   change.committed_.resize(tiles, 0);
-  change.touched_.reserve(nodes);  // so that a step allocates nothing
+  change.touched_.reserve(nodes);  // reserved here, so that a step allocates nothing
   change.row_of_slot_.assign(tiles * kLanes, kNoRow);
 }
 
@@ -65,7 +65,7 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
   change.nodes_ = nodes_.with(node_ids);
   size_lists(after, change);
 
-  // 1. the block of the first new state anew, and those after it
+  // 1. allocate the block of the first new state and the blocks after it
   change.first_block_ = before / kLanes / tiles_per_block_;
   change.blocks_.resize((tiles + tiles_per_block_ - 1) / tiles_per_block_);
   for (std::size_t block = change.first_block_; block < change.blocks_.size(); ++block)
@@ -78,12 +78,13 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
     std::copy_n(committed(tile), doubles, tile_at(tile));
   if (node_ids.empty()) return change;
 
-  // 2. the new states; in the tile that old and new nodes share the old ones stay
+  // 2. initialise the new states; old nodes keep theirs in the tile that old and new nodes share
   std::vector<double> fresh(doubles);
   for (std::size_t tile = before / kLanes; tile < tiles; ++tile) {
     double initial[kLanes];
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      const std::size_t slot = std::clamp(tile * kLanes + lane, before, after - 1);  // lanes beyond repeat the last
+      const std::size_t slot =
+          std::clamp(tile * kLanes + lane, before, after - 1);  // lanes without a node repeat the last node
       initial[lane] = temperature[slot - before];
     }
     model_.initialise(fresh.data(), initial);

@@ -23,7 +23,7 @@ Rows NodeTable::locate(std::span<const std::uint64_t> node_ids) const {
   Rows rows;
   rows.slots.reserve(node_ids.size());
   std::vector<bool> taken(ids_.size(), false);
-  std::size_t guess = 0;  // hosts send their nodes in the order of opening, or in runs of it: then no search is needed
+  std::size_t guess = 0;  // hosts send their nodes in the order of opening, or in runs of it, which need no search
   for (const std::uint64_t id : node_ids) {
     std::size_t row = guess;
     if (row >= ids_.size() || ids_[row] != id) {
@@ -83,7 +83,7 @@ NodeTable NodeTable::with(std::span<const std::uint64_t> node_ids) const {
 std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const std::uint32_t> slots) const {
   constexpr std::uint32_t kGone = 0xffffffff;
   const auto left = static_cast<std::uint32_t>(size() - slots.size());
-  // 1. where each state will lie
+  // 1. the slot of each state after the change
   std::vector<std::uint32_t> slot_now(size());
   for (std::uint32_t slot = 0; slot < slot_now.size(); ++slot) slot_now[slot] = slot;
   for (const std::uint32_t slot : slots) slot_now[slot] = kGone;
@@ -95,7 +95,7 @@ std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const
     moves.push_back({from, hole});
     slot_now[from] = hole++;
   }
-  // 2. the rows that stay, in their order
+  // 2. the remaining rows, in their order
   NodeTable table;
   table.ids_.reserve(left);
   table.slots_.reserve(left);

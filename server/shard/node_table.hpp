@@ -1,7 +1,7 @@
-// Which nodes there are, in the order in which they came, and which slot holds the state of each.
+// The nodes of a shard in the order of their registration, and the slot that holds the state of each.
 //
-// Slots are dense: n nodes lie in the slots 0 to n - 1. New nodes take the slots behind them; where nodes leave, those
-// in the last slots move into the holes. The order of the rows does not change by that: it is the order of arrival.
+// Slots are dense: n nodes occupy the slots 0 to n - 1. New nodes get the next slots; when nodes leave, the nodes of the
+// last slots move into the free slots. The order of the rows does not change: it is the order of registration.
 #pragma once
 
 #include <cstddef>
@@ -12,16 +12,16 @@
 
 namespace shearbus::shard {
 
-// Where rows of a request belong, or what is wrong with them.
+// The slots of the rows of a request, and the faults of its node ids.
 struct Rows {
-  bool all = false;                      // every node, in the table's order; the lists are empty then
-  std::vector<std::uint32_t> slots;      // of each row
-  std::vector<std::uint64_t> unknown;    // ids that are not of this table, in row order
-  std::vector<std::uint64_t> duplicate;  // ids that came before in the same request
+  bool all = false;                      // every node, in the order of the table; the lists are then empty
+  std::vector<std::uint32_t> slots;      // slot of each row
+  std::vector<std::uint64_t> unknown;    // ids that the table does not have, in row order
+  std::vector<std::uint64_t> duplicate;  // ids that occur earlier in the same request
   bool ok() const { return unknown.empty() && duplicate.empty(); }
 };
 
-// A state that moves to another slot.
+// The move of a state to another slot.
 struct Relocation {
   std::uint32_t from;
   std::uint32_t to;
@@ -38,7 +38,7 @@ class NodeTable {
   std::size_t size() const { return ids_.size(); }
   const std::vector<std::uint64_t>& ids() const { return ids_; }
   Rows locate(std::span<const std::uint64_t> node_ids) const;
-  // Those of `sorted` that are of this table.
+  // The ids of `sorted` (ascending) that the table has.
   std::vector<std::uint64_t> common(std::span<const std::uint64_t> sorted) const;
 
   bool slots_are_rows() const { return slots_.empty(); }
@@ -46,20 +46,20 @@ class NodeTable {
     return slots_.empty() ? static_cast<std::uint32_t>(row) : slots_[row];
   }
 
-  // This table with more nodes; ids must be unique, and none of this table.
+  // This table with more nodes; their ids must be unique, and the table must have none of them.
   NodeTable with(std::span<const std::uint64_t> node_ids) const;
-  // This table without the nodes in these slots, and what moves into the holes they leave.
+  // This table without the nodes in these slots, and the moves of states into the free slots.
   std::pair<NodeTable, std::vector<Relocation>> without(std::span<const std::uint32_t> slots) const;
 
-  // Memory of a node, that of slots_ included.
+  // Memory of one node in the table, slots_ included.
   static constexpr std::uint64_t kBytesPerNode =
       sizeof(std::uint64_t) + sizeof(std::pair<std::uint64_t, std::uint32_t>) + sizeof(std::uint32_t);
 
  private:
-  // A sorted table and not a hash: ids come from outside, and nobody can choose ids that make a binary search slow.
+  // A sorted table instead of a hash table: clients choose the ids, and no choice of ids makes a binary search slow.
   std::vector<std::uint64_t> ids_;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // and the row
-  std::vector<std::uint32_t> slots_;                            // of each row; empty: as the rows
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // id and row
+  std::vector<std::uint32_t> slots_;                            // slot of each row; empty: slot = row
 };
 
 }  // namespace shearbus::shard

@@ -10,10 +10,10 @@ using physics::kLanes;
 
 namespace {
 
-// Long enough that a free block goes back to the system and a step does not notice them, short enough to be copied.
+// Large enough that a freed block is returned to the system and that blocks cost a step no time; small enough to copy.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
-// The rows of a request that belong to one tile; those of the active lanes have a meaning.
+// Rows of a request by the lanes of one tile; only the rows of active lanes are valid.
 struct LaneRows {
   std::uint32_t row[kLanes] = {};
   std::uint32_t active = 0;
@@ -93,7 +93,7 @@ std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
   return operators_.front().second;
 }
 
-// A step as every tile sees it.
+// The arguments of a step that all tiles share.
 struct Shard::StepOf {
   std::size_t num_rows;
   bool rows_are_slots;
@@ -102,7 +102,7 @@ struct Shard::StepOf {
   bool has_ledger;
 };
 
-// The tiles that hold a requested node; enters their rows in row_of_slot_ where it is not the slot.
+// Lists the tiles that hold a node of the request, and enters the rows in row_of_slot_ unless rows are slots.
 void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   if (rows.all) {
     for (std::size_t tile = 0; tile < num_tiles(); ++tile) tiles.push_back(static_cast<std::uint32_t>(tile));
@@ -118,8 +118,8 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   tiles.erase(std::unique(tiles.begin(), tiles.end()), tiles.end());
 }
 
-// Each tile on its own, by one thread or several: no tile looks at another. From and to are told by the place in
-// `tiles`.
+// Steps each tile, on one thread or several; tiles are independent. `from(i)` and `to(i)` are the states of tiles[i]
+// before and after the step.
 template <typename From, typename To>
 StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from,
                             const To& to) {
@@ -135,7 +135,7 @@ StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>
   if (tasks <= 1) {
     step_range(0, tiles.size());
   } else {
-    // Nodes differ in cost (a melting one needs more iterations), so each thread comes back for several ranges.
+    // Nodes differ in cost (a melting node needs more iterations), so each thread gets several ranges.
     constexpr std::size_t kRangesPerThread = 8;
     const auto threads = static_cast<unsigned>(std::min<std::size_t>(tasks, pool_.threads()));
     const std::size_t grain = std::max<std::size_t>(1, tiles.size() / (threads * kRangesPerThread));

@@ -1,5 +1,5 @@
-// The states of one session's nodes, committed and trial, and the stepping of them. A shard knows node ids and slots;
-// it knows no bytes, no sessions and no clock.
+// A shard owns the committed and trial states of one session's nodes and steps them. It knows node ids and slots, but no
+// messages, sessions or clock.
 #pragma once
 
 #include <cstddef>
@@ -18,20 +18,20 @@
 
 namespace shearbus::shard {
 
-// Nodes of a step.
+// Numbers of nodes of a step.
 struct StepCount {
-  std::uint64_t flagged = 0;  // whose outcome is neither 0 nor asleep
-  std::uint64_t failed = 0;   // of those: without an answer
-  std::uint64_t asleep = 0;   // at rest, not solved
+  std::uint64_t flagged = 0;  // nodes whose outcome is neither 0 nor asleep
+  std::uint64_t failed = 0;   // flagged nodes without an answer
+  std::uint64_t asleep = 0;   // nodes at rest, which were not solved
 
   StepCount& operator+=(const StepCount& other);
 };
 
 struct ShardOptions {
-  std::size_t nodes_per_task = 512;  // fewer nodes than this are stepped on the calling thread
+  std::size_t nodes_per_task = 512;  // steps of fewer nodes run on the calling thread
 };
 
-// A node's committed state, as far as people look at it.
+// The part of a node's committed state that operators look at.
 struct NodeGlance {
   double interface_temperature;  // [K]
   double shear_stress;           // [Pa]
@@ -44,8 +44,8 @@ class Shard {
   Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
         TaskPool& pool, const ShardOptions& options = {});
 
-  // Memory of one node: its state once, as marks and files hold it; twice, committed and trial, with the index of the
-  // nodes; and of so many, which fill their last tile.
+  // Memory in bytes: of the state of one node, as marks and files store it; of one node in a shard, which has a committed
+  // state, a trial state and an entry in the index; and of a number of nodes, in whole tiles.
   static std::uint64_t bytes_of_state(const physics::Model& model);
   static std::uint64_t bytes_per_node(const physics::Model& model);
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes);
@@ -53,35 +53,36 @@ class Shard {
   const physics::Model& model() const { return model_; }
   const NodeTable& nodes() const { return nodes_; }
   std::uint64_t state_bytes() const { return bytes_for(model_, nodes_.size()); }
-  std::uint64_t state_version() const { return state_version_; }  // number of commits so far
+  std::uint64_t state_version() const { return state_version_; }  // number of commits
 
-  // The operators of a step length: factorised at its first use, kept for the next kOperatorsKept lengths.
+  // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
+  // operators of the last kOperatorsKept lengths.
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
-  // Steps the nodes of `rows` from their committed states and leaves the answer as the trial, in place of any trial
-  // before it. Nodes that are not in `rows` keep their states, and so do those without an answer. Throws nothing.
+  // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier trial.
+  // Nodes outside of `rows` and nodes without an answer keep their states. Throws nothing.
   StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
-  // The same kept aside, from the standing trial where `from_trial`: the shard is as before until it is taken, which
-  // leaves it as the trial and cannot fail. The trial it was made from must have been committed by then.
+  // Makes the same step without changing the shard, from the standing trial if `from_trial`. adopt() makes the attempt
+  // the trial and cannot fail; a trial that the attempt started from must have been committed before.
   class Attempt;
   Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                   bool from_trial);
   void adopt(const Attempt& attempt);
 
   bool has_trial() const { return has_trial_; }
-  void commit();    // the trial becomes the committed states
-  void rollback();  // the trial is forgotten
+  void commit();    // makes the trial the committed states
+  void rollback();  // drops the trial
 
   NodeGlance glance(std::size_t slot) const;
 
   // Committed states of one node's tile, for tests: [TileLayout::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;
 
-  // A change of the set of nodes, made ready without changing anything; taking it cannot fail. No trial may stand.
-  // New nodes follow the others, with a uniform temperature [K] or with states another shard gave, whose rows are then
-  // those of `node_ids`; ids must be unique and none of this shard. Throws std::invalid_argument where the states are
-  // not of this model.
+  // A change of the set of nodes is prepared without changing the shard; apply() cannot fail. No trial may stand.
+  // New nodes follow the present nodes. They start from a uniform temperature [K], or from states of another shard, row i
+  // of which belongs to node_ids[i]. The ids must be unique, and the shard must have none of them. Throws
+  // std::invalid_argument if the states are not of this model.
   class NodeChange;
   NodeChange adding(std::span<const std::uint64_t> node_ids, std::span<const double> temperature,
                     const States* states = nullptr) const;
@@ -89,18 +90,18 @@ class Shard {
   void apply(NodeChange&& change);
 
   States committed_states() const;  // of every node
-  // Of the nodes in these slots, as rows 0, 1, ...; `of_trial`: those of the trial where it has any.
+  // States of the nodes in these slots, as rows 0, 1, ...; if `of_trial`, the trial states of nodes that have one.
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
-  States trial_states() const;  // of the nodes whose tile the trial touched; none without a trial
-  // Puts back what the first and the last of them gave, to the last bit; null: no trial stands. Throws
-  // std::invalid_argument where they are not of this shard's model and nodes.
+  States trial_states() const;  // of the nodes in tiles that the trial changed; empty without a trial
+  // Restores results of committed_states() and trial_states() to the last bit; without `trial` no trial stands. Throws
+  // std::invalid_argument if the states are not of this shard's model and nodes.
   void restore(const States& committed_states, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
 
  private:
   struct Release {
-    std::size_t mapped_bytes = 0;  // 0: of the heap
+    std::size_t mapped_bytes = 0;  // 0: allocated on the heap
     void operator()(double* p) const;
   };
   using Block = std::unique_ptr<double[], Release>;  // [tile][2][TileLayout::doubles]
@@ -131,12 +132,13 @@ class Shard {
   NodeTable nodes_;
   TaskPool& pool_;
   ShardOptions options_;
-  // In blocks, so that a change of the set of nodes moves few states; the last block is as long as it needs to be.
+  // The tiles are stored in blocks, so that a change of the set of nodes moves few states. The last block has only the
+  // tiles it needs.
   std::size_t tiles_per_block_;
   std::vector<Block> blocks_;
-  std::vector<std::uint8_t> committed_;     // of each tile: which of its two buffers holds the committed states
+  std::vector<std::uint8_t> committed_;     // for each tile, the one of its two buffers that holds the committed states
   std::vector<std::uint32_t> touched_;      // tiles of the trial, ascending
-  std::vector<std::uint32_t> row_of_slot_;  // of the step at hand; kNoRow elsewhere
+  std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
@@ -157,10 +159,10 @@ class Shard::NodeChange {
  private:
   friend class Shard;
   NodeTable nodes_;
-  std::vector<Relocation> moves_;  // of states, before the blocks change
-  std::size_t first_block_ = 0;    // from here on the blocks are these
+  std::vector<Relocation> moves_;  // moves of states, made before the blocks change
+  std::size_t first_block_ = 0;    // index of the first block that `blocks_` replaces
   std::vector<Block> blocks_;
-  std::size_t copied_tiles_ = 0;  // of the first of them: taken over after the moves
+  std::size_t copied_tiles_ = 0;  // tiles of the first new block that are copied after the moves
   std::vector<std::uint8_t> committed_;
   std::vector<std::uint32_t> touched_;
   std::vector<std::uint32_t> row_of_slot_;

@@ -1,4 +1,4 @@
-// States of nodes as named columns with units: how they leave a shard and come back, for files and for other shards.
+// States of nodes as named columns with units: the form in which files and other shards store them.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ struct StateColumn {
 };
 
 struct States {
-  std::vector<std::uint32_t> rows;  // of the node table
+  std::vector<std::uint32_t> rows;  // rows of the node table
   std::vector<StateColumn> columns;
 };
 

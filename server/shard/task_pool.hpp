@@ -1,4 +1,4 @@
-// Fork and join over a few threads that sleep between jobs. The only worker threads of the server live here.
+// Fork and join over a few threads that sleep between jobs. The server has no other worker threads.
 #pragma once
 
 #include <atomic>
@@ -25,8 +25,8 @@ class TaskPool {
   using Task = std::function<void(std::size_t first, std::size_t last)>;
 
   // Calls task(first, last) on ranges of at most `grain` that cover 0..count, on the calling thread and at most
-  // `max_threads - 1` others; returns when every range is done. Which thread takes which range is not defined. The
-  // first exception of a task stops the handing out of ranges and is thrown here. One caller at a time.
+  // `max_threads - 1` others; returns when every range is done. Ranges are assigned to threads in no defined way. After
+  // the first exception of a task no further range starts, and run() throws that exception. One caller at a time.
   void run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task);
 
  private:
@@ -39,10 +39,10 @@ class TaskPool {
   std::condition_variable job_left_;
   bool stopping_ = false;
   unsigned seats_ = 0;   // workers that may still join the job
-  unsigned seated_ = 0;  // workers at it
+  unsigned seated_ = 0;  // workers that have joined it
   std::exception_ptr fault_;
 
-  // The job: written by run() before seats are offered, read by those who took one.
+  // The job: run() writes it before it offers seats, and the workers that have a seat read it.
   const Task* task_ = nullptr;
   std::size_t count_ = 0;
   std::size_t grain_ = 1;

@@ -14,7 +14,7 @@
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 
-// What protobuf and HDF5 lose where an allocation inside of them fails is lost on purpose: proto/wire/with_message.hpp.
+// What protobuf and HDF5 lose where an allocation inside of them fails is lost on purpose: proto/scene/with_message.hpp.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:with_message\nleak:shearbus::v1::\nleak:libhdf5\n";

@@ -209,7 +209,7 @@ class Outsider(unittest.TestCase):
         welcome = reply.header.welcome
         self.assertEqual(reply.header.request_id, self.bus.last_id)
         self.assertEqual((welcome.protocol_major, welcome.durability), (1, "none"))
-        self.assertEqual(welcome.limits.max_header_bytes, 64 * 1024)
+        self.assertEqual(welcome.limits.max_header_bytes, 512 * 1024)
         self.assertEqual(welcome.limits.max_payload_bytes, 32 * 1024 * 1024)
         self.assertEqual(welcome.limits.max_nodes_per_session, 200_000)
         self.assertLessEqual({"velocity_driven", "force_driven", "trial"}, set(welcome.capabilities))
@@ -306,7 +306,7 @@ class Outsider(unittest.TestCase):
         velocity = facts(self.open(paper_scene(), [1]))
         self.assertEqual(velocity, (1, 1, [JUMP, PRESSURE], [], [STRESS, SLIDING, TEMPERATURE, HEAT, REGIME, OUTCOME], ledger))
         force = facts(self.open(force_scene() + "plastic_layer = true\n", [1]))
-        self.assertEqual(force, (2, 1, [JUMP, PRESSURE, STRESS_MINUS, STRESS_PLUS, MASS_MINUS, MASS_PLUS], [17],
+        self.assertEqual(force, (2, 1, [JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD], [17],
                                  [STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME], ledger))
 
     # -- trial, commit, rollback --

@@ -173,8 +173,8 @@ TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   }
   in.dt = 2e-9;
   const std::vector<double> temperature(kNodes, 300.0);
-  hydro::SubgridLaw tried(scene, hydro::node_ids(kNodes), temperature),
-      straight(scene, hydro::node_ids(kNodes), temperature);
+  hydro::SubgridLaw tried(text_of(scene), hydro::node_ids(kNodes), temperature),
+      straight(text_of(scene), hydro::node_ids(kNodes), temperature);
   hydro::InterfaceAnswer a(kNodes), b(kNodes);
   for (std::uint64_t step = 1; step <= 20; ++step) {
     in.step = step;

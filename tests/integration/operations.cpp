@@ -122,7 +122,7 @@ TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   Session other = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   step(session, 0);
   const Ctl ctl(scratch.ipc());
-  const std::string name = support::velocity_scene().name;
+  const std::string name = support::velocity_scene().name();
   const auto [early, refusal] = ctl({"close", name});
   EXPECT_EQ(early, 1);
   EXPECT_THAT(refusal, HasSubstr("only after 60 s without a request"));

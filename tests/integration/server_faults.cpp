@@ -33,7 +33,7 @@ wire::SessionId some_id(std::uint8_t number) {
 wire::Request opening(std::uint8_t session, std::span<const std::uint64_t> nodes = kNodes) {
   wire::Request request;
   request.request_id = 1;
-  request.body = wire::OpenSession{.scene = support::force_scene(), .session_id = some_id(session)};
+  request.body = wire::OpenSession{.scene = support::text_of(support::force_scene()), .session_id = some_id(session)};
   request.batch = wire::Batch::of(std::vector{Field::kNodeId}, nodes.size());
   std::ranges::copy(nodes, request.batch.u64(Field::kNodeId).begin());
   return request;

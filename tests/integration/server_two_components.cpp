@@ -19,8 +19,8 @@ using wire::Strategy;
 constexpr std::size_t kNodes = 300;
 constexpr int kSteps = 20;
 
-Scene plane_scene(Strategy strategy) {
-  Scene scene = support::scene_of(strategy);
+v1::Scene plane_scene(Strategy strategy) {
+  v1::Scene scene = support::scene_of(strategy);
   scene.set_tangential_components(2);
   return scene;
 }
@@ -54,7 +54,7 @@ TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   const auto ids = support::node_ids(kNodes);
   Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
-  EXPECT_EQ(plane.effective_scene().tangential_components, 2U);
+  EXPECT_EQ(plane.opened().tangential_components, 2U);
   EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));  // committed and trial
   const double angle = 0.7;
   for (int step = 0; step < kSteps; ++step) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "hydro_stub/scene.hpp"
+#include "proto/scene/scene.hpp"
 #include "proto/wire/codec.hpp"
 #include "tests/support/wire_samples.hpp"
 
@@ -136,7 +137,9 @@ TEST(Mutations, DamagedScenesEndInASceneOrInLinesThatPointIntoTheFile) {
   const std::string problem =
       "[hydro]\nend_time_s = 1e-6\n[hydro.shear_column]\nlength_m = 1e-3\nzones = 100\n"
       "velocity_jump_m_per_s = [1.0, 2.5]\npressure_pa = [1e9, 2e9, 3e9]\npressure_time_s = [0.0, 1e-9, 2e-9]\n";
-  const std::vector<Bytes> valid = {samples::to_bytes(samples::kScene), samples::to_bytes(samples::kScene + problem)};
+  const std::vector<Bytes> valid = {
+      samples::to_bytes(scene::to_toml(scene::parse(samples::kScene, "scene.toml").scene)),
+      samples::to_bytes(scene::to_toml(hydro::parse_scene(samples::kScene + problem, "guest.toml").scene))};
   Mutator mutator(3);
   Tally tally;
   for (std::size_t i = 0; i < 40'000; ++i) {

@@ -1,4 +1,5 @@
 #include "tests/study/precision.hpp"
+#include "tests/support/scenes.hpp"
 
 #include <fmt/format.h>
 #include <time.h>

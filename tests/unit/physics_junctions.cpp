@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/parts.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -31,7 +32,8 @@ void expect_same_bits(const Rig& with, const Rig& without, int lane) {
 // Contact everywhere and no hardening is DLP (65) itself, whatever the inputs.
 TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   Draw draw(31);
-  for (int scene = 0; scene < 60; ++scene) {
+  int compared = 0;
+  for (int scene = 0; compared < 60; ++scene) {
     const bool extreme = scene % 2 == 1;
     ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
     options.plastic_layer = false;
@@ -43,6 +45,8 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     junctions.junctions->metal.yield_strength = options.interface.yield_strength;
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;
+    if (!refusals(junctions).empty()) continue;  // friction that depends on slip
+    ++compared;
     Rig rig(junctions), other(options);
     for (int step = 0; step < 20; ++step) {
       random_inputs(draw, rig, extreme);

@@ -119,7 +119,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_FALSE(scene_model(scene).options.taylor_quinney_factor);
   scene.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
   EXPECT_EQ(refusal_of(scene).field, "velocity_driven.taylor_quinney_factor");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs the table [hard_layer]"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("give the table [hard_layer]"));
   scene.mutable_hard_layer();
   EXPECT_EQ(scene_model(scene).options.taylor_quinney_factor, 0.9);
   scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
@@ -129,7 +129,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   scene = support::force_scene();
   scene.mutable_hard_layer();
   scene.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("under strategy force_driven plastic work heats nothing"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("the plastic work of a force-driven layer heats nothing"));
 }
 
 TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
@@ -145,7 +145,7 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
   expect_own(made);
 
   scene.mutable_hard_layer();
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("follows one body"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("modes follow one body"));
   scene.clear_hard_layer();
   scene.mutable_layer()->clear_modes();
   scene.mutable_layer()->mutable_modes()->set_shortest_step_s(1e-6);
@@ -160,14 +160,15 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
   scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_BACKWARD_EULER);
   EXPECT_EQ(refusal_of(scene).text, "");
   scene.mutable_layer()->set_heat(v1::HEAT_MODES);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("plastic_layer flows by it"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("a plastic layer flows by it"));
   scene.mutable_interface()->set_plastic_layer(false);
   scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
   scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_SDIRK2);
   scene.set_tangential_components(2);
   EXPECT_EQ(refusal_of(scene).text, "");
-  scene.mutable_junctions();
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("is not made for [junctions]"));
+  scene.mutable_junctions()->set_contact_fraction(1.0);
+  scene.mutable_junctions()->set_height_m(1e-7);
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with [junctions]"));
   scene.clear_junctions();
   scene.mutable_interface()->set_friction_law(v1::FRICTION_LAW_VELOCITY_WEAKENING);
   scene.mutable_interface()->set_friction_coefficient_fast(0.02);
@@ -179,7 +180,7 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
 
   scene = support::velocity_scene();
   scene.mutable_layer()->set_heat(v1::HEAT_MODES);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("velocity_driven flows by it"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("a velocity-driven layer flows by it"));
   scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
   scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_SDIRK2);
   EXPECT_EQ(refusal_of(scene).text, "");
@@ -257,11 +258,11 @@ TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("the stress varies across the layer"));
   scene.mutable_velocity_driven()->clear_taylor_quinney_factor();
   scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs drive = \"layer_shear\""));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with velocity_driven.drive"));
   scene.mutable_velocity_driven()->set_drive(v1::DRIVE_LAYER_SHEAR);
   scene.mutable_layer()->set_grading(1.0);
   scene.mutable_layer()->set_cells(1001);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 1000 cells, found layer.cells = 1001"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 1000 cells, found 1001"));
   scene = support::force_scene();
   scene.mutable_layer()->set_inertia(true);
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("would then count twice"));
@@ -275,13 +276,13 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   scene.mutable_layer()->set_grading(1.0);
   scene.mutable_layer()->set_cells(451);
   scene.mutable_hard_layer();
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 900 cells of both bodies, found 902"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 900 cells, found 902"));
   scene.mutable_hard_layer()->set_cells(449);
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
   const physics::Model most(scene_model(scene).options);  // half-spaces behind both: its modes must fit
   EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
   scene.mutable_layer()->set_inertia(true);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with layer.inertia"));
 }
 
 TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
@@ -292,7 +293,7 @@ TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
   EXPECT_EQ(scene_model(scene_model(scene).effective, "effective").options.tangential_components, 2);
   scene.mutable_layer()->set_inertia(true);
   EXPECT_EQ(refusal_of(scene).field, "tangential_components");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("cannot be combined with layer.inertia"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with layer.inertia"));
   scene.mutable_layer()->set_inertia(false);
   scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("has no direction"));

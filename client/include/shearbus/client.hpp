@@ -7,15 +7,15 @@
 //   const shearbus::StepResult& result = session.advance(request, {.dt_s = 1e-9});
 //   result.shear_stress_pa(); ...
 //
-// Every call has a deadline and throws shearbus::Error on failure: what the server refused (its code and text),
-// kUnreachable, kAuth (the server does not let this client in), kUnknownOutcome (no reply in time after retries: the
-// step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same values is the
-// same request: if it has run, it is not run again, and its reply comes. A different call is refused with
-// kSequenceReused if the lost one has run; the session then goes on from there.
+// Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
+// kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
+// included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
+// values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
+// server refuses a different call with kSequenceReused if the lost request has run; the session then continues after it.
 //
-// Where the server is durable (welcome().durability), a session outlives it: calls wait for the server that comes back,
-// until their deadline, and go on as if nothing had happened. Where it comes back with older states, they throw kEpoch.
-// A client and its sessions belong to one thread; different clients are independent. SI units.
+// The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
+// their deadline and then continue. They throw kEpoch if the server was restored with older states.
+// A client and its sessions belong to one thread; different clients are independent. All quantities are in SI units.
 #pragma once
 
 #include <chrono>
@@ -44,13 +44,13 @@ struct ClientOptions {
   void* context = nullptr;                            // libzmq context to share; required for inproc, else null
   std::string server_key;                             // tcp: the server's public CURVE key; empty: no encryption
   std::string secret_key;                             // this client's, with server_key; shearbus-ctl keygen makes both
-  std::string name = "shearbus-client";               // what the server's log calls this client
+  std::string name = "shearbus-client";               // of this client in the server's log
   std::chrono::milliseconds connect_deadline{5'000};  // for the first hello
   std::chrono::milliseconds reply_deadline{60'000};   // for any other call, retries included
-  std::chrono::milliseconds retry_after{5'000};       // no reply for so long: the same request again on a fresh socket
+  std::chrono::milliseconds retry_after{5'000};       // then the client repeats the request on a fresh socket
 };
 
-// CURVE keys, new; each 40 characters.
+// A new pair of CURVE keys, each of 40 characters.
 struct KeyPair {
   std::string public_key;
   std::string secret_key;
@@ -59,8 +59,8 @@ KeyPair make_key_pair();
 
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one per node; empty: the scene's
-  // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between them;
-  // only there may a session be opened without nodes. Empty: the session is alone.
+  // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
+  // sessions. A session outside of any domain (empty) must be opened with at least one node.
   std::string domain;
 };
 
@@ -69,14 +69,14 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // trial(): accept the standing trial first
-  // What becomes of a step in which a node has no answer: by default it keeps its state and says so in its row.
-  // kAllOrNothing: the call throws kStepFailed, which names the nodes, and nothing was changed.
+  bool commit_previous = false;  // of trial(): first commit the standing trial
+  // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
+  // call throws kStepFailed with the ids of such nodes, and changes nothing.
   Policy policy = Policy::kAccept;
 };
 
-// The reply to a step; columns have one value per node, in the order of the request. Valid until the session's next
-// call. Vectors have a component 1 where the scene has tangential_components = 2, and so have the request's columns.
+// The reply to a step. A column has one value per row of the request, in the order of the request, and is valid until
+// the session's next call. Tangential columns have a component 1 if the scene has tangential_components = 2.
 class StepResult {
  public:
   std::span<const double> shear_stress_pa(std::uint32_t component = 0) const {
@@ -90,7 +90,7 @@ class StepResult {
     return reply_.batch.f64(Field::kVelocityJumpNew, component);
   }
   std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
-  const Batch& batch() const { return reply_.batch; }  // all columns, others that were wanted among them
+  const Batch& batch() const { return reply_.batch; }  // all columns of the reply
   std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
   std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
   const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
@@ -98,7 +98,7 @@ class StepResult {
 
  private:
   friend class Session;
-  std::shared_ptr<void> payload_frame_;  // the received frame, kept while columns point into it
+  std::shared_ptr<void> payload_frame_;  // the received frame, which the columns point into
   wire::Reply reply_;
   std::chrono::nanoseconds round_trip_{0};
 };
@@ -109,40 +109,43 @@ class Session {
  public:
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;
-  ~Session();  // of a session that was not closed: says goodbye without waiting
+  ~Session();  // closes a session that is still open, without waiting for the reply
 
-  // Columns for all nodes, in the order of node_ids(), zeroed; optional columns of the strategy only when asked for.
+  // The required columns of a step of all nodes, with rows in the order of node_ids(), zeroed, and the given optional
+  // columns.
   Batch request(std::span<const Field> optional_columns = {}) const;
-  // The same for some nodes: rows in the order of `node_ids`.
+  // The same columns for some nodes, with rows in the order of `node_ids`.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // step and accept
   const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
-  // trial() in two halves, for a host that has other work while the layers are computed: start_trial() sends the
-  // request and returns, finish_trial() waits for the reply with the deadline and the retries of any call. In between
-  // `request` stays as it is and the session makes no other call. Where finish_trial() throws, trial() with the same
-  // values is the same request.
+  // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
+  // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
+  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with the
+  // same values is the same request.
   void start_trial(const Batch& request, const StepOptions& step);
   const StepResult& finish_trial();
   std::uint64_t commit();
   std::uint64_t rollback();
-  // Keeps the committed states on the server under a name, such as that of the host's own restart dump; the server
-  // keeps the newest few (welcome().limits.max_marks). Going back to one makes its nodes and their states the session's
-  // again, and drops a trial.
+  // Stores the committed states on the server under a name, such as that of the host's restart dump; the server keeps
+  // the newest welcome().limits.max_marks marks. rollback_to() restores the nodes of a mark with their states and drops
+  // a trial.
   wire::Marked mark(const std::string& name);
   std::uint64_t rollback_to(const std::string& mark);
-  // The set of nodes; not while a trial stands. New nodes follow those there are, which keep their order: node_ids().
+  // These calls change the set of nodes and are refused while a trial stands. New nodes follow the present nodes, which
+  // keep their order.
   void register_nodes(std::span<const std::uint64_t> node_ids,
                       std::span<const double> initial_temperature_k = {});  // one per node; empty: the scene's
   void retire_nodes(std::span<const std::uint64_t> node_ids);               // their states are freed
-  // Hands nodes with their states to another session of the domain, which accepts them with what is returned here. In
-  // between the server keeps them; the giver may take them back by accepting them itself.
+  // Moves nodes with their states to another session of the domain: that session passes the returned id to
+  // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
   TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
   std::vector<std::uint64_t> accept_nodes(const TransferId& transfer);
   wire::SessionClosed close();
 
-  void want(std::vector<Field> columns);  // of the replies from now on; empty: all of the strategy's
-  void want_energy_ledger();  // wire::kLedgerColumns beside all of the strategy's, where the scene has a ledger
+  // Columns of the replies to later steps; an empty list asks for all default columns of the session.
+  void want(std::vector<Field> columns);
+  void want_energy_ledger();  // asks for all default columns and, if the session has them, wire::kLedgerColumns
   const std::string& effective_scene()
       const;  // canonical TOML text with every default and constant, as the server understood it
   const wire::SessionOpened& opened() const;  // the same, with the strategy and the columns of this session's steps
@@ -150,16 +153,17 @@ class Session {
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;  // in the order of the rows
 
-  // What another process needs to go on with this session when this one is gone. Whoever holds it has the session.
+  // Lets another process continue this session after this process has ended. The ticket is a secret: its holder owns
+  // the session.
   struct Ticket {
     wire::SessionId session_id{};
     wire::ResumeToken resume_token{};
   };
   Ticket ticket() const;
-  // Of the offers that waited when the session was resumed: what a client that has gone had not handed on.
+  // Offers that no session had accepted when this session was resumed.
   const std::vector<TransferId>& offers() const;
-  std::uint64_t last_sequence() const;  // of the last request that was answered; the opening is 0
-  void leave();                         // ends without a goodbye: the server keeps the session for who resumes it
+  std::uint64_t last_sequence() const;  // number of the last answered request; 0 is the opening
+  void leave();                         // leaves the session open on the server, to be resumed
 
  private:
   friend class Client;
@@ -168,10 +172,10 @@ class Session {
   std::unique_ptr<Impl> impl_;
 };
 
-// Of the committed states; sliding_velocity_m_per_s by sliding velocity only.
+// Top nodes of a session by their committed states. sliding_velocity_m_per_s is filled by Top::kFastest only.
 struct TopNodes {
   wire::SessionInfo session;
-  std::uint64_t matching = 0;  // of the session's nodes
+  std::uint64_t matching = 0;  // number of nodes that qualify
   std::vector<std::uint64_t> node_ids;
   std::vector<double> interface_temperature_k;
   std::vector<double> shear_stress_pa;
@@ -182,7 +186,7 @@ struct TopNodes {
 class Client {
  public:
   explicit Client(ClientOptions options);                   // connects and says hello
-  explicit Client(std::shared_ptr<Connection> connection);  // over a connection of the caller's own, as tests do
+  explicit Client(std::shared_ptr<Connection> connection);  // over a given connection, for tests
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
   ~Client();
@@ -192,17 +196,17 @@ class Client {
   // with a line "scene_file:line:column: ..." for each fault.
   Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                const OpenOptions& options = {});
-  // The session of a client that has gone, where it was left. One client at a time: the first must be gone.
+  // Continues the session of a client that has ended. A session has one client at a time.
   Session resume(const Session::Ticket& ticket);
   wire::ServerStatus server_status();
 
-  // An operator's. top_nodes: at most `count` nodes of a session, the top one first.
+  // Calls for operators. top_nodes() returns at most `count` nodes of a session, the highest first.
   wire::Checkpointed checkpoint();
   wire::Draining drain(bool exit);
   std::vector<wire::SessionInfo> sessions();
   TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
-  // Ends a session whose client is gone for good, as sessions() showed it: refused where it has gone on since. Its
-  // states are lost.
+  // Ends a session whose client has ended, given as sessions() returned it, and frees its states. The server refuses the
+  // call if the session has continued since.
   wire::SessionClosed close(const wire::SessionInfo& session);
 
  private:

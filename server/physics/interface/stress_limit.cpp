@@ -38,20 +38,6 @@ double polished(const StressLimit& limit, const FrictionHeating& heating, double
 
 }  // namespace
 
-StressLimit interface_strength(const InterfaceOptions& options, const Material& soft, double pressure,
-                               SearchEffort* effort) {
-  StressLimit limit{std::numeric_limits<double>::infinity(), options.yield_strength / kSqrt3, pressure, &soft};
-  limit.effort = effort;
-  const FrictionLawProperties law = properties_of(options.friction_law);
-  if (law.depends_on_slip || law.depends_on_temperature)
-    limit.varying = &options;
-  else
-    limit.coulomb = FrictionLaws::with(options.friction_law, [&](auto own) {
-      return decltype(own)::type::at(options, soft, 0.0, 0.0).coefficient * pressure;
-    });
-  return limit;
-}
-
 StressLimit::Value StressLimit::varying_friction(double temperature, double slip) const {
   const FrictionValue mu = FrictionLaws::with(
       varying->friction_law, [&](auto own) { return decltype(own)::type::at(*varying, *soft, temperature, slip); });
@@ -59,8 +45,7 @@ StressLimit::Value StressLimit::varying_friction(double temperature, double slip
   return {mu.coefficient * load, mu.slope * load, true, mu.slip_slope * load};
 }
 
-std::optional<SlidingFriction> StressLimit::friction_of_step(double c, double b, double a_stick) const {
-  if (varying == nullptr) return {};
+std::optional<SlidingFriction> StressLimit::varying_friction_of_step(double c, double b, double a_stick) const {
   return FrictionLaws::with(varying->friction_law, [&](auto own) -> std::optional<SlidingFriction> {
     using Law = typename decltype(own)::type;
     if constexpr (Law::kDependsOnSlip) return Law::of_step(*varying, pressure, c, b, a_stick);

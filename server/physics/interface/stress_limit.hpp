@@ -17,10 +17,11 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  double coulomb;   // mu P of constant friction; infinity: no friction limit                 [Pa]
-  double tresca;    // yield strength / sqrt(3), without junctions                            [Pa]
-  double pressure;  // P                                                                      [Pa]
-  const Material* soft;
+  double coulomb = std::numeric_limits<
+      double>::infinity();  // mu P of constant friction; infinity: no friction limit                 [Pa]
+  double tresca = 0.0;      // yield strength / sqrt(3), without junctions                            [Pa]
+  double pressure = 0.0;    // P                                                                      [Pa]
+  const Material* soft = nullptr;
   Junctions junctions = {};                   // with the state of the node
   double offset = 0.0;                        // added to the limit                              [Pa]
   SearchEffort* effort = nullptr;             // counts evaluations
@@ -52,7 +53,10 @@ struct StressLimit {
   }
 
   // The friction of a step with slip c - b a, of a law that depends on slip; nothing for other laws.
-  std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const;
+  std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const {
+    if (varying == nullptr) return {};
+    return varying_friction_of_step(c, b, a_stick);
+  }
 
   // The same limit with a constant friction stress.
   StressLimit with_friction(double stress) const {
@@ -80,11 +84,23 @@ struct StressLimit {
 
  private:
   Value varying_friction(double temperature, double slip) const;
+  std::optional<SlidingFriction> varying_friction_of_step(double c, double b, double a_stick) const;
 };
 
 // The strength of an interface without junctions, of one node: `soft` is the soft body at the pressure of the node.
-StressLimit interface_strength(const InterfaceOptions& options, const Material& soft, double pressure,
-                               SearchEffort* effort);
+inline StressLimit interface_strength(const InterfaceOptions& options, const Material& soft, double pressure,
+                                      SearchEffort* effort) {
+  StressLimit limit{std::numeric_limits<double>::infinity(), options.yield_strength / kSqrt3, pressure, &soft};
+  limit.effort = effort;
+  FrictionLaws::with(options.friction_law, [&](auto own) {
+    using Law = typename decltype(own)::type;
+    if constexpr (Law::kDependsOnSlip || Law::kDependsOnTemperature)
+      limit.varying = &options;
+    else
+      limit.coulomb = Law::at(options, soft, 0.0, 0.0).coefficient * pressure;
+  });
+  return limit;
+}
 
 // Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
 struct FrictionHeating {

@@ -333,20 +333,7 @@ std::optional<Refusal> most_cells(std::string key, int most, int found) {
   return Refusal{std::move(key), std::move(text)};
 }
 
-constexpr double kThinnestCell = 1e-12;  // a hundredth of an atom: a mistake in cells or grading  [m]
-
-std::optional<Refusal> thinnest_cell(const std::string& table, const GridOptions& grid) {
-  const double sum =
-      grid.grading == 1.0 ? grid.cells : std::expm1(grid.cells * std::log(grid.grading)) / (grid.grading - 1.0);
-  const double first = grid.thickness / sum;
-  if (first >= kThinnestCell) return {};
-  return Refusal{table + ".grading",
-                 text_of(table, ".grading = ", grid.grading, " with ", grid.cells, " cells makes the first cell ",
-                         Digits{3, first}, " m wide, expected at least ", kThinnestCell,
-                         " m: take fewer cells or a ratio nearer to 1")};
-}
-
-constexpr std::array<Limit, 9> kLimits = {
+constexpr std::array<Limit, 7> kLimits = {
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.inertia) return {};
       return most_cells("layer.inertia", kMaxInertiaCells, o.grid.cells);
@@ -360,11 +347,6 @@ constexpr std::array<Limit, 9> kLimits = {
       return Refusal{"layer.modes.longest_time_s",
                      text_of("layer.modes.longest_time_s = ", o.modes->longest_time,
                              " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s")};
-    },
-    [](const ModelOptions& o) { return thinnest_cell("layer", o.grid); },
-    [](const ModelOptions& o) -> std::optional<Refusal> {
-      if (!o.hard_grid) return {};
-      return thinnest_cell("hard_layer", *o.hard_grid);
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (o.hard.melting_curve == MeltingCurve::kConstant) return {};

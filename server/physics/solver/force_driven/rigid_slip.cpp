@@ -38,15 +38,17 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
 
   // 1. Stick: no slip at the end of the step, if the interface carries that stress. ([V]mid = 0 would oscillate.)
   const double a_stick = trial.stress_stick;
-  const bool can_stick =
-      spare_strength(by_slip ? strength.with_friction(by_slip->holding) : strength, heating, a_stick) >= 0.0;
+  StressLimit resolved;  // with the constant friction of the step
+  if (by_slip) resolved = strength.with_friction(by_slip->holding);
+  const StressLimit& limit = by_slip ? resolved : strength;
+  const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
 
   // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes on
   //    as before: a sticking node sticks, a slipping node has the answer with the most slip.
-  const StressLimit limit = by_slip ? strength.with_friction(by_slip->sliding) : strength;
-  const StressLimit yield = strength.with_friction(std::numeric_limits<double>::infinity());
-  const bool friction_returns =
-      by_slip && by_slip->exceeds_again < a_stick && by_slip->exceeds_again < yield.at(T_ad, heating.slip(0.0)).stress;
+  if (by_slip) resolved.coulomb = by_slip->sliding;
+  const auto yield = [&] { return strength.with_friction(std::numeric_limits<double>::infinity()); };
+  const bool friction_returns = by_slip && by_slip->exceeds_again < a_stick &&
+                                by_slip->exceeds_again < yield().at(T_ad, heating.slip(0.0)).stress;
   const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
   bool stick = can_stick;
   bool several = false;
@@ -55,7 +57,7 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
     if (!can_stick) a = slip_stress(limit, heating, a_stick, guess);
   } else {
     const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
-    const bool returns = friction_returns && spare_strength(yield, heating, by_slip->exceeds_again) > 0.0;
+    const bool returns = friction_returns && spare_strength(yield(), heating, by_slip->exceeds_again) > 0.0;
     several = slip.several || (slip.found && (can_stick || returns));
     const bool rests = friction_returns && trial.jump_old == 0.0;  // under the friction of rest, stuck before or not
     stick = can_stick && (stuck || rests || !slip.found);

@@ -1,6 +1,5 @@
-// Protobuf messages where memory may run out. Protobuf is not exception-safe: a message inside of which an allocation
-// failed holds pointers to what was never made, and its destructor follows them. Such a one is abandoned: some memory
-// is lost, and the server lives.
+// Protobuf messages where memory may run out. Protobuf is not exception-safe: after a failed allocation a message holds
+// invalid pointers, which its destructor would follow. Such a message is leaked instead, and the server survives.
 #pragma once
 
 #include <memory>
@@ -8,7 +7,7 @@
 
 namespace shearbus::wire {
 
-// use(*kept), made where there is none; it keeps its memory for the next use.
+// Calls use(*kept), and makes the message first if there is none. The message keeps its memory for the next call.
 template <typename Message, typename Use>
 decltype(auto) with_message(std::unique_ptr<Message>& kept, const Use& use) {
   if (!kept) kept = std::make_unique<Message>();
@@ -20,7 +19,7 @@ decltype(auto) with_message(std::unique_ptr<Message>& kept, const Use& use) {
   }
 }
 
-// use(message) with one of its own.
+// Calls use(message) with a message for this call.
 template <typename Message, typename Use>
 decltype(auto) with_message(const Use& use) {
   std::unique_ptr<Message> message;
