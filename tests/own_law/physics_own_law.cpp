@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <vector>
 
+#include "server/physics/solver/parts.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -59,6 +62,17 @@ TEST(PhysicsOwnLaw, IsSolvedThroughTheFullVelocityDrivenStep) {
 TEST(PhysicsOwnLaw, ItsPropertiesRefuseWhatItCannotDo) {
   EXPECT_TRUE(properties_of(FlowLaws::place<Bingham>()).first_order_in_time);
   EXPECT_EQ(discretised(bingham_options(), 1e-2).time_integrator, TimeIntegrator::kBackwardEuler);
+  const auto refused_key = [](const auto& change) {
+    ModelOptions options = bingham_options();
+    change(options);
+    const std::vector<Refusal> found = refusals(options);
+    return found.empty() ? std::string() : found.front().key;
+  };
+  EXPECT_EQ(refused_key([](ModelOptions&) {}), "");
+  EXPECT_EQ(refused_key([](ModelOptions& o) { o.inertia = true; }), "layer.inertia");
+  EXPECT_EQ(refused_key([](ModelOptions& o) { o.time_integrator = TimeIntegrator::kSdirk2; }), "layer.time_integrator");
+  EXPECT_EQ(refused_key([](ModelOptions& o) { o.soft.pressure_term = PressureTerm::kCompressed; }),
+            "soft.pressure_term");
 }
 
 }  // namespace
