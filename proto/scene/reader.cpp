@@ -299,7 +299,7 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
   if (const auto deep = find_deep_key(text))
     refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
   try {
-    return toml::parse(text, std::string_view(file));
+    return toml::parse(text);  // without the name: the parser would end the program where no memory is left to copy it
   } catch (const toml::parse_error& error) {
     const toml::source_position& at = error.source().begin;
     refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));

@@ -254,7 +254,7 @@ struct SessionResumed {
   std::vector<TransferId> offers;  // oldest first
 
   static void fields(auto&& v, auto& m) {
-    v(1, "session", m.session);
+    v(1, "session", required(m.session));
     v(2, "last_sequence", m.last_sequence);
     v(3, "state_version", m.state_version);
     v(4, "trial_stands", m.trial_stands);

@@ -304,10 +304,10 @@ TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   EXPECT_GT(pair.tally().failures, 50);
 }
 
-// Small messages that a parser makes large: what a stranger's header can cost is bounded, and its limit is that of
-// headers.
-TEST(Amplification, NoHeaderCostsMoreThanAFewMegabytes) {
-  constexpr std::size_t kMost = 64 * wire::kMaxHeaderBytes;
+// Small messages that a parser could make large: the memory that a stranger's header costs is bounded by its own size,
+// and that size by the limit of headers.
+TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
+  constexpr std::size_t kMost = wire::kMaxHeaderBytes;
   constexpr std::size_t kMostAboveTheLimit = 4096;
   const auto repeated = [](const std::string& part, std::size_t bytes) {
     std::string all;
@@ -348,7 +348,7 @@ TEST(Amplification, NoHeaderCostsMoreThanAFewMegabytes) {
     most = std::max(most, cost);
     EXPECT_LE(cost_of(header + std::string(4 * wire::kMaxHeaderBytes, '\0')), kMostAboveTheLimit) << what;
   }
-  EXPECT_GT(most, wire::kMaxHeaderBytes) << "one of them is made larger";
+  EXPECT_GT(most, 1000U) << "the cost is counted";
   std::cout << "memory for a header of " << wire::kMaxHeaderBytes << " bytes: at most " << most << " bytes\n";
 }
 

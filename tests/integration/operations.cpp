@@ -67,7 +67,7 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
   const auto [listed, sessions] = ctl({"sessions"});
   EXPECT_EQ(listed, 0) << sessions;
   EXPECT_THAT(sessions, HasSubstr("uid " + std::to_string(::geteuid())));
-  EXPECT_THAT(ctl({"sessions", "--json"}).second, HasSubstr("\"last_sequence\": 20"));
+  EXPECT_THAT(ctl({"sessions", "--json"}).second, HasSubstr("\"last_sequence\":20"));
   for (const char* by : {"hottest", "fastest", "molten"}) {
     const auto [code, text] = ctl({"top", "--by", by, "--count", "3"});
     EXPECT_EQ(code, 0) << text;

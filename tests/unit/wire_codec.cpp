@@ -291,7 +291,7 @@ TEST(Codec, ASceneArrivesAsItWasWritten) {
   };
   EXPECT_EQ(refused(std::string(kMaxSceneBytes + 1, '#')).code, Code::kLimit);
   EXPECT_EQ(refused("name = \"\xFF\"").code, Code::kInvalidScene) << "nothing is mended in a scene";
-  EXPECT_EQ(refused("name = \"\xFF\"").field, "scene");
+  EXPECT_EQ(refused("name = \"\xFF\"").field, "open_session.scene");
   constexpr std::uint32_t kOpenField = 17;
   const std::string long_scene = field(1, std::string(kMaxSceneBytes + 1, '#'));
   EXPECT_EQ(code_of(envelope() + field(kOpenField, long_scene)), Code::kLimit);
