@@ -71,14 +71,14 @@ def self_test():
             "server/physics/material/bare_law.hpp": "class BareLaw { kConstants = {&Material::b, &Material::c}; };\n",
             "twin.cpp": "SoundLaw\n", "tests/sound_law.cpp": "sound_law\n",
             "server/ARCHITECTURE.md": "### Adding a flow law\n\n| | file |\n|---|---|\n| 1 | `server/physics/material/<law>.hpp` |\n"
-                                      f"| 2 | `{LIST}` |\n| 3 | `{SCHEMA}` |\n| 4 | `twin.cpp` |\n| 5 | `tests` |\n| 6 | `<law>.md` |\n",
-            "sound_law.md": "sound_law\n"}
+                                      f"| 2 | `{LIST}` |\n| 3 | `{SCHEMA}` |\n| 4 | `twin.cpp` |\n| 5 | `tests` |\n| 6 | `<law>.txt` |\n",
+            "sound_law.txt": "sound_law\n"}
         for name, text in files.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text)
         found = list(faults(root))
         expected = [f"{SCHEMA}: does not mention BareLaw", "twin.cpp: does not mention BareLaw", "tests: does not mention BareLaw",
-                    "<law>.md: BareLaw has no such file", f"{SCHEMA}: BareLaw is not number 2 of the enum FlowLaw",
+                    "<law>.txt: BareLaw has no such file", f"{SCHEMA}: BareLaw is not number 2 of the enum FlowLaw",
                     f"{SCHEMA}: b_pa is not used_with flow_law=bare_law", f"{CONSTANTS}: no row for the constant c of BareLaw"]
         return [] if sorted(found) == sorted(expected) else ["self-test: expected", *sorted(expected), "found", *sorted(found)]
 
