@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-// A key that begins as a comment does, but for the blank.
+// A key that begins with "#". It is not a comment, because comments begin with "# ".
 const std::string kKey = "#bcdefghijklmnopqrstuvwxyz0123456789.-:+";
 
 class KeyFiles : public testing::Test {
