@@ -15,7 +15,8 @@
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 
-// protobuf and HDF5 leak when an allocation inside them fails. These leaks are accepted: proto/scene/with_message.hpp.
+// protobuf and HDF5 leak when an allocation inside them fails. These leaks are accepted; proto/scene/with_message.hpp
+// says why for protobuf.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:with_message\nleak:shearbus::v1::\nleak:libhdf5\n";

@@ -30,8 +30,8 @@ double slab_rise(const Material& m, double h, double t) {
   return 2.0 * kFlux * depth / m.conductivity * sum;
 }
 
-// Temperature rise with backward Euler in time, exact in space: q sqrt(alpha dt)/k times the sum over j of binom(2j,
-// j)/4^j.
+// Temperature rise with backward Euler in time, exact in space: q sqrt(alpha dt)/k times the sum over j of
+// binom(2j, j)/4^j.
 double half_space_rise_backward_euler(const Material& m, double dt, int steps) {
   double sum = 0.0, term = 1.0;
   for (int j = 0; j < steps; ++j) {
@@ -72,8 +72,8 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
   }
 }
 
-// Two half-spaces in contact share the flux in proportion to their effusivities k/sqrt(alpha). Their grids have nothing
-// in common.
+// Two half-spaces in contact share the flux in proportion to their effusivities k/sqrt(alpha). The grids of the two
+// have nothing in common.
 TEST(PhysicsHeatConvergence, FirstOrderInTimeWhereBothBodiesConduct) {
   const Material soft = paper_options().soft, hard = paper_options().hard;
   const double t = 100e-9;

@@ -10,8 +10,8 @@
 namespace shearbus::testing {
 namespace {
 
-// Copper (Johnson and Cook 1983) that heat does not soften. The layer stays uniform, and with the stress s = G0 (v t /
-// h - sqrt(3) ep) from the balance one equation remains: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
+// Copper (Johnson and Cook 1983) that heat does not soften. The layer stays uniform, its balance gives the stress
+// s = G0 (v t/h - sqrt(3) ep), and one equation remains: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
 ModelOptions cold_copper() {
   ModelOptions options = graded(paper_options(), 4, 1.0);
   Material& soft = options.soft;
@@ -23,7 +23,8 @@ ModelOptions cold_copper() {
   return options;
 }
 
-// Solves it by the Runge-Kutta method of order 4, with steps far below the relaxation time C A / (3 G0 rate) of 5 ps.
+// Solves this equation by the Runge-Kutta method of order 4, with steps far below the relaxation time C A / (3 G0 rate)
+// of 5 ps.
 double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
   const Material& m = options.soft;
   const double h = options.grid.thickness;
@@ -114,9 +115,11 @@ TEST(PhysicsJohnsonCookConvergence, HotShearAgreesBetweenStepLengthsAndGrids) {
   }
 }
 
-// Two free bodies slow each other down by friction: dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)) with k = P
-// (1/m- + 1/m+). Exact: exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r with r = mu_0/mu_inf - 1. The
-// friction of a step is taken at the middle of its slip, so the order is two.
+// Two free bodies slow each other down by friction:
+//   dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)),  k = P (1/m- + 1/m+)
+// with the exact solution, where r = mu_0/mu_inf - 1,
+//   exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r
+// A step uses the friction at the middle of its slip, so the order is two.
 TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
   options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
@@ -176,9 +179,9 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
 }
 
 // A body slides at constant V, and its friction falls in proportion to the rise of T0 (m = 1, T_ref = the initial
-// temperature). The heat flux q0 (1 - rise / R) equals that of a convective surface of temperature R and coefficient q0
-// / R, for which Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux begins
-// as q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
+// temperature). The heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient
+// q0/R, for which Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux
+// begins as q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
 TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.soft.temperature_coefficient = 0.0;

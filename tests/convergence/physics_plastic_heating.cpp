@@ -68,8 +68,9 @@ TEST(PhysicsPlasticHeatingConvergence, GridsAgreeBeforeTheLayerLocalises) {
 }
 
 // A rate-independent layer that its own heat softens forms a shear band, and nothing in the model determines where: the
-// band's place depends on grid, step and, on the finest grid, on the last bit of an input. In every case no vertex
-// melts, T0 stays far below melting, and the stress stays below the peak of the layer heated at z = 0.
+// place of the band depends on the grid, the step and, on the finest grid, the last bit of an input. In every case no
+// vertex melts, T0 stays far below melting, and the stress stays below the peak stress of a layer that is heated at z =
+// 0 only.
 TEST(PhysicsPlasticHeatingConvergence, TheBandsStressIsReportedWithItsSpread) {
   std::printf("plastic-work heating after 1 us: cells, grading, dt, T0, hottest, s of eight lanes a few bits apart\n");
   for (auto [cells, grading] : {std::pair{60, 1.08}, std::pair{120, 1.04}, std::pair{250, 1.0}}) {

@@ -86,8 +86,8 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   }
 }
 
-// The integral of the slab's heat kernel equals the image series of the insulated face, also around t = h^2 / (160
-// alpha), where the kernel changes from the half-space's root to its series.
+// The integral of the slab's heat kernel equals the image series of the insulated face, also around
+// t = h^2/(160 alpha), where the kernel changes from the half-space's root to its series.
 TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
   const ModelOptions options = paper_options();
   const HeatKernel slab(options.soft, options.grid);

@@ -174,8 +174,8 @@ TEST_P(DeliveredInOneStep, TemperatureAndJumpAreKept) {
     load(rig.inputs);
     rig.step(plates.dt);
     const double T0 = std::abs(rig.T(0) - exact.interface_temperature[0]) / kToMelting;
-    // Error of T0 that the error of the jump causes in 1 us of sliding: beta_T = 0.6772, k = 117 W/m/K, alpha = 48.9e-6
-    // m2/s.
+    // Error of T0 that the error of the jump causes in 1 us of sliding, with beta_T = 0.6772, k = 117 W/m/K and
+    // alpha = 48.9e-6 m2/s.
     const double response = 2.0 / 117.0 * std::sqrt(48.9e-6 * std::max(kEnd, plates.dt) / std::acos(-1.0));
     const double jump = 0.6772 * response * std::abs(exact.shear_stress[0]) *
                         std::abs(rig.outputs.velocity_jump_new[0] - exact.velocity_jump_new[0]) / kToMelting;
@@ -194,8 +194,8 @@ INSTANTIATE_TEST_SUITE_P(, DeliveredInOneStep,
                                            Plates{"TurnsInAShortStep", 0.3, -500e6, 1e-9}),
                          [](const auto& test) { return test.param.what; });
 
-// With modes and a second-order step a loose tolerance needs few substeps. It must be kept nevertheless, also in the
-// first step, whose error is the largest because friction starts suddenly.
+// With modes and a second-order step a loose tolerance needs few substeps. The tolerance must be kept nevertheless,
+// also in the first step, whose error is the largest because friction starts suddenly.
 TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   const ModelOptions options = half_space();
   const auto first_step = [](const ModelOptions& of, int steps) {
@@ -230,8 +230,8 @@ TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   EXPECT_GT(rig.outputs.error_estimate[0], kStepShare * 1e-6);
 }
 
-// The cost of error control, in evaluations of the stress limit: if little happens, that of the two halves in addition
-// to the step; at a reversal of the slip, no more than the halvings that lead to it.
+// Error control costs evaluations of the stress limit: if little happens, those of the two halves in addition to the
+// step; at a reversal of the slip, no more than those of the halvings that lead to the reversal.
 TEST(DeliveredTolerance, EffortGoesWhereTheErrorIs) {
   const auto effort_of = [](const ModelOptions& options, double pull) {
     Rig rig(options, 1);

@@ -13,8 +13,8 @@
 namespace shearbus::testing {
 namespace {
 
-// The paper's aluminium with a strength that depends on neither temperature nor pressure: it yields at Y/sqrt(3) = 115
-// MPa.
+// The paper's aluminium with a strength that depends on neither temperature nor pressure. The yield stress in shear is
+// Y/sqrt(3) = 115 MPa.
 ModelOptions cold_options(int cells) {
   ModelOptions options = with_inertia(paper_options());
   options.grid.cells = cells;
@@ -98,8 +98,8 @@ TEST(PhysicsWavesConvergence, SecondOrderInCells) {
   }
 }
 
-// A perfectly plastic layer meets the hard body at V = 50 m/s. Behind a front with the elastic wave speed s = tau and v
-// = V - tau/Z, and the rest of the slip is at z = 0. After the front has reached the soft body, a slip velocity of
+// A perfectly plastic layer meets the hard body at V = 50 m/s. Behind a front with the elastic wave speed s = tau and
+// v = V - tau/Z, and the rest of the slip is at z = 0. After the front has reached the soft body, a slip velocity of
 // tau/Z is at z = h.
 TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   const double V = 50.0;

@@ -49,8 +49,8 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       ++compared;
       finer += twin.error_estimate > 0.25 * *options.tolerance;
       // Solver and twin may use different substeps if an error equals its limit to rounding, or if the criterion of a
-      // unique answer sent only the fast solver to the first-order scheme. Their answers must then agree within the sum
-      // of their error estimates.
+      // unique answer sent only the fast solver to the first-order scheme. The answers of the two must then agree
+      // within the sum of their error estimates.
       const double difference = std::abs(rig.outputs.interface_temperature[l] - twin.interface_temperature);
       worst = std::max(worst, difference);
       if (difference > 1e-8) {
@@ -66,9 +66,10 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone to the
       // first-order scheme. The error estimates are then not comparable.
       if (twin.first_order != ((rig.outputs.outcome[l] & kFirstOrder) != 0)) continue;
-      // Nor are they if the new jump is mere rounding, because its sign is then arbitrary.
+      // The error estimates are not comparable either if the new jump is mere rounding, because its sign is then
+      // arbitrary.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
-      // The jump is a difference of velocities. Its rounding enters the estimate, and ten times as much at a kink.
+      // The jump is a difference of velocities, and its rounding enters the estimate, ten times as much at a kink.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =

@@ -212,7 +212,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
   EXPECT_LT(guarded, steps / 500);
 }
 
-// Newton's method and the bracketing search that replaces it if it fails must find the same answer.
+// Newton's method, and the bracketing search that replaces Newton's method if it fails, must find the same answer.
 TEST_P(PhysicsWaves, TheSearchThatCannotFailFindsTheSameAnswer) {
   const bool extreme = GetParam();
   Draw draw(43 + (extreme ? 1 : 0));

@@ -261,7 +261,8 @@ TEST(Hydro2dEos, TemperatureStaysOnTheIsentrope) {
   EXPECT_NEAR(eos.temperature(1.0 / volume, energy), 300.0 * std::exp(m.gamma0 * (1.0 - m.density * volume)), 0.01);
 }
 
-// A distorted mesh with strength and random velocities that cause shocks: total energy and momentum do not change.
+// A distorted mesh with strength and random velocities that cause shocks: total energy and momentum do not change,
+// except by the work and the impulse of the load.
 TEST(Hydro2dCycle, EnergyAndMomentumCloseToRounding) {
   Random random;
   for (const Symmetry symmetry : kBoth) {
@@ -328,7 +329,7 @@ TEST(Hydro2dCycle, TurnedAndDriftingBodiesDoTheSame) {
   }
 }
 
-// A gas without pressure that expands homogeneously keeps its velocities to rounding.
+// A gas without pressure that expands homogeneously keeps its velocities, to rounding.
 TEST(Hydro2dCycle, FreeHomogeneousExpansionIsExact) {
   for (const Symmetry symmetry : kBoth) {
     Random random;

@@ -238,8 +238,8 @@ class TearsOnce : public hydro::FreeSlipLaw {
   bool tears_;
 };
 
-// The cycle rejects a step that the law's answer makes invalid. It must call `take_back` on the law and repeat with a
-// shorter dt, and the result must equal that of a run that began with the shorter dt.
+// The cycle rejects a step that the law's answer makes invalid, calls `take_back` on the law and repeats the step with
+// a shorter dt. The result must equal that of a run that began with the shorter dt.
 TEST(Hydro2dSlideLine, AStepThatTheLawsAnswerSpoilsIsTakenBackFromTheLawToo) {
   Plates p;
   p.length = 1e-3;
@@ -286,8 +286,8 @@ TEST(Hydro2dSlideLine, AGapClosesWhenTheSurfacesMeet) {
   }
 }
 
-// A disc rotates in a ring without friction. The disc's contour is a polygon of 64 sides, the ring's one of 48: the
-// corners must not interlock.
+// A disc rotates in a ring without friction. The contour of the disc is a polygon of 64 sides, that of the ring has 48
+// sides: their corners must not interlock.
 TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   const auto angular = [](const Cycle& cycle, int block) {
     const lagrange::Block& b = cycle.mesh().blocks()[block];

@@ -48,9 +48,10 @@ TEST(PhysicsHeat, ResponseHoldsExactlyTheHeatOfOneStep) {
   }
 }
 
-// From a uniform temperature one step of backward Euler raises T0 per unit of flux by sqrt(alpha dt)/k coth(h /
-// sqrt(alpha dt)). A graded grid is too stiff by (ln grading)^2/16 for all dt, a matched grid is not. When the heat
-// fills a slab, all cells share one parabola of temperature, and a matched grid is off by the resistance of its cells.
+// From a uniform temperature one step of backward Euler raises T0 per unit of flux by
+// sqrt(alpha dt)/k coth(h / sqrt(alpha dt)). A graded grid is too stiff by (ln grading)^2/16 for all dt, a matched grid
+// is not. When the heat fills a slab, all cells share one parabola of temperature, and a matched grid is off by the
+// resistance of its cells.
 TEST(PhysicsHeat, AMatchedGridRespondsAsTheBodyItDivides) {
   const Material m = paper_options().soft;
   const double h = 20e-6, first = 1e-9;
@@ -123,7 +124,8 @@ TEST(PhysicsHeat, FluxLeavesOutOnlyWhatKeepsItsBits) {
   }
 }
 
-// In an open contact heat is only conducted: its sum does not change, and no temperature leaves the initial range.
+// In an open contact heat is only conducted: the sum of the heat does not change, and no temperature leaves the initial
+// range.
 TEST(PhysicsHeat, AnOpenLayerOnlyConducts) {
   for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
     ModelOptions options = graded(paper_options());

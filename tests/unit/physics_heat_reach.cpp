@@ -1,5 +1,5 @@
-// Conduction skips the vertices that heat has not reached. Its results must have the bits of sweeps over the whole
-// grid.
+// Conduction skips the vertices that heat has not reached, and yet its results must have the bits of sweeps over the
+// whole grid.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -160,8 +160,8 @@ Reach reach_of(const std::vector<double>& tile, int interface) {
 }
 
 // Sets to NaN those factors of an operator that `conduct` must not read: the elimination factors outside the heated
-// vertices, and the substitution factors outside the vertices that change. The `spare_` arguments extend the NaN range
-// by that many vertices, to show that `conduct` does read the factors next to it.
+// vertices, and the substitution factors outside the vertices that change. The `spare_` arguments extend the range of
+// NaN by so many vertices, to show that `conduct` does read the factors next to that range.
 void forget(HeatOperator& heat, const Reach& heated, const Reach& felt, int spare_eliminated, int spare_substituted) {
   const int n = static_cast<int>(heat.outward.size());
   for (int i = 0; i < n; ++i) {
@@ -210,8 +210,8 @@ TEST(PhysicsHeatReach, WhereNoHeatHasArrivedNothingIsComputed) {
   }
 }
 
-// Operators of shorter steps are created on first use, here by two threads at once. They must equal operators made for
-// that dt.
+// Operators of shorter steps are created on first use, here by two threads at once, and must equal operators that were
+// made for this dt.
 TEST(PhysicsHeatReach, OperatorsOfShorterStepsAreThoseOfTheirLength) {
   ModelOptions profile = graded(paper_options(Strategy::kForceDriven)), modes = profile;
   modes.modes = {.accuracy = 1e-4, .shortest_step = 1e-9, .longest_time = 1e-6};

@@ -1,4 +1,4 @@
-// A layer with inertia, as a host sees it. Its equations are tested in tests/property, its exact solutions in
+// A layer with inertia, as a host sees it. The equations of the layer are tested in tests/property, exact solutions in
 // tests/convergence.
 #include <gtest/gtest.h>
 
@@ -75,7 +75,7 @@ TEST(PhysicsInertia, CoulombHoldsTheInterfaceAndTheLayerSlipsThere) {
   for (int n = 0; n < 50; ++n) rig.step(1e-11);
   EXPECT_EQ(rig.stress(), 0.01 * kPressure);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-  // A wave of stress mu P leaves z = 0. It slows the layer's face by mu P / Z, and the rest of the jump is slip.
+  // A wave of stress mu P leaves z = 0 and slows the layer's face by mu P / Z. The rest of the jump is slip.
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], 20.0 - 0.01 * kPressure / impedance(options.soft), 1e-3);
   EXPECT_EQ(rig.plastic_slip(), 0.0);
   // The whole imposed jump heats, not only the slip.

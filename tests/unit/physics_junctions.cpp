@@ -1,5 +1,5 @@
-// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limiting cases, the search for the answer, and no state
-// without them.
+// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limiting cases, the search for the answer of a step, and the
+// size of a state without junctions.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -37,8 +37,8 @@ void fill(TileInputs& in, const TileOutputs& last, int n) {
 
 class ModesAndProfile : public ::testing::TestWithParam<TimeIntegrator> {};
 
-// T0 under a constant flux is known. Modes reproduce it to their accuracy, so the difference to a model with a profile
-// is the error of the profile, which METHODS.md, "Conduction" gives for each scheme.
+// T0 under a constant flux is known, and modes reproduce it to their accuracy. The difference between the models is
+// therefore the error of the temperature profile, which METHODS.md, "Conduction" gives for each scheme.
 TEST_P(ModesAndProfile, UnderConstantFluxTheDistanceIsTheProfilesOwnError) {
   Rig rig(without_profile(GetParam())), profile(with_profile(without_profile(GetParam())));
   const ModelOptions& o = rig.model.options();
@@ -71,8 +71,8 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ModesAndProfile,
                            return param.param == TimeIntegrator::kSdirk2 ? "Sdirk2" : "BackwardEuler";
                          });
 
-// Modes whose longest time is too short forget heat that still matters. Their error is far larger than their accuracy,
-// and the comparison with a profile must show it.
+// Modes whose longest time is too short forget heat that still matters. The error of such modes is far larger than
+// their accuracy, and the comparison with a profile must show it.
 TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
   double apart[2];
   for (const bool forgets : {false, true}) {

@@ -68,8 +68,8 @@ ModelOptions sleeping(ModelOptions options) {
   return options;
 }
 
-// A random history of a host with rigid half zones. Each lane changes its phase at its own times: it slides, stops,
-// sticks, is sheared slowly, is unloaded or loaded by the far stresses, opens and closes again.
+// A random history of a host with rigid half zones. Each lane changes its phase at times of its own: the lane slides,
+// stops, sticks, is sheared slowly, is unloaded or loaded by the far stresses, opens and closes again.
 class History {
  public:
   History(unsigned seed, const ModelOptions& options)
@@ -123,7 +123,8 @@ class Sleep : public ::testing::TestWithParam<std::size_t> {
   ModelOptions options() const { return cases()[GetParam()].options; }
 };
 
-// Two models step through the same histories, one with sleep. Their answers may differ by rounding only.
+// Two models step through the same histories, one with sleep and one without. The answers of the two may differ by
+// rounding only.
 TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   double apart_T = 0.0, apart_s = 0.0, apart_heat = 0.0;
   int asleep = 0, stuck = 0, woke = 0, flowed = 0;
@@ -221,9 +222,9 @@ TEST_P(Sleep, LanesDoNotLookAtEachOther) {
   }
 }
 
-// A sticking layer is sheared slowly up to its yield stress, or its yield stress falls with the pressure down to its
-// stress. The node must wake no later than the step in which the layer flows, and not much earlier. Until then its
-// answers have the bits of the model without sleep.
+// A sticking layer is loaded slowly up to its yield stress, or the falling pressure lowers its yield stress to the
+// stress that it carries. The node must wake no later than the step in which the layer flows, and not much earlier.
+// Until then the answers of the node have the bits of the model without sleep.
 TEST(PhysicsSleep, AStuckLayerWakesBeforeItFlows) {
   for (const bool forced_host : {false, true}) {
     for (const bool released : {false, true}) {

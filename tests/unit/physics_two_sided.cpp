@@ -83,8 +83,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   }
 }
 
-// The grid of the hard body is free. On another grid the answer agrees with the partition's to the accuracy of the
-// grids.
+// The grid of the hard body is free. On another grid the answer agrees with that of the partition coefficient to the
+// accuracy of the grids.
 TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     for (const GridOptions& hard :

@@ -168,8 +168,8 @@ TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   EXPECT_NE(Model(options).warnings()[0].find("weaker body"), std::string::npos);
 }
 
-// A layer under stress is held (V = 0), and heat that flows inward softens it. Its plastic slip must equal the elastic
-// relaxation h ds / G0, even if a vertex begins to flow within the last digits of the stress.
+// A layer under stress is held (V = 0), and heat that flows inward softens it. The plastic slip of the layer must equal
+// the elastic relaxation h ds / G0, even if a vertex begins to flow within the last digits of the stress.
 TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   ModelOptions options = graded(paper_options(), 40, 1.1);
   options.soft.hardening_exponent = 0.05;  // the strain grows with the 20th power of the stress

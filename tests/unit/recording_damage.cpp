@@ -14,9 +14,9 @@
 #include "proto/wire/status.hpp"
 #include "tests/support/scratch.hpp"
 
-// After damaged metadata HDF5 leaks the objects it had half opened, and may print "infinite loop closing library" at
-// exit. Both are harmless faults of HDF5. The suppression hides no fault of ours: a handle that our code forgets to
-// close is no leak to this checker.
+// After damaged metadata HDF5 leaks the objects that it had half opened, and may print "infinite loop closing library"
+// at exit. Both faults are in HDF5 and harmless. The suppression hides no fault of ours: a handle that our code forgets
+// to close is no leak to this checker.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:libhdf5\n";
@@ -343,8 +343,8 @@ TEST(RecordingDamage, FlippedBitOfTimesIsCaughtByItsChecksum) {
   EXPECT_THAT(error_of_reading(path), HasSubstr("/time cannot be read"));
 }
 
-// A single flipped bit anywhere in a small file causes an error, or it is in a byte that no reader uses. It must never
-// change a number that is read.
+// A single flipped bit anywhere in a small file either causes an error or is in a byte that no reader uses. No flipped
+// bit may change a number that is read.
 TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   const Scratch scratch;
   const fs::path path = written(scratch, 3);

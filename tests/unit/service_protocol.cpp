@@ -243,7 +243,7 @@ TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
         std::ranges::equal(with.reply.batch.f64(Field::kShearStress), without.reply.batch.f64(Field::kShearStress)));
     for (std::size_t row = 0; row < kNodes.size(); ++row) {
       const auto of = [&](Field field) { return with.reply.batch.f64(field)[row]; };
-      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: it is the soft body's share
+      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: the soft body's share only
       ASSERT_NEAR(of(Field::kHeatResidual), 0.0, 1e-9 * (of(Field::kFrictionHeat) + 1.0));
       work += of(Field::kInterfaceWork);
     }

@@ -314,7 +314,7 @@ TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   EXPECT_EQ(made.options.soft.pressure_term, physics::PressureTerm::kCompressed);
   EXPECT_EQ(scene_model(made.effective, "effective").options.soft.melting_curve, physics::MeltingCurve::kLindemann);
 
-  // A body whose constants are given one by one, without the one that the compression needs.
+  // A body whose constants are given one by one, except the slope of the Hugoniot, which the compression needs.
   scene.mutable_soft()->clear_material();
   for (const auto& [name, value] : scene::numbers_of(effective_of(made).soft()))
     if (name != "hugoniot_slope") scene::set_numbers({{name, value}}, *scene.mutable_soft());

@@ -24,7 +24,7 @@ v1::Scene sleepy_scene() {
   return scene;
 }
 
-// The columns of a step: all nodes slide in the first five steps; after that all nodes are open except every fourth.
+// Inputs of a step: all nodes slide in the first five steps; after these all nodes are open except every fourth.
 wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids = false) {
   wire::Batch batch = support::step_columns(wire::Strategy::kForceDriven, ids, 0, with_ids);
   for (std::size_t row = 0; row < ids.size(); ++row)

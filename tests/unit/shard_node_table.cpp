@@ -45,8 +45,8 @@ TEST(NodeTable, CommonNodesAreFoundWhereverTheyStand) {
   EXPECT_EQ(NodeTable().common(Ids{0, 1}), (Ids{}));
 }
 
-// A shard whose nodes join and leave at random, and for each node a shard of its own in which nothing changes. Both
-// must have the same bits.
+// A shard whose nodes join and leave at random is compared with one shard for each node, in which nothing changes. The
+// bits of a node must be the same in both.
 class Changing : public testing::TestWithParam<wire::Strategy> {
  protected:
   static constexpr double kDt = 1e-9;

@@ -67,15 +67,15 @@ Shard make_shard(const ModelOptions& options, TaskPool& pool) {
 }
 
 // Supplies all inputs of both strategies. The far stresses hold the bodies near the flow stress of the layer, so that
-// some interfaces stick while their layer flows. The stress alone does not reveal whether an interface sticks, so this
-// must be part of the saved states.
+// some interfaces stick while their layer flows. The stress alone does not reveal whether an interface sticks, so the
+// saved states must contain the sticking too.
 std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
   std::vector<double> pull(kNodes), mass(kNodes, 2703 * 2.5e-6);
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
   std::vector<double> across(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) across[i] = 50.0 - 12.0 * static_cast<double>(i);
-  // Every third node opens after 30 steps.
+  // Every third node is open in calls that begin after step 30.
   for (std::size_t i = 0; i < kNodes; i += 3) pressure[i] = shard.state_version() < 30 ? 11.2e9 : -1.0;
   for (std::size_t i = 0; i < kNodes; ++i) pull[i] = 150e6 + 10e6 * static_cast<double>(i);
   Rows rows;

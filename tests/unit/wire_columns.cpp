@@ -28,7 +28,7 @@ const char* name_of(Element element) {
   return element == Element::kFloat64 ? "float64" : element == Element::kUint64 ? "uint64" : "uint8";
 }
 
-// WIRE.md, "The payload", is written by hand. Its table must have one line for each row of column_rows().
+// The table of WIRE.md, "The payload", is written by hand and must have one line for each row of column_rows().
 TEST(Columns, StandInTheContractAsInTheirRows) {
   const std::string page = text_of("proto/WIRE.md");
   for (const ColumnRow& row : column_rows()) {

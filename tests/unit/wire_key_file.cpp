@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-// A key that begins with "#". It is not a comment, because comments begin with "# ".
+// A key that begins with "#" and yet is no comment, because comments begin with "# ".
 const std::string kKey = "#bcdefghijklmnopqrstuvwxyz0123456789.-:+";
 
 class KeyFiles : public testing::Test {
