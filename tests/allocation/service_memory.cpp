@@ -24,8 +24,8 @@ extern "C" const char* __lsan_default_suppressions() {
 
 namespace {
 
-std::atomic<long> allocations_left{-1};       // until one fails; below 0: none fails
-std::atomic<std::size_t> bytes_allocated{0};  // since the counter was last set to 0
+std::atomic<long> allocations_left{-1};       // allocations until one fails; below 0: none fails
+std::atomic<std::size_t> bytes_allocated{0};  // bytes since the last reset
 
 void* allocate(std::size_t size, std::size_t alignment = alignof(std::max_align_t)) {
   bytes_allocated += size;

@@ -260,8 +260,8 @@ TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
   EXPECT_TRUE(shared);
 }
 
-// The cold hard body cools the layer at z = 0, so the layer is hottest and weakest at its far face (vertex 60). Its
-// stress ceiling must act there, and the surplus flow must go there.
+// The cold hard body cools the layer at z = 0, so the layer is hottest and weakest at its far face (vertex 60). The
+// stress ceiling of the layer must act at that face, and the surplus flow must go there.
 TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   ModelOptions options = two_sided(plastic_options());
   options.soft.hardening_coefficient = 0.0;
