@@ -67,7 +67,7 @@ def shapes(runs, out):
 def space_time(runs, out, name, label, scale=1.0, limits=None, cmap="viridis"):
     figure, axes = plt.subplots(1, len(runs), figsize=(5.2 * len(runs), 4.6), squeeze=False, sharey=True, layout="constrained")
     for axis, run in zip(axes[0], runs):
-        nodes = run.height[0]  # moving with the metal: each node keeps its line
+        nodes = run.height[0]  # the height moves with the metal: each node keeps its line
         values = run.maps[name] * scale
         if name == "regime":
             image = axis.pcolormesh(run.time, nodes, values.T, cmap=ListedColormap(REGIME_COLOURS),
@@ -75,7 +75,7 @@ def space_time(runs, out, name, label, scale=1.0, limits=None, cmap="viridis"):
         else:
             values = np.ma.masked_where(run.maps["regime"] == 0, values)
             image = axis.pcolormesh(run.time, nodes, values.T, cmap=cmap, vmin=limits[0], vmax=limits[1], shading="nearest", rasterized=True)
-            axis.set_facecolor("#f2f2f2")  # open
+            axis.set_facecolor("#f2f2f2")  # background of open nodes
         axis.set_title(run.label)
         axis.set_xlabel("time (µs)")
     axes[0][0].set_ylabel("z of the interface node at the start (mm)")

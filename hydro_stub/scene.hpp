@@ -10,11 +10,11 @@
 namespace shearbus::hydro {
 
 struct SceneFile {
-  guest::HydroScene scene;  // with its defaults
+  guest::HydroScene scene;  // the scene, with its defaults filled in
   std::string text;
   scene::Document document;
 
-  // The text for the server: without [hydro], every other key on its line.
+  // Returns the text for the server: without [hydro], with every other key on its original line for messages.
   std::string server_text() const;
 };
 
@@ -22,7 +22,7 @@ struct SceneFile {
 SceneFile parse_scene(std::string text, std::string file);
 SceneFile load_scene(const std::filesystem::path& path);
 
-// The reference of every key, as Markdown.
+// Returns the reference of every key, as Markdown.
 std::string reference();
 
 }  // namespace shearbus::hydro
