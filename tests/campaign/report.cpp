@@ -49,7 +49,7 @@ const char* name_of(Verdict verdict) {
   return "not asked";
 }
 
-// Combines outcomes: the largest value of every figure.
+// Combines outcomes: the worst verdict and the largest value of every figure.
 Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
   Outcome worst;
   for (const Outcome* one : outcomes) {
