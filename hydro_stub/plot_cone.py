@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Pictures of one or more runs of cone_target: the cone's free-surface velocity, and side by side shape and temperature at the end and
-space-time maps along the interface (friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22). Free slip and
-stick are drawn in the first alone, unless there is nothing else.
+"""Pictures of one or more runs of cone_target: the cone's free-surface velocity, and, with the runs side by side, shape and temperature at
+the end and space-time maps along the interface (friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22;
+pressure). Runs with free slip or stick appear only in the first picture, unless there are no other runs.
 
     plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
 """

@@ -31,7 +31,7 @@ QUANTITIES = [
 
 
 class History:
-    """One file, thinned to the rows a picture can show."""
+    """One file, thinned to the rows that a picture can show."""
 
     def __init__(self, path):
         self.path = path

@@ -51,8 +51,8 @@ struct Ledger {
   Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
   double kinetic = 0.0;        // [J]
   double internal = 0.0;       // [J]
-  Vec2 impulse_given;          // by walls and loads  [kg m/s]
-  double work_given = 0.0;     // by walls and loads  [J]
+  Vec2 impulse_given;          // impulse of walls and loads  [kg m/s]
+  double work_given = 0.0;     // work of walls and loads  [J]
   double friction_heat = 0.0;  // part of the internal energy that came from rubbing on slide lines  [J]
   double closing_heat = 0.0;   // part of the internal energy from closing gaps of slide lines  [J]
   double total_energy() const { return kinetic + internal; }

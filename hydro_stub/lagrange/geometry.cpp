@@ -13,9 +13,9 @@ Corners corners_of(const Mesh& mesh, const std::vector<Vec2>& position, int zone
   return {position[n[0]], position[n[1]], position[n[2]], position[n[3]]};
 }
 
-// Computes the integrals of N_i dA. They are exact, because the Jacobian is linear in the reference square: it follows
-// from its corner values (the area of each corner triangle, times 2 and over 4) and from the mass matrix (4 2 1 2)/9 of
-// the square.
+// Computes the integrals of N_i dA exactly. The Jacobian is linear in the reference square; its corner value is twice
+// the area of the corner triangle, over 4 (included in the divisor 36), and the mass matrix of the square is (4 2 1
+// 2)/9.
 std::array<double, 4> shape_integrals(const Corners& x) {
   std::array<double, 4> jacobian;
   for (int k = 0; k < 4; ++k) jacobian[k] = cross(x[(k + 1) % 4] - x[k], x[(k + 3) % 4] - x[k]);

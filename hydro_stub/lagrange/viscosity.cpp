@@ -12,7 +12,7 @@ constexpr double kRounding = 1e-10;
 
 struct Compression {
   double rate;     // the most negative eigenvalue of the strain rate  [1/s]
-  Vec2 direction;  // of length 1
+  Vec2 direction;  // unit vector
 };
 
 Compression strongest_compression(const Gradient& d) {

@@ -62,7 +62,7 @@ struct Replayed {
   std::size_t state_doubles = 0;  // per node
   double layers_s = 0.0, step_lengths_s = 0.0;
   double asleep = 0.0, stuck = 0.0;         // shares of node-steps: asleep, asleep in a closed contact
-  std::vector<double> temperature, stress;  // of every node-step
+  std::vector<double> temperature, stress;  // [K] and [Pa], one value per node-step
 };
 
 double since(Clock::time_point start) {

@@ -225,7 +225,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
       }
       EXPECT_EQ(host.client().server_status().sessions, 1u) << "what needs no disk is answered";
     }
-    if (round == 2) {  // it is told to stop while the disk is full: no checkpoint, and none is needed
+    if (round == 2) {  // the server is stopped while the disk is full: it writes no checkpoint and needs none
       server->process().signal(SIGTERM);
       EXPECT_EQ(server->process().exit_code(20s), 0) << server->log();
       EXPECT_NE(server->log().find("the checkpoint could not be written"), std::string::npos) << server->log();

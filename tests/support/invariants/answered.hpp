@@ -9,8 +9,8 @@
 
 namespace shearbus::testing {
 
-inline constexpr int kMostParts =
-    1 << 22;  // substeps of a step under a tolerance; at most 64 of a step with several solutions
+// Upper bound of the substeps of a step under a tolerance; a step with several solutions has at most 64.
+inline constexpr int kMostParts = 1 << 22;
 
 // Inputs and answer of one node in one step, projected on the direction of the answer. The struct does not name the
 // solver, so that correct models and wrong solvers are checked alike.
