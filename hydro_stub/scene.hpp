@@ -1,4 +1,4 @@
-// A scene of shearbus-hydro: a scene of the contract and the table [hydro], in one TOML file.
+// A scene of shearbus-hydro in one TOML file: the keys that the server reads, and the table [hydro] of the hydrocode.
 #pragma once
 
 #include <filesystem>

@@ -50,7 +50,7 @@ class Contact {
   // number of nodes with the interface law; they come first among the weights' nodes
   int size() const { return weights_.rubbing(); }
   const InterfaceWeights& weights() const { return weights_; }
-  const std::vector<Vec2>& impulse() const { return impulse_; }     // of the step, per mesh node  [kg m/s]
+  const std::vector<Vec2>& impulse() const { return impulse_; }     // impulse of the step, per mesh node  [kg m/s]
   const hydro::InterfaceInputs& inputs() const { return inputs_; }  // inputs of the law in the last step
   const hydro::InterfaceAnswer& answer() const { return answer_; }
   double friction_heat() const { return heat_[kFriction]; }  // heat since the start  [J]

@@ -13,9 +13,9 @@ Corners corners_of(const Mesh& mesh, const std::vector<Vec2>& position, int zone
   return {position[n[0]], position[n[1]], position[n[2]], position[n[3]]};
 }
 
-// Computes the integrals of N_i dA exactly. The Jacobian is linear in the reference square; its corner value is twice
-// the area of the corner triangle, over 4 (included in the divisor 36), and the mass matrix of the square is (4 2 1
-// 2)/9.
+// Computes the integrals of N_i dA exactly. The Jacobian is linear in the reference square, and its corner values are
+// half the areas of the corner triangles. With the mass matrix (4 2 1 2)/9 of the square and `jacobian` holding twice
+// the triangles' areas the divisor is 4 * 9 = 36.
 std::array<double, 4> shape_integrals(const Corners& x) {
   std::array<double, 4> jacobian;
   for (int k = 0; k < 4; ++k) jacobian[k] = cross(x[(k + 1) % 4] - x[k], x[(k + 3) % 4] - x[k]);

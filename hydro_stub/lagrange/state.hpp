@@ -26,11 +26,11 @@ struct State {
         plastic_strain(zones) {}
 
   double time = 0.0;  // [s]
-  // nodes
+  // per node
   std::vector<Vec2> position;     // [m]
   std::vector<Vec2> velocity;     // [m/s]
   std::vector<double> node_mass;  // [kg]
-  // zones
+  // per zone
   std::vector<double> mass;         // [kg]
   std::vector<double> volume;       // [m3]
   std::vector<double> density;      // [kg/m3]
