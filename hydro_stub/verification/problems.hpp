@@ -69,7 +69,7 @@ struct TaylorProblem {
 };
 struct PlatesProblem {
   Metal soft, hard;
-  double length = 3e-3;        // along the line  [m]
+  double length = 3e-3;        // length along the slide line  [m]
   double soft_depth = 0.4e-3;  // [m]
   double hard_depth = 0.4e-3;  // [m]
   double width = 20e-6;        // width of the soft zones; the hard zones are 5/4 as wide  [m]

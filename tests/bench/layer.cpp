@@ -122,7 +122,8 @@ void BM_Inertia(benchmark::State& state) {
   run(state, options);
 }
 
-// Slip with two components. The second is up to a third of the first and changes sign; forced:1 is force-driven.
+// Slip with two components. The second starts at a third of the first and decreases by half, so that the direction of
+// the slip turns; forced:1 is force-driven.
 void BM_TwoComponents(benchmark::State& state) {
   const bool forced = state.range(1) != 0;
   ModelOptions options =

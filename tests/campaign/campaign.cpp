@@ -99,9 +99,9 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 }
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
-  // A divided step has up to 2 + 4 + ... + 64 = 126 substeps. A step under a tolerance makes about 1,024 attempts of
-  // three substeps, of which the first may be divided. A second-order step has two stages and possibly a first-order
-  // step in addition.
+  // A divided step has up to 2 + 4 + ... + 64 = 126 substeps. A step under a tolerance makes about 1,024 attempts; each
+  // solves a substep in one piece, which may itself be divided, and in two halves. A second-order step has two stages
+  // and possibly a first-order step in addition.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
   // Next to a flowing layer there are two searches, one for stick and one for slip, of at most 300 values each;
