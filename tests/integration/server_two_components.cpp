@@ -55,8 +55,7 @@ TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
   EXPECT_EQ(plane.effective_scene().tangential_components, 2U);
-  // one double more in the committed and in the trial state
-  EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));
+  EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));  // committed and trial
   const double angle = 0.7;
   for (int step = 0; step < kSteps; ++step) {
     const Batch scalar = support::step_columns(GetParam(), ids, step);

@@ -26,7 +26,7 @@ struct Answered {
   double per_stress = 0.0;     // decrease of the jump per stress                                  [m/(s Pa)]
   double plastic_drive = 0.0;  // sqrt(3) h Ep_dot                                                   [m/s]
   double junction_strain = 0.0;
-  bool sticks = false;  // the interface below a plastic layer does not slip at the end of the step
+  bool sticks = false;  // with a plastic layer: the interface does not slip at the end of the step
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
   bool controlled = false;  // the model has a tolerance and may use any number of substeps

@@ -16,8 +16,8 @@ struct Figures {
   long divided = 0;                 // node-steps divided into substeps
   long several = 0;                 // node-steps with several solutions
   long flowing = 0;                 // node-steps of plastic layers that carry a stress
-  long flowing_resolved = 0;
-  double heat_residual = 0.0;  // largest residual of the heat balance, relative to the stored heat
+  long flowing_resolved = 0;        // node-steps counted in `flowing` whose slip is resolved
+  double heat_residual = 0.0;       // largest residual of the heat balance, relative to the stored heat
   double nearest_melting = std::numeric_limits<double>::infinity();  // smallest |T_melt - T|  [K]
   double over_limit = 0.0;  // largest excess of a stress over its limit, relative to the limit
 
