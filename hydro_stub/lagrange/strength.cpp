@@ -6,7 +6,7 @@ namespace shearbus::lagrange {
 namespace {
 
 Deviator rotated(const Deviator& s, double spin, double dt) {
-  const double t = 0.5 * spin * dt;  // tan of half the angle
+  const double t = 0.5 * spin * dt;  // tangent of half the rotation angle
   const double scale = 1.0 / (1.0 + t * t);
   const double cosine = (1.0 - t * t) * scale;
   const double sine = 2.0 * t * scale;
@@ -17,9 +17,9 @@ Deviator rotated(const Deviator& s, double spin, double dt) {
           sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
 }
 
-// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x. The balance falls strictly: Newton, kept
-// between 0 and what perfect plasticity would take. Concave hardening needs no keeping: its iterates rise to the root
-// from x = 0 and cannot pass it.
+// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x. The difference of the two sides is
+// strictly monotonic. Newton's method is kept between 0 and the increment of perfect plasticity. For concave hardening
+// the bounds are never active: the iterates rise from x = 0 to the root and cannot pass it.
 double plastic_increment(const physics::Material& metal, double trial, double yield, double g, double plastic_strain,
                          double dt) {
   const double stiffness = 3.0 * metal.shear_modulus;
@@ -50,15 +50,15 @@ double equivalent_stress(const Deviator& s) {
 
 StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& d, double dt,
                               double plastic_strain, double pressure, double temperature) {
-  // 1.
+  // 1. rotation
   Deviator s = rotated(old, 0.5 * (d.yx - d.xy), dt);
-  // 2.
+  // 2. elastic trial
   const double stretch = 2.0 * metal.shear_modulus * dt;
   const double mean = d.dilatation() / 3.0;
   s.xx += stretch * (d.xx - mean);
   s.yy += stretch * (d.yy - mean);
   s.xy += stretch * 0.5 * (d.xy + d.yx);
-  // 3.
+  // 3. radial return
   const double trial = equivalent_stress(s);
   if (trial == 0.0) return {s, 0.0};
   const double g = physics::softening(metal, pressure, temperature).g;
