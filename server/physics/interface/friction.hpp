@@ -50,8 +50,8 @@ struct SlidingFriction {
 // The properties of a friction law. Options of a model are allowed or refused by them, never by the name of a law. None
 // has a default: a law that does not declare all of them does not compile.
 struct FrictionLawProperties {
-  bool depends_on_slip;         // of the step itself
-  bool depends_on_temperature;  // T0 at the end of the step
+  bool depends_on_slip;         // whether mu depends on the slip of the step
+  bool depends_on_temperature;  // whether mu depends on T0 at the end of the step
 };
 
 template <class Law>
@@ -69,28 +69,28 @@ constexpr FrictionLawProperties properties_of_law() {
 template <class Law>
 concept TemperatureDependentFriction =
     !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {
-  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| from T to T  [1/K]
+  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
 };
 
 // A law whose coefficient depends on slip solves a step by itself.
 template <class Law>
 concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
-  // P, c, b, a_stick
+  // The arguments are P, c, b and a_stick.
   { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
 };
 
 template <class Law>
 concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDependentFriction<Law> &&
     SlipDependentFriction<Law> && requires(const InterfaceOptions& options, const Material& soft, double value) {
-  { Law::kName } -> std::convertible_to<std::string_view>;      // the word of scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;  // of the options page
+  { Law::kName } -> std::convertible_to<std::string_view>;      // its name in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // its equation on the options page
   { Law::kAdds } -> std::convertible_to<std::string_view>;      // what the law adds to constant friction
   { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use it
-  // A fault in the constants of the law together; its field is a key of [interface].
+  // Checks the constants of the law together. The field of a fault is a key of [interface].
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Replaces the constants of the law by typical ones; mu and the yield strength are given.
   { Law::typical(options, soft) } -> std::same_as<InterfaceOptions>;
-  // At T0 and |[v]|; `soft` at the pressure of the node.
+  // The coefficient at T0 and |[v]|; `soft` holds the properties at the pressure of the node.
   { Law::at(options, soft, value, value) } -> std::same_as<FrictionValue>;
 };
 

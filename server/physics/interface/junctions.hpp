@@ -27,7 +27,7 @@ struct Junctions {
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }
 
-  // f Y_a / (g sqrt(3)) after a step of that slip velocity, and its slope in the slip velocity.
+  // Strength f Y_a / (g sqrt(3)) after a step with the slip velocity `slip`, and its derivative by `slip`.
   struct Value {
     double strength;  // [Pa]
     double slope;     // [Pa s/m]

@@ -1,5 +1,5 @@
-// Eigenmodes of the discrete heat equation without flux. A step without friction is one product per mode, and decayed
-// modes are dropped. The scheme is HeatOperator's, in other coordinates (METHODS.md, sleep).
+// Eigenmodes of the discrete heat equation without flux (METHODS.md, sleep). A step without friction is one product per
+// mode, and decayed modes are dropped. The scheme is that of HeatOperator in other coordinates.
 #pragma once
 
 #include <cstddef>

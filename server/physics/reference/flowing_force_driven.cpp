@@ -14,7 +14,7 @@ struct Candidate {
   bool sticks;
 };
 
-// The equations of the step of a flowing layer: DLP (48), (61), (64) and the interface law, a function each.
+// The equations of the step of a flowing layer, one function each: DLP (48), (61), (64) and the interface law.
 struct FlowingStep {
   FlowingStep(const ModelOptions& model_options, double step, const NodeInputs& inputs, const NodeState& state)
       : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
@@ -88,7 +88,8 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
   }
 }
 
-// All sliding solutions, by rising heat flux. The flux gives T0, T0 the stress; the work of that stress must be the flux.
+// All sliding solutions, by rising heat flux. The flux gives T0 and T0 gives the stress; the work of that stress must
+// equal the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
   if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // molten
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
