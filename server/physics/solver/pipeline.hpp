@@ -19,7 +19,7 @@ using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInp
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 
-// The answer of a lane without an answer: kFailed, and the old state.
+// Fills in a lane without an answer: the outcome kFailed and the old state.
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs);
 

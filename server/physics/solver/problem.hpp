@@ -31,7 +31,7 @@ struct Problem {
   InterfaceOptions interface;  // interface law of the strategy; velocity-driven: the Coulomb limit, if any, no yield
   Grid grid;
   HeatGrid heat_grid;
-  std::optional<HeatModes> modes;  // in place of a profile
+  std::optional<HeatModes> modes;  // modes in place of a temperature profile
   TileLayout layout;
   std::optional<HeatBasis> basis;  // with sleep
   int steps_before_sleep = 0;

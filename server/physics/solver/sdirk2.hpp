@@ -15,7 +15,7 @@ namespace shearbus::physics::sdirk2 {
 
 inline constexpr double kDiagonal = 0.29289321881345254;     // gamma = 1 - 1/sqrt(2)
 inline constexpr double kExtrapolation = 2.414213562373095;  // r = 1 + sqrt(2)
-inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // of the first stage in the step's mean; kDiagonal: second
+inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in the mean; kDiagonal: second
 
 // Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T` holds T1.
 void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,

@@ -13,17 +13,18 @@ namespace {
 
 // Error budget of a step, as a fraction of the tolerance.
 constexpr double kStepShare = 0.25;
-// A substep may use the fraction of the remaining budget that it is of the remaining time, and at least
-constexpr double kEarlyShare = 0.05;  // this fraction if it is as long as the time before it: steps may start suddenly
-constexpr double kRefinedShare = 0.25;  // this fraction if it was shortened: a later change may be sudden too
+// A substep may use a share of the remaining error budget: its length relative to the remaining time, but at least the
+// following fractions.
+constexpr double kEarlyShare = 0.05;  // if it is as long as the time before it: steps may start suddenly
+constexpr double kRefinedShare = 0.25;  // if it was shortened: a later change may be sudden too
 // The next substep may be twice as long where the error was below this fraction of the budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // how long an error of the jump goes on heating  [s]
+constexpr double kJumpTime = 1e-6;    // time for which an error of the jump continues to heat  [s]
 constexpr double kLeastRange = 0.01;  // of T_melt: smallest range of temperature that a tolerance is relative to
 constexpr int kMostHalvings = 22;
 constexpr int kMostAttempts = 1024;  // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;   // in about this number of substeps
+constexpr int kHurriedPieces = 64;   // number of substeps, about, of that unchecked rest
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -68,9 +69,9 @@ struct Progress {
 
 // Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress acts over
 // the whole substep, so all halves of the substep can have the same error and comparing them does not show it. Up to
-// the reversal the jump falls by A + 2 b s per substep, afterwards it rises by A; a substep that changes by A throughout
-// ends too far by the value returned. If the jump stops while the far stresses exceed what slip has carried, its error
-// is bounded only by its old value.
+// the reversal the jump falls by A + 2 b s per substep, afterwards it rises by A; a substep that changes by A
+// throughout ends too far by the returned value. If the jump stops while the far stresses exceed the stress that slip
+// has carried, its error is bounded only by its old value.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -84,9 +85,9 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
 }
 
 // Each lane has substeps of its own. A substep is accepted if its two halves give the same answer up to its error
-// budget; otherwise its first half is tried next. Where the error is small the next substep is twice as long. Lanes with
-// equally long next substeps are solved together, the shortest substeps first. The substeps of a lane depend on its own
-// state and inputs alone.
+// budget; otherwise its first half is tried next. Where the error is small the next substep is twice as long. Lanes
+// with equally long next substeps are solved together, the shortest substeps first. The substeps of a lane depend on
+// its own state and inputs alone.
 class ControlledStep {
  public:
   ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
@@ -184,7 +185,7 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // An error above the budget raises the budget of the rest to itself.
+    // An error above the budget raises the remaining budget to that error.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -194,9 +195,9 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step relative
-  // to T_melt - T_ref. The largest of three: T0 (diffusion damps its error), the heat released, and the host's new jump,
-  // which goes on heating. `of_rest`: length of the substep relative to the rest of the step.
+  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step
+  // relative to T_melt - T_ref. The largest of three: T0 (diffusion damps its error), the heat released, and the new
+  // jump of the host, which continues to heat. `of_rest`: length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();

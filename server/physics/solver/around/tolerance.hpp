@@ -7,8 +7,8 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes in as many substeps as the tolerance asks for, each by `advance`; writes the whole of
-// `trial`. Lanes without an answer keep their state.
+// One step of the active lanes in as many substeps as the tolerance needs. `advance` solves one substep. Writes the
+// whole of `trial`. Lanes without an answer keep their state.
 void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 

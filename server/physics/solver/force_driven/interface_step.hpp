@@ -1,5 +1,6 @@
 // Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
-// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The heat is the caller's.
+// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The caller conducts
+// the heat.
 #pragma once
 
 #include <cmath>
@@ -9,7 +10,7 @@
 
 namespace shearbus::physics {
 
-// Includes the host's plastic shear where the layer may flow, DLP (64).
+// The forces of a lane, with the host's plastic shear where the layer may flow, DLP (64).
 inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
   Forcing forcing = forcing_of(inputs, lane);
   if (problem.options.plastic_layer)
@@ -52,7 +53,7 @@ class InterfaceStep {
     return step;
   }
 
-  double junction_strain;  // before, then after the last step
+  double junction_strain;  // before the step; from() updates it
 
  private:
   const Problem& problem_;

@@ -15,8 +15,8 @@ namespace shearbus::physics {
 
 struct LaneResult {
   LaneStep step{};
-  double heat = 0.0;  // entered the layer                                                      [J/m2]
-  double flux = 0.0;  // not yet in the temperatures: that of a whole step; 0 after substeps    [W/m2]
+  double heat = 0.0;  // friction heat of the step                                                   [J/m2]
+  double flux = 0.0;  // flux not yet in the temperatures; 0 after substeps    [W/m2]
   std::uint8_t outcome = 0;
 };
 
@@ -41,8 +41,8 @@ struct LaneStart {
   double* T;            // after conduction over the whole step; after substeps: the new temperatures
 };
 
-// Equal substeps from the old temperatures. `substep(from)` gives the LaneStep after conduction, from the last one.
-// Stops with false at the first substep without a unique answer, unless `accept`.
+// Equal substeps from the old temperatures. `substep(from)` returns the LaneStep after `from` and after conduction.
+// Returns false at the first substep without a unique answer, unless `accept`.
 template <class Heat, class Substep>
 bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& start, LaneResult& result,
                   const Substep& substep) {
@@ -62,7 +62,8 @@ bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& 
     result.step.several |= last.several;
     result.heat += last.flux * heat.dt;
   }
-  // Means over a step in which the slip reverses could oppose each other; friction does no negative work.
+  // Where the slip reverses within the step, the means of stress and slip could have opposite signs; friction does no
+  // negative work.
   if (result.step.stress * result.step.slip < 0.0) result.step.slip = 0.0;
   return true;
 }

@@ -11,7 +11,7 @@ namespace shearbus::physics {
 struct BalanceStage {
   const HeatOperator* heat;
   double dt;                           // over which the jump acts  [s]
-  const double* early_flux = nullptr;  // second stage, which finds T_ad in `trial`: flux of the first, [lane]  [W/m2]
+  const double* early_flux = nullptr;  // if set: flux of the first stage, [lane]; `trial` holds T_ad  [W/m2]
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);

@@ -16,15 +16,15 @@ using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;        // relative: the next Newton step is below rounding
-constexpr double kLocallyConverged = 1e-9;  // the same of a return to the yield stress
+constexpr double kLocallyConverged = 1e-9;  // the same for a return to the yield stress
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // of T_melt: a temperature rise without effect on the strength
 constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
-constexpr double kUndershoot = 0.5;         // largest slope before the minimum of a shortened step, likewise
+constexpr double kUndershoot = 0.5;  // largest slope before the minimum of a shortened step, of the initial slope
 constexpr double kLeastDescent = 0.25;      // twice the least decrease of the energy, of the initial slope
-constexpr int kLocalSteps = 60;             // of a return; three are usual
-constexpr int kLocalNewtonSteps = 12;       // from then on every second step bisects
-constexpr int kBisections = 200;            // of an interval, to rounding
+constexpr int kLocalSteps = 60;             // iterations of a return; three are usual
+constexpr int kLocalNewtonSteps = 12;       // iterations after which every second step bisects
+constexpr int kBisections = 200;            // bisections of an interval, to rounding
 constexpr int kGuardedSteps = 400;          // Newton steps with line search at one flux
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
@@ -196,7 +196,7 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // The same with a given q, or with the q that the stress at z = 0 makes.
+  // Stresses and slopes at the iterate, at the given q or else at the q that the stress at z = 0 causes.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
@@ -212,8 +212,8 @@ class Waves {
 
   struct InterfaceReturn {
     double stress;  // magnitude        [Pa]
-    double slope;   // with |t|
-    bool held;      // by mu P
+    double slope;   // of the stress, with |t|
+    bool held;      // mu P holds the stress
   };
 
   // The return at z = 0 with its own heating: a = R(|t|; T_ad + B q, q = per_stress a). The strength of a vertex falls
@@ -224,7 +224,7 @@ class Waves {
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
     struct Carried {
-      double stress, log_slope, flow_slope;  // with a, by a; with |t|, by flow
+      double stress, log_slope, flow_slope;  // d log(stress) / da; d stress / d|t|
     };
     const auto carried = [&](double a) -> Carried {
       const Softening soften = softening(*step_.soft, step_.pressure, fields_.T_ad[0] + rise * a);
@@ -340,7 +340,8 @@ class Waves {
   }
 
   // Newton's method with a line search; returns whether it converged. The slope of the energy increases along a
-  // direction, so bisection finds where it is small. `surely`: two slopes have to prove that each step lowers the energy.
+  // direction, so bisection finds where it is small. With `surely` two slopes must prove that each step lowers the
+  // energy.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
