@@ -1,4 +1,5 @@
-// SIGINT and SIGTERM of a program that writes files: the program finishes the present step and removes its partial files.
+// SIGINT and SIGTERM for programs that write files: such a program finishes the present step and removes its partial
+// files.
 #pragma once
 
 #include <csignal>

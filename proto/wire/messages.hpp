@@ -49,7 +49,7 @@ struct Hello {
 struct OpenSession {
   static constexpr BodyRow kBody = {17, "open_session", true};
   std::string scene;       // TOML text
-  std::string scene_file;  // name of the text in messages about it
+  std::string scene_file;  // name of the text, for messages
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: none
