@@ -43,11 +43,11 @@ struct ClientOptions {
   std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
   void* context = nullptr;                            // libzmq context to share; required for inproc, else null
   std::string server_key;                             // tcp: the server's public CURVE key; empty: no encryption
-  std::string secret_key;                             // this client's, with server_key; shearbus-ctl keygen makes both
-  std::string name = "shearbus-client";               // of this client in the server's log
-  std::chrono::milliseconds connect_deadline{5'000};  // for the first hello
-  std::chrono::milliseconds reply_deadline{60'000};   // for any other call, retries included
-  std::chrono::milliseconds retry_after{5'000};       // then the client repeats the request on a fresh socket
+  std::string secret_key;  // this client's secret key, with server_key; made by shearbus-ctl keygen
+  std::string name = "shearbus-client";               // name of this client in the server's log
+  std::chrono::milliseconds connect_deadline{5'000};  // deadline of the first hello
+  std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
+  std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
 };
 
 // A new pair of CURVE keys, each of 40 characters.
@@ -67,7 +67,7 @@ struct OpenOptions {
 struct StepOptions {
   double dt_s = 0.0;
   double time_s = 0.0;     // end of the step, for records only
-  std::uint64_t step = 0;  // the host's number, for records only
+  std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
   bool commit_previous = false;  // of trial(): first commit the standing trial
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
@@ -148,7 +148,7 @@ class Session {
   void want_energy_ledger();  // asks for all default columns and, if the session has them, wire::kLedgerColumns
   const std::string& effective_scene()
       const;  // canonical TOML text with every default and constant, as the server understood it
-  const wire::SessionOpened& opened() const;  // the same, with the strategy and the columns of this session's steps
+  const wire::SessionOpened& opened() const;  // the scene with the strategy and the columns of this session's steps
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;  // in the order of the rows
@@ -192,8 +192,8 @@ class Client {
   ~Client();
 
   const wire::Welcome& welcome() const;
-  // Opens a session of a scene: TOML text, which the server reads. `scene_file` names it in messages; a scene at fault throws kInvalidScene
-  // with a line "scene_file:line:column: ..." for each fault.
+  // Opens a session of a scene: TOML text, which the server reads. `scene_file` names the text in messages. A scene at
+  // fault throws kInvalidScene with a line "scene_file:line:column: ..." for each fault.
   Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                const OpenOptions& options = {});
   // Continues the session of a client that has ended. A session has one client at a time.
@@ -205,8 +205,8 @@ class Client {
   wire::Draining drain(bool exit);
   std::vector<wire::SessionInfo> sessions();
   TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
-  // Ends a session whose client has ended, given as sessions() returned it, and frees its states. The server refuses the
-  // call if the session has continued since.
+  // Ends a session whose client has ended, given as returned by sessions(), and frees its states. The server refuses
+  // the call if the session has continued since.
   wire::SessionClosed close(const wire::SessionInfo& session);
 
  private:
