@@ -57,9 +57,9 @@ class Connection {
     return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
   }  // random, of this client
 
-  // The last opening without a session: its outcome is unknown, or it was refused and a late copy may still succeed (for
-  // example when the disk has space again). A repeated opening must have the same bytes, so that one session owns the
-  // nodes.
+  // The last opening without a session: its outcome is unknown, or it was refused and a late copy may still succeed
+  // (for example when the disk has space again). A repeated opening must have the same bytes, so that one session owns
+  // the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
   bool durable() const { return durable_; }  // whether the sessions of the server outlive it, by its welcome

@@ -18,7 +18,7 @@ namespace shearbus::scene {
 // The name of a text, for messages, and the place of each of its keys.
 struct Document {
   std::string file;
-  std::map<std::string, Place, std::less<>> places;  // by path, "layer.cells"
+  std::map<std::string, Place, std::less<>> places;  // places by path, "layer.cells"
 
   // The place of a key, "paper.toml:12:1". If the key is absent, the place of the nearest enclosing table, or else the
   // file alone.

@@ -21,7 +21,7 @@ enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2
 
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 
-// How the steps of a strategy use a column.
+// The use of a column in the steps of a strategy.
 enum class Use : std::uint8_t {
   kNone,
   kRequired,   // every request has the column

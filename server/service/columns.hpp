@@ -17,7 +17,7 @@ std::string name_of(const wire::Column& column);
 
 wire::Strategy strategy_of(const physics::ModelOptions& options);
 
-// Why a model lacks a column of its strategy.
+// The condition under which a model has a column of its strategy, and the refusal if it lacks the column.
 struct ColumnCondition {
   wire::Field field;  // kUnspecified: all columns of the kind
   wire::Kind kind;

@@ -12,7 +12,7 @@ namespace shearbus::service {
 struct Service::Member {
   wire::SessionId id{};
   std::string identity;              // the opener, the only identity that may use the session
-  wire::ResumeToken resume_token{};  // all zero: nobody may resume the session
+  wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
   std::uint64_t claim = 0;           // the last granted claim
   std::uint64_t claimant = 0;
   std::uint64_t epoch = 0;  // epoch of the session's requests since that claim; 0: the server's
@@ -35,7 +35,7 @@ struct Service::Arrival {
   Frames frames;
   Caller caller;
   wire::Request request;
-  std::uint64_t hash = 0;  // of the frames
+  std::uint64_t hash = 0;  // hash of the frames
   std::uint64_t started_ns = 0;
 };
 

@@ -90,10 +90,10 @@ class Shard {
   NodeChange removing(std::span<const std::uint32_t> slots) const;
   void apply(NodeChange&& change);
 
-  States committed_states() const;  // of every node
+  States committed_states() const;  // states of every node
   // States of the nodes in these slots, as rows 0, 1, ...; if `of_trial`, the trial states of nodes that have one.
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
-  States trial_states() const;  // of the nodes in tiles that the trial changed; empty without a trial
+  States trial_states() const;  // trial states of the nodes in tiles that the trial changed; empty without a trial
   // Restores the results of committed_states() and trial_states() to the last bit; without `trial` there is no trial.
   // Throws std::invalid_argument if the states are not of the model and nodes of this shard.
   void restore(const States& committed_states, const States* trial, std::uint64_t state_version);

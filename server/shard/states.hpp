@@ -14,7 +14,7 @@ namespace shearbus::shard {
 
 // One state of the nodes: `width` values per node, [node][width].
 struct StateColumn {
-  std::string name;   // "temperature_k"
+  std::string name;   // name with unit: "temperature_k"
   std::string units;  // "K"
   std::size_t width = 0;
   std::vector<double> values;

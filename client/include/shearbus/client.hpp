@@ -11,7 +11,8 @@
 // kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
 // included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
 // values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
-// server refuses a different call with kSequenceReused if the lost request has run; the session then continues after it.
+// server refuses a different call with kSequenceReused if the lost request has run; the session then continues after
+// it.
 //
 // The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
 // their deadline and then continue. They throw kEpoch if the server was restored with older states.
@@ -69,7 +70,7 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // of trial(): first commit the standing trial
+  bool commit_previous = false;  // for trial(): commit the standing trial first
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and changes nothing.
   Policy policy = Policy::kAccept;
@@ -114,15 +115,15 @@ class Session {
   // The required columns of a step of all nodes, with rows in the order of node_ids(), zeroed, and the given optional
   // columns.
   Batch request(std::span<const Field> optional_columns = {}) const;
-  // The same columns for some nodes, with rows in the order of `node_ids`.
+  // The required columns of a step of some nodes, with rows in the order of `node_ids`, and the given optional columns.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // step and accept
   const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
   // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
-  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with the
-  // same values is the same request.
+  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
+  // the same values is the same request.
   void start_trial(const Batch& request, const StepOptions& step);
   const StepResult& finish_trial();
   std::uint64_t commit();
@@ -151,7 +152,7 @@ class Session {
   const wire::SessionOpened& opened() const;  // the scene with the strategy and the columns of this session's steps
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
-  const std::vector<std::uint64_t>& node_ids() const;  // in the order of the rows
+  const std::vector<std::uint64_t>& node_ids() const;  // node ids in the order of the rows
 
   // Lets another process continue this session after this process has ended. The ticket is a secret: its holder owns
   // the session.

@@ -42,8 +42,8 @@ struct FrictionValue {
 struct SlidingFriction {
   double sliding;  // smallest a >= 0 with a = mu(c - b a) P: among the sliding states the one with the most slip  [Pa]
   double holding;  // mu P at the slip of a = a_stick: the limit of an interface that sticks                       [Pa]
-  // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist with
-  // the sliding one. Infinity: never.
+  // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist
+  // with the sliding one. Infinity: never.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
@@ -65,7 +65,8 @@ constexpr FrictionLawProperties properties_of_law() {
   return {.depends_on_slip = Law::kDependsOnSlip, .depends_on_temperature = Law::kDependsOnTemperature};
 }
 
-// A law whose coefficient falls with T0. Solvers count on mu(T0) being continuous, without a rise, and 0 from T_melt on.
+// A law whose coefficient falls with T0. Solvers count on mu(T0) being continuous, without a rise, and 0 from T_melt
+// on.
 template <class Law>
 concept TemperatureDependentFriction =
     !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {

@@ -58,7 +58,7 @@ struct StressLimit {
     return varying_friction_of_step(c, b, a_stick);
   }
 
-  // The same limit with a constant friction stress.
+  // This limit with a constant friction stress.
   StressLimit with_friction(double stress) const {
     StressLimit other = *this;
     other.coulomb = stress;

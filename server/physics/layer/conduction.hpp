@@ -42,7 +42,7 @@ struct HeatGrid {
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
 //   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   a = alpha dt / (weight * width before), c after
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
-// temperature need no elimination, and what reaches them decays outwards. All coefficients are positive and no
+// temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
 // difference is formed, so nothing cancels: the solution is accurate to rounding for any dt and grading.
 struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
@@ -57,7 +57,7 @@ struct HeatOperator {
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
   std::span<double> outward;        // t[i] / t[inner neighbour] for old values 0; unused at z = 0
-  double inward_hard;               // at z = 0, from the hard side; inward[z = 0] is from the soft side
+  double inward_hard;               // elimination factor at z = 0 from the hard side; inward[z = 0]: soft side
   std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
@@ -85,7 +85,7 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
 // Vertices at the far temperature that no heat reaches in this step, to the last bit, are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
-// The same for one lane of a tile, in place.
+// One step without flux of one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
 // T = T_ad + q B, DLP (35), for all lanes or one. Vertices where q B is below half an ulp of the coldest temperature

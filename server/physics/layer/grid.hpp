@@ -28,7 +28,7 @@ struct Grid {
   double grading;
   bool matched;
 
-  std::vector<double> width;   // of each cell, from the interface outward  [m]
+  std::vector<double> width;   // width of each cell, from the interface outward  [m]
   std::vector<double> vertex;  // z of each vertex                          [m]
   std::vector<double> weight;  // weight of each vertex in an integral over the layer: half of its two cells  [m]
 };

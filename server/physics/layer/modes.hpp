@@ -27,7 +27,7 @@ struct HeatKernel {
   double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
   bool far_face_unfelt(double t) const;  // whether the images are below rounding until t
 
-  double thickness;     // of the slab; infinity: half-space  [m]
+  double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
   double diffusivity;   // alpha  [m2/s]
   double half_space;    // sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]

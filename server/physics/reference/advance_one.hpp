@@ -10,13 +10,13 @@
 namespace shearbus::physics::reference {
 
 struct NodeState {
-  std::vector<double> temperature;       // at the heat vertices of the soft body, z = 0 first        [K]
-  std::vector<double> hard_temperature;  // of a conducting hard body, the outermost first; without a temperature
-                                         // profile, the rows of HeatModes before T0                  [K]
-  std::vector<double> plastic_strain;    // at each layer vertex
+  std::vector<double> temperature;       // temperature at the soft body's heat vertices, z = 0 first [K]
+  std::vector<double> hard_temperature;  // temperature in a conducting hard body, outermost first; without a
+                                         // temperature profile, the rows of HeatModes before T0      [K]
+  std::vector<double> plastic_strain;    // plastic strain at each layer vertex
   std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
-  std::vector<double> stress_field;      // with inertia: at each layer vertex                        [Pa]
-  std::vector<double> layer_velocity;    // with inertia: of each layer cell, relative to the hard body   [m/s]
+  std::vector<double> stress_field;      // with inertia: stress at each layer vertex                        [Pa]
+  std::vector<double> layer_velocity;    // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
   bool sticking = false;         // plastic layer
@@ -42,7 +42,7 @@ struct NodeOutputs {
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
-  double error_estimate = 0.0;  // with a tolerance
+  double error_estimate = 0.0;  // error estimate of a step with a tolerance
   bool first_order = false;     // the options ask for SDIRK2, and the step left its domain
   int answers = 1;  // number of stresses that satisfy the step (force-driven; found on a fine scan); with a plastic
                     // layer only the answers between which its rule does not choose

@@ -38,10 +38,10 @@ struct FlowingStep {
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
   double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
-  double limit(double q) const {  // of the interface
+  double limit(double q) const {  // strength of the interface  [Pa]
     return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
-  double ceiling(double q) const {  // of the layer
+  double ceiling(double q) const {  // largest strength of the layer  [Pa]
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
     return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
   }

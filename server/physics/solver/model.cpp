@@ -28,7 +28,8 @@ HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// A velocity-driven interface has no yield limit of its own, and friction where the options name it.
+// The interface law of the options. A velocity-driven interface has no yield limit of its own, and friction only if the
+// options give a coefficient.
 InterfaceOptions interface_of(const ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven) return options.interface;
   constexpr double kUnlimited = std::numeric_limits<double>::infinity();

@@ -1,4 +1,4 @@
-// Options of a model: what a scene chooses.
+// Options of a model, which a scene chooses.
 #pragma once
 
 #include <optional>
@@ -42,7 +42,7 @@ struct ModelOptions {
   // smaller. discretised() gives the grid and the methods for a tolerance.
   std::optional<double> tolerance;
 
-  int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+  int tangential_components = 1;  // components of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
 
   // The layer has mass: its stress is a field (DLP 36). Velocity-driven with LAYER_SHEAR, at most kMaxInertiaCells.
   bool inertia = false;

@@ -33,7 +33,7 @@ struct Problem {
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // modes in place of a temperature profile
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // with sleep
+  std::optional<HeatBasis> basis;  // modes of sleeping nodes
   int steps_before_sleep = 0;
   int heat_rows;          // rows of temperature or modes in a tile, from layout.first_temperature() on
   double heat_partition;  // fraction of the friction power that enters the conducting bodies: beta_T, or 1 if both do

@@ -15,9 +15,9 @@
 namespace shearbus::physics {
 
 struct State {
-  const char* name;    // of the checkpoint column
+  const char* name;    // name of the checkpoint column
   const char* unit;    // UDUNITS
-  std::size_t offset;  // of [width][kLanes] in the tile
+  std::size_t offset;  // offset of [width][kLanes] in the tile
   std::size_t width;   // values per node
 };
 
@@ -47,12 +47,12 @@ class TileLayout : public StateList {
   // `modes`: null with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;  // of the hard body's temperature without z = 0; 0 where it does not conduct
+  std::size_t num_hard_vertices;  // vertices in the hard body, without z = 0; 0 if it does not conduct
   std::size_t num_heat_modes;     // rows in place of a profile: start temperature, shares of T0
   std::size_t num_vertices;       // temperatures in the soft body: the layer and a half-space behind it; modes: 1, T0
   std::size_t num_strain_vertices;
   std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
-  std::size_t num_velocity_cells;   // of the layer with inertia
+  std::size_t num_velocity_cells;   // cells of a layer with inertia
 
   // The first three states are contiguous: they are the rows of HeatGrid or of HeatModes. While a node is asleep they
   // hold the amplitudes of HeatBasis.

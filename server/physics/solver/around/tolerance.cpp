@@ -21,7 +21,7 @@ constexpr double kRefinedShare = 0.25;  // if it was shortened: a later change m
 constexpr double kSmallError = 1.0 / 6.0;
 
 constexpr double kJumpTime = 1e-6;    // time for which an error of the jump continues to heat  [s]
-constexpr double kLeastRange = 0.01;  // of T_melt: smallest range of temperature that a tolerance is relative to
+constexpr double kLeastRange = 0.01;  // smallest temperature range of a tolerance, relative to T_melt
 constexpr int kMostHalvings = 22;
 constexpr int kMostAttempts = 1024;  // substeps tried in one step of a lane; then the rest is accepted unchecked
 constexpr int kHurriedPieces = 64;   // number of substeps, about, of that unchecked rest
@@ -56,10 +56,10 @@ void add(const Answer& next, double share, bool forced, Answer& sum) {
 
 // Progress of one lane through its step.
 struct Progress {
-  int level = 0;        // of the next substep: dt / 2^level, compared with two halves of it
+  int level = 0;        // the next substep is dt / 2^level long
   std::int64_t at = 0;  // begin of the next substep, in units of the shortest substep
-  Answer sum;           // of the accepted substeps
-  Answer coarse;        // of the next substep in one piece, if coarse_known
+  Answer sum;           // answer of the accepted substeps together
+  Answer coarse;        // answer of the next substep in one piece, if coarse_known
   bool coarse_known = true;
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
@@ -239,8 +239,8 @@ class ControlledStep {
     outputs_.outcome[l] |= outside_domain(sum.slip, inputs_.velocity_jump[l]);
   }
 
-  TileInputs now_;                  // of the next substep
-  TileOutputs first_{}, second_{};  // of the two halves
+  TileInputs now_;                  // inputs of the next substep
+  TileOutputs first_{}, second_{};  // answers of the two halves
   const Problem& problem_;
   const StepOperators& operators_;
   const AdvanceTile advance_;  // one substep
@@ -248,7 +248,7 @@ class ControlledStep {
   const double* committed_;
   double* trial_;
   TileOutputs& outputs_;
-  const std::int64_t end_;  // of the step, in units of its shortest substep
+  const std::int64_t end_;  // end of the step, in units of its shortest substep
   const double response_;   // B0 of the whole step
   double* const accepted_;  // state after the substeps accepted so far
   double* const half_;      // state after the first half of the next substep

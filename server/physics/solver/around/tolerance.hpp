@@ -12,7 +12,7 @@ namespace shearbus::physics {
 void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 
-// How often a step of dt may be halved.
+// The largest number of times that a step of dt may be halved.
 int most_times_halved(double dt);
 
 }  // namespace shearbus::physics

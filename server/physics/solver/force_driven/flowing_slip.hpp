@@ -12,8 +12,8 @@ namespace shearbus::physics {
 
 // A lane with a closed contact at the start of a step.
 struct FlowingStart {
-  StressLimit limit;      // of the interface
-  double ceiling;         // of the layer at g = 1, where hardening ends; infinity: none             [Pa]
+  StressLimit limit;      // limit of the interface
+  double ceiling;         // ceiling of the layer at g = 1, where hardening ends; infinity: none             [Pa]
   bool hardens;           // without hardening the layer flows at the ceiling only
   double first_weight;    // length of z that the first vertex represents                                 [m]
   double first_strain;    // plastic strain of the first vertex

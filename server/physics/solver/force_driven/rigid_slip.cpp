@@ -39,12 +39,13 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   // 1. Stick: no slip at the end of the step, if the interface carries the stress for that. ([V]mid = 0 would
   // oscillate.)
   const double a_stick = trial.stress_stick;
-  StressLimit resolved;  // with the constant friction of the step
+  StressLimit resolved;  // `strength` with the constant friction of the step
   if (by_slip) resolved = strength.with_friction(by_slip->holding);
   const StressLimit& limit = by_slip ? resolved : strength;
   const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
 
-  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes on
+  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes
+  // on
   //    as before: a sticking node sticks, a slipping node has the answer with the most slip.
   if (by_slip) resolved.coulomb = by_slip->sliding;
   const auto yield = [&] { return strength.with_friction(std::numeric_limits<double>::infinity()); };

@@ -35,10 +35,10 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
-  double direction;  // of the jump; without jump, of the acceleration
+  double direction;  // sign of the jump; without a jump, of the acceleration
   double jump_old;   // along the direction  [m/s]
   bool at_rest = false;
-  double early_stress = 0.0;  // of the first stage  [Pa]
+  double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean of the step    [Pa]
   double slip = 0.0;          // [V]mid              [m/s]
 };

@@ -36,7 +36,7 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 struct LaneStart {
   int lane;
   LaneStep before;      // stress, jump_new and sticks of the last step
-  int num_rows;         // of temperatures or modes, [row][lane]
+  int num_rows;         // rows of temperatures or modes, [row][lane]
   const double* T_old;  // before the step
   double* T;            // after conduction over the whole step; after substeps: the new temperatures
 };
@@ -68,11 +68,12 @@ bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& 
   return true;
 }
 
-// The answer of a lane whose whole step gave `whole`: that step where its answer is unique, else 2, 4, ...,
-// 2^max_halvings substeps until each has a unique answer. The finest substeps are accepted as they are. With
-// max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is accepted.
+// The answer of a lane whose whole step gave `whole`. If that answer is unique it is accepted; otherwise the step is
+// divided into 2, 4, ..., 2^max_halvings substeps until each has a unique answer, and the finest substeps are accepted
+// in any case. With max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is
+// accepted.
 //   heat_of(k)           operator of dt / 2^k
-//   restart()            restores what substeps change besides the temperatures
+//   restart()            restores the quantities other than temperatures that substeps change
 //   substep(heat, from)  one substep after conduction
 template <class HeatOf, class Restart, class Substep>
 LaneResult step_or_divide(const LaneStep& whole, const HeatOf& heat_of, int max_halvings, const LaneStart& start,

@@ -16,10 +16,10 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
-constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kFlowConverged = 1e-3;  // relative to the trial stress; Newton's error is its square
 constexpr double kBalanced = 1e-8;       // largest residual of an answer, relative to the flow
 constexpr double kFarAbove = 100.0;      // flow over the trial stress from which Newton works on logarithms
-constexpr double kLeastGuess = 1e-12;    // of the upper end: a smaller starting stress is no useful guess
+constexpr double kLeastGuess = 1e-12;    // relative to the upper end: a smaller starting stress is no useful guess
 constexpr int kNewtonIterations = 16;    // more than usual; from then on every second step bisects
 constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 

@@ -16,9 +16,9 @@ using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;        // relative: the next Newton step is below rounding
-constexpr double kLocallyConverged = 1e-9;  // the same for a return to the yield stress
+constexpr double kLocallyConverged = 1e-9;  // relative, for a return to the yield stress
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;           // of T_melt: a temperature rise without effect on the strength
+constexpr double kUnfelt = 1e-14;           // temperature rise, relative to T_melt, without effect on the strength
 constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
 constexpr double kUndershoot = 0.5;  // largest slope before the minimum of a shortened step, of the initial slope
 constexpr double kLeastDescent = 0.25;      // twice the least decrease of the energy, of the initial slope
@@ -167,7 +167,7 @@ class Waves {
   }
   double velocity_behind(int c) const { return c < num_cells_ ? fields_.velocity[c] : step_.jump; }
 
-  double residual(int c) const {  // of the balance of momentum  [Pa]
+  double residual(int c) const {  // residual of the balance of momentum  [Pa]
     return fields_.stress[c + 1] - fields_.stress[c] - inertia(c) * (fields_.velocity[c] - velocity_old_[c]);
   }
 
@@ -212,7 +212,7 @@ class Waves {
 
   struct InterfaceReturn {
     double stress;  // magnitude        [Pa]
-    double slope;   // of the stress, with |t|
+    double slope;   // d stress / d|t|
     bool held;      // mu P holds the stress
   };
 
