@@ -138,7 +138,7 @@ class Shard {
   std::size_t tiles_per_block_;
   std::vector<Block> blocks_;
   std::vector<std::uint8_t> committed_;  // for each tile, the number (0 or 1) of the buffer with the committed states
-  std::vector<std::uint32_t> touched_;      // tiles of the trial, ascending
+  std::vector<std::uint32_t> touched_;   // tiles of the trial, ascending
   std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;

@@ -11,8 +11,8 @@
 // kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
 // included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
 // values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
-// server refuses a different call with kSequenceReused if the lost request has run; the session then continues after
-// it.
+// server refuses a different call with kSequenceReused if the lost request has run; the session then continues
+// after the lost request.
 //
 // The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
 // their deadline and then continue. They throw kEpoch if the server was restored with older states.
@@ -41,11 +41,11 @@ using wire::Status;
 using wire::TransferId;
 
 struct ClientOptions {
-  std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
-  void* context = nullptr;                            // libzmq context to share; required for inproc, else null
-  std::string server_key;                             // tcp: the server's public CURVE key; empty: no encryption
-  std::string secret_key;  // this client's secret key, with server_key; made by shearbus-ctl keygen
-  std::string name = "shearbus-client";               // name of this client in the server's log
+  std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
+  void* context = nullptr;               // libzmq context to share; required for inproc, else null
+  std::string server_key;                // tcp: the server's public CURVE key; empty: no encryption
+  std::string secret_key;                // this client's secret key, with server_key; made by shearbus-ctl keygen
+  std::string name = "shearbus-client";  // name of this client in the server's log
   std::chrono::milliseconds connect_deadline{5'000};  // deadline of the first hello
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket

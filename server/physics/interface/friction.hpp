@@ -65,8 +65,8 @@ constexpr FrictionLawProperties properties_of_law() {
   return {.depends_on_slip = Law::kDependsOnSlip, .depends_on_temperature = Law::kDependsOnTemperature};
 }
 
-// A law whose coefficient falls with T0. Solvers count on mu(T0) being continuous, without a rise, and 0 from T_melt
-// on.
+// A law whose coefficient falls with T0. Solvers require that mu(T0) is continuous, never rises and is 0
+// from T_melt on.
 template <class Law>
 concept TemperatureDependentFriction =
     !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {

@@ -18,7 +18,7 @@ enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr double kShortestControlledStep = 1e-12;  // shortest step of the host with a tolerance  [s]
 inline constexpr int kMaxInertiaCells = 1000;  // cells of a layer with inertia, whose step works on the stack
-inline constexpr int kMaxSleepCells = 900;                // cells of both bodies in a model with sleep
+inline constexpr int kMaxSleepCells = 900;     // cells of both bodies in a model with sleep
 // A half-space adds at most 49 vertices to the cells of its body: each cell is 1.3 times as wide as the last, up to
 // 1000 thicknesses.
 static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
@@ -31,8 +31,8 @@ struct ModelOptions {
   std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it receives the fraction 1 - beta_T
   double initial_temperature = 300.0;    // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
-  std::optional<ModesOptions> modes;  // no profile: force-driven, one conducting body; uses only the thickness
-  Drive drive = Drive::kLayerShear;   // velocity-driven
+  std::optional<ModesOptions> modes;           // no profile: force-driven, one conducting body; uses only the thickness
+  Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too

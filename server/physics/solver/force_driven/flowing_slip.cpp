@@ -202,9 +202,8 @@ void FlowingSlip::end_stick(double a) {
 }
 
 // 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat
-// of
-//    the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where the
-//    limit equals the sticking stress.
+//    of the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where
+//    the limit equals the sticking stress.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;

@@ -44,9 +44,8 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   const StressLimit& limit = by_slip ? resolved : strength;
   const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
 
-  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes
-  // on
-  //    as before: a sticking node sticks, a slipping node has the answer with the most slip.
+  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node
+  //    continues as before: a sticking node sticks, a slipping node has the answer with the most slip.
   if (by_slip) resolved.coulomb = by_slip->sliding;
   const auto yield = [&] { return strength.with_friction(std::numeric_limits<double>::infinity()); };
   const bool friction_returns = by_slip && by_slip->exceeds_again < a_stick &&

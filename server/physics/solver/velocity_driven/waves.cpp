@@ -20,12 +20,12 @@ constexpr double kLocallyConverged = 1e-9;  // relative, for a return to the yie
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise, relative to T_melt, without effect on the strength
 constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
-constexpr double kUndershoot = 0.5;  // largest slope before the minimum of a shortened step, of the initial slope
-constexpr double kLeastDescent = 0.25;      // twice the least decrease of the energy, of the initial slope
-constexpr int kLocalSteps = 60;             // iterations of a return; three are usual
-constexpr int kLocalNewtonSteps = 12;       // iterations after which every second step bisects
-constexpr int kBisections = 200;            // bisections of an interval, to rounding
-constexpr int kGuardedSteps = 400;          // Newton steps with line search at one flux
+constexpr double kUndershoot = 0.5;     // largest slope before the minimum of a shortened step, of the initial slope
+constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energy, of the initial slope
+constexpr int kLocalSteps = 60;         // iterations of a return; three are usual
+constexpr int kLocalNewtonSteps = 12;   // iterations after which every second step bisects
+constexpr int kBisections = 200;        // bisections of an interval, to rounding
+constexpr int kGuardedSteps = 400;      // Newton steps with line search at one flux
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
