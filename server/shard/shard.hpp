@@ -44,9 +44,9 @@ class Shard {
   Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
         TaskPool& pool, const ShardOptions& options = {});
 
-  // Memory in bytes: bytes_of_state() of the state of one node, as marks and files store it; bytes_per_node() of one
-  // node in a shard, which has a committed state, a trial state and an entry in the index; bytes_for() of a number of
-  // nodes, in whole tiles.
+  // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
+  // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
+  // in whole tiles.
   static std::uint64_t bytes_of_state(const physics::Model& model);
   static std::uint64_t bytes_per_node(const physics::Model& model);
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes);

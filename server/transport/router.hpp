@@ -41,8 +41,8 @@ struct RouterOptions {
   int queued_messages_per_peer = 4;                     // a peer has one request in flight; the others are repeats
   Authorise authorise;                                  // decides who may connect by ipc and tcp
   bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;                         // Z85; tcp peers must have keys. Empty: they have none, and
-  bool insecure_plaintext = false;                      // tcp is refused unless this is set
+  std::string curve_secret_key;                         // Z85; with it tcp peers must have keys; empty: no keys
+  bool insecure_plaintext = false;                      // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;          // a line per undeliverable answer; may be empty
   std::function<void(const std::string&)> log_access;   // a line per refused connection; called from another thread
 };

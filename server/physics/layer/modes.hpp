@@ -73,7 +73,7 @@ struct ModeOperator {
   const double* layer_response() const { return &response; }
 };
 
-// The functions of conduction.hpp for rows of HeatModes.
+// The same operations as in conduction.hpp, for the rows of HeatModes.
 void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after);
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);

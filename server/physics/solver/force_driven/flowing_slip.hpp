@@ -78,7 +78,7 @@ class FlowingSlip {
   double a_ = 0.0, q_ = 0.0;
   double a_stick_ = 0.0;  // sticking stress of the flowing layer
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
-  bool high_is_ceiling_ = false;  // in the present search, `high_` is an answer at the ceiling
+  bool high_is_ceiling_ = false;  // in the present search the layer is at its ceiling at `high_`
   bool at_ceiling_ = false;       // the answer is at the ceiling
   bool stick_was_searched_ = false;
   bool several_ = false;

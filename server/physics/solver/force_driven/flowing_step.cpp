@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 namespace {
 
-// Inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+// The inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
 FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                       const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
   FlowingStart start{};

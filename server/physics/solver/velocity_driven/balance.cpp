@@ -20,7 +20,7 @@ constexpr double kFlowConverged = 1e-3;  // relative to the trial stress; Newton
 constexpr double kBalanced = 1e-8;       // largest residual of an answer, relative to the flow
 constexpr double kFarAbove = 100.0;      // flow over the trial stress from which Newton works on logarithms
 constexpr double kLeastGuess = 1e-12;    // relative to the upper end: a smaller starting stress is no useful guess
-constexpr int kNewtonIterations = 16;    // more than usual; from then on every second step bisects
+constexpr int kNewtonIterations = 16;    // more than usual; afterwards every second step bisects
 constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 
 // The bound that limits the stress where the balance alone would allow more.
@@ -275,7 +275,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
-  bool loaded = false;  // any lane; else nothing flows
+  bool loaded = false;  // any lane is loaded; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
@@ -314,7 +314,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     }
     lanes[l].done = !lanes[l].loaded;
     loaded = loaded || lanes[l].loaded;
-    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // the answer is at an upper end
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;

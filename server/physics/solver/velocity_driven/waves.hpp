@@ -46,8 +46,8 @@ struct WaveAnswer {
   bool found = true;            // false: stopped early, the fields mean nothing
 };
 
-// Newton on all fields at once. If Newton has not converged after `newton_steps`, a guarded search follows, which
-// cannot fail but may be long: it stops after `evaluations` of the balance, and `found` is false.
+// Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
+// follows, which cannot fail but may be long: it stops after `evaluations` of the balance, and `found` is then false.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
