@@ -12,7 +12,7 @@
 
 namespace shearbus::shard {
 
-// Values of a request, one per row. Members without a column are 0.
+// Values of a request, one per row. A member without a column is 0.
 struct InputColumn {
   double (physics::TileInputs::*member)[physics::kLanes];
   std::span<const double> values;

@@ -276,7 +276,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const auto jump_new = [&](double a) { return jump_free - direction * a * per_stress; };
   const auto slip = [&](double a) { return std::max(0.0, direction * 0.5 * (in.velocity_jump + jump_new(a))); };
   const auto T0 = [&](double a) { return T_ad[0] + B[0] * beta_T * a * slip(a); };
-  // The friction branch of DLP (65), or of another friction law.
+  // The friction branch of DLP (65), with the friction law of the options.
   const InterfaceOptions& law = options.interface;
   const bool weakens = law.friction_law == FrictionLaws::place<VelocityWeakening>();
   const auto coulomb = [&](double a) {

@@ -43,8 +43,8 @@ struct Lane {
   bool at_bound = false;       // the answer is `hi`, held by `bound`
 };
 
-// The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
-// again when the jump turns against the stress: DLP 5.2.
+// The stress from which the step starts. In INTERFACE_SLIP the jump is friction at z = 0: the stress is at its limit
+// from the start, and again when the jump turns against the stress, DLP 5.2.
 double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
   if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || (s_old < 0.0 && jump < 0.0) ||
       (s_old > 0.0 && jump > 0.0))

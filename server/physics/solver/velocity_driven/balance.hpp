@@ -1,5 +1,5 @@
-// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56) with the drive that (56) leaves
-// out. The host imposes the velocity jump, the layer's plastic flow finds the stress.
+// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56), with the drive that is missing
+// in (56). The host imposes the velocity jump, the plastic flow of the layer finds the stress.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"

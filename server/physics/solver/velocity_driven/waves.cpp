@@ -315,8 +315,8 @@ class Waves {
     return largest;
   }
 
-  // Whether the step is small relative to the velocities, and to the velocities that make stresses as large as the
-  // present ones, by a wave or in one step.
+  // Whether the step is small relative to two velocities: the velocities of the layer, and the velocities that would
+  // cause stresses as large as the present stresses, by a wave or in one step.
   bool small_step() const {
     const Material& soft = *step_.soft;
     double v = std::abs(step_.jump);
@@ -353,7 +353,7 @@ class Waves {
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
       double slope = slope_after(1.0, flux);
       if (last) return true;
-      // With heating by the stress the balance has no energy, and a direction need not be one of descent.
+      // With heating by the stress the balance is not the gradient of an energy, so a direction need not descend.
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;
