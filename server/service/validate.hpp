@@ -23,7 +23,7 @@ std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const s
 // The rows of nodes to retire or offer: unique, at least one, and all of them in the session.
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// Refuses a session of too many nodes.
+// Refuses a session that would have too many nodes.
 void check_session_size(std::size_t nodes);
 
 // Refuses a name of a mark or a domain that is empty or too long.

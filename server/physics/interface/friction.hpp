@@ -40,7 +40,7 @@ struct FrictionValue {
 // temperature except through the stress, so a step in which mu(c - b a) P holds the stress has its answer before T0 is
 // known: for the rest of the solver the limit is a constant.
 struct SlidingFriction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: among the sliding states the one with the most slip  [Pa]
+  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
   double holding;  // mu P at the slip of a = a_stick: the limit of an interface that sticks                       [Pa]
   // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist
   // with the sliding one. Infinity: never.

@@ -19,7 +19,7 @@ struct NodeState {
   std::vector<double> layer_velocity;    // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
-  bool sticking = false;         // plastic layer
+  bool sticking = false;         // with a plastic layer: the last step ended without slip
   double junction_strain = 0.0;  // ep_a
 };
 

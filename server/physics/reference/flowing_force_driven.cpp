@@ -66,7 +66,7 @@ struct FlowingStep {
   double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
 };
 
-// The stress at which the slip has ended by the end of the step.
+// The sticking solution: the stress under which the slip ends by the end of the step.
 Candidate stick_of(const FlowingStep& step, double beta_T) {
   const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
   const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
@@ -160,7 +160,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
   if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the layer flows
 
-  // 2. Strain, the surplus over (48) at the hottest vertex where the ceiling holds the stress.
+  // 2. Strain by (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
   const double a = taken.stress;
   const double wanted = taken.sticks ? step.jump_new(a) + step.drive : step.jump_mid(a) + step.drive - taken.slip;
   const double surplus = std::max(0.0, (wanted - step.flow(a, taken.flux)) * dt / kSqrt3);

@@ -11,7 +11,7 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes from `committed` to `trial`; `outputs` of the active lanes.
+// A step of the active lanes from `committed` to `trial`; writes `outputs` of the active lanes.
 using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                              double* trial, TileOutputs& outputs);
 

@@ -27,7 +27,7 @@ class InterfaceStep {
         strength_(interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort)),
         forcing_(forcing_of(problem, inputs, lane)) {}
 
-  // The lane as it was before the step.
+  // The state of the lane before the step.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     return {

@@ -7,7 +7,7 @@
 
 namespace shearbus::physics {
 
-// One solution of the balance under given heat: a backward Euler step, or a stage of SDIRK2.
+// One solution of the balance with a given heat operator: a backward Euler step, or a stage of SDIRK2.
 struct BalanceStage {
   const HeatOperator* heat;
   double dt;                           // over which the jump acts  [s]
