@@ -24,7 +24,7 @@ std::string row(std::string_view key, std::string_view equation, std::string_vie
   return text_of("| ", key, " | ", equation, " | ", adds, " | ", when, " |\n");
 }
 
-// The texts of a law; a law without them has its name only.
+// The row of a law; a law without texts has only a name.
 template <class Law>
 std::string row_of_law() {
   const std::string name = text_of("`\"", Law::kName, "\"`");
