@@ -143,8 +143,6 @@ SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
 
 // The reason why no model can be made with these options; empty if a model can be made.
 std::string refusal_of(const physics::ModelOptions& options) {
-  if (const std::string_view missing = physics::constant_missing_for_options(options.soft); !missing.empty())
-    return fmt::format("soft.{} is missing", missing);
   const auto refusals = physics::refusals(options);
   return refusals.empty() ? std::string() : refusals.front().text;
 }

@@ -298,11 +298,15 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
     refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
   if (const auto deep = find_deep_key(text))
     refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
-  try {
-    return toml::parse(text);  // without the name: the parser would end the program where no memory is left to copy it
-  } catch (const toml::parse_error& error) {
-    const toml::source_position& at = error.source().begin;
-    refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));
+  // toml++ reports a number that it has no memory to read as a fault of the text, so a text is at fault when it fails twice. The parser does
+  // not get the file's name: it would end the program if there were no memory to copy the name.
+  for (bool failed_before = false;; failed_before = true) {
+    try {
+      return toml::parse(text);
+    } catch (const toml::parse_error& error) {
+      const toml::source_position& at = error.source().begin;
+      if (failed_before) refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));
+    }
   }
 }
 

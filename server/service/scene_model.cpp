@@ -40,16 +40,6 @@ physics::Material material_of(const v1::Body& body, const std::string& table) {
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  // A pressure term that the flow law does not have is refused by the table of parts, whatever constants are missing.
-  const bool term_exists = body.pressure_term() != v1::PRESSURE_TERM_COMPRESSED ||
-                           physics::has_constant(made.material.flow_law, &physics::Material::pressure_coefficient);
-  if (const std::string_view missing = physics::constant_missing_for_options(made.material);
-      term_exists && !missing.empty())
-    refuse(fmt::format("{}.{}", table, missing),
-           fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
-                       "compression at a pressure",
-                       table, missing),
-           "Give it, or leave both options at their defaults.");
   return made.material;
 }
 
