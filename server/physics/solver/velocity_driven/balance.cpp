@@ -65,7 +65,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.a_trial = std::abs(trial.stress);
   state.heating = trial.heating;
 
-  // Upper ends. Elastic: nothing yields.
+  // The upper end of the bracket is the smallest of several bounds. Elastic: nothing yields.
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) with the heating by a; with g = 0 the layer carries no stress.
   StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
