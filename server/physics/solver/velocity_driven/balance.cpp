@@ -90,8 +90,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = rubbing;
     state.bound = Bound::kCoulomb;
   }
-  // Two more upper ends, which are bounds but not answers: above the first a vertex would be molten; above the second
-  // the hottest vertex alone would flow by more than the whole slip.
+  // Two more upper ends, which are bounds but not answers: above the first the hottest vertex alone would flow by more
+  // than the whole slip; above the second a vertex would be molten.
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
   const double all_at_hottest =
