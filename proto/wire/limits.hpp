@@ -23,8 +23,8 @@ inline constexpr std::size_t kMaxTopNodes = 1'024;
 inline constexpr std::size_t kMaxSessionsListed = 128;  // sessions listed in one reply
 inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
-inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any string of a header except
-inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, and the list of its faults
+inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any string of a header, except a scene
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, or the list of its faults
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);

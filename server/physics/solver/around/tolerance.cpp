@@ -15,8 +15,8 @@ namespace {
 constexpr double kStepShare = 0.25;
 // A substep may use a share of the remaining error budget: its length relative to the remaining time, but at least the
 // following fractions.
-constexpr double kEarlyShare = 0.05;    // if it is as long as the time before it: steps may start suddenly
-constexpr double kRefinedShare = 0.25;  // if it was shortened: a later change may be sudden too
+constexpr double kEarlyShare = 0.05;    // for a substep as long as the time before it: steps may start suddenly
+constexpr double kRefinedShare = 0.25;  // for a shortened substep: a later change may be sudden too
 // The next substep may be twice as long where the error was below this fraction of the budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 

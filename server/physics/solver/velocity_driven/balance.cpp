@@ -65,7 +65,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.a_trial = std::abs(trial.stress);
   state.heating = trial.heating;
 
-  // Upper ends. Elastic: nothing yields.
+  // The upper end of the bracket is the smallest of several bounds. Elastic: nothing yields.
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) with the heating by a; with g = 0 the layer carries no stress.
   StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
@@ -90,8 +90,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = rubbing;
     state.bound = Bound::kCoulomb;
   }
-  // Two more upper ends, which are bounds but not answers: above the first a vertex would be molten; above the second
-  // the hottest vertex alone would flow by more than the whole slip.
+  // Two more upper ends, which are bounds but not answers: above the first the hottest vertex alone would flow by more
+  // than the whole slip; above the second a vertex would be molten.
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
   const double all_at_hottest =
