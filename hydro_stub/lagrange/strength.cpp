@@ -17,11 +17,29 @@ Deviator rotated(const Deviator& s, double spin, double dt) {
           sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
 }
 
-// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x. The difference of the two sides is
-// strictly monotonic. Newton's method is kept between 0 and the increment of perfect plasticity. For concave hardening
-// the bounds are never active: the iterates rise from x = 0 to the root and cannot pass it.
-double plastic_increment(const physics::Material& metal, double trial, double yield, double g, double plastic_strain,
-                         double dt) {
+// A zone's metal at the state of the step.
+struct Zone {
+  const physics::Material& metal;
+  double g;  // softening at P and T
+  double plastic_strain;
+  double pressure;     // [Pa]
+  double temperature;  // [K]
+  double dt;           // [s]
+
+  // Y after the increment x, at the mean rate of the step   [Pa]
+  double yield(double x) const {
+    return physics::hardened_strength(metal, plastic_strain + x, x / dt, pressure, temperature) * g;
+  }
+  double yield_slope(double x) const {
+    return physics::hardening_slope(metal, plastic_strain, x, dt, pressure, temperature) * g;
+  }
+};
+
+// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x. The left side rises strictly: Newton's
+// method, kept between 0 and the increment of perfect plasticity. Under concave hardening the iterates rise from x = 0
+// to the root and cannot pass it.
+double plastic_increment(const Zone& zone, double trial, double yield) {
+  const physics::Material& metal = zone.metal;
   const double stiffness = 3.0 * metal.shear_modulus;
   double left = 0.0;
   double right = (trial - yield) / stiffness;
@@ -34,9 +52,9 @@ double plastic_increment(const physics::Material& metal, double trial, double yi
     const double missing = trial - stiffness * x - strength;
     if (std::abs(missing) <= kConverged * trial) break;
     (missing > 0.0 ? left : right) = x;
-    const double next = x + missing / (stiffness + physics::hardening_slope(metal, plastic_strain, x, dt) * g);
+    const double next = x + missing / (stiffness + zone.yield_slope(x));
     x = next > left && next <= right ? next : 0.5 * (left + right);
-    strength = physics::hardened_strength(metal, plastic_strain + x, x / dt) * g;
+    strength = zone.yield(x);
   }
   return x;
 }
@@ -61,10 +79,10 @@ StrengthStep advance_deviator(const physics::Material& metal, const Deviator& ol
   // 3. radial return
   const double trial = equivalent_stress(s);
   if (trial == 0.0) return {s, 0.0};
-  const double g = physics::softening(metal, pressure, temperature).g;
-  const double yield = physics::hardened_strength(metal, plastic_strain) * g;
+  const Zone zone{metal, physics::softening(metal, pressure, temperature).g, plastic_strain, pressure, temperature, dt};
+  const double yield = zone.yield(0.0);
   if (trial <= yield) return {s, 0.0};
-  const double increment = plastic_increment(metal, trial, yield, g, plastic_strain, dt);
+  const double increment = plastic_increment(zone, trial, yield);
   const double keep = std::fmax(0.0, 1.0 - 3.0 * metal.shear_modulus * increment / trial);
   return {{keep * s.xx, keep * s.yy, keep * s.xy}, increment};
 }

@@ -35,11 +35,24 @@ bool excluded(const Enclosed& where, const std::string& unless) {
   return false;
 }
 
-// The result of the rule `used_with` ("flow_law=johnson_cook") for a field.
+// The result of the rule `used_with` ("flow_law=johnson_cook or preston_tonks_wallace") for a field.
 struct Condition {
   enum { kNone, kMet, kNotMet, kOpen, kUnknown } state = kNone;
-  std::string other, wanted, found;
+  std::string other, found;
+  std::vector<std::string> wanted;
 };
+
+// The choices in "johnson_cook or preston_tonks_wallace".
+std::vector<std::string> choices_in(std::string_view text) {
+  constexpr std::string_view kOr = " or ";
+  std::vector<std::string> choices;
+  for (std::size_t at = text.find(kOr); at != std::string_view::npos; at = text.find(kOr)) {
+    choices.emplace_back(text.substr(0, at));
+    text.remove_prefix(at + kOr.size());
+  }
+  choices.emplace_back(text);
+  return choices;
+}
 
 // kOpen: nothing is chosen and there is no default, so that a name elsewhere (of a catalog) decides; until then the
 // first choice is assumed.
@@ -47,7 +60,7 @@ Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
   const std::string& text = rule_of(field).used_with();
   if (text.empty()) return {};
   const std::size_t equals = text.find('=');
-  Condition condition{.other = text.substr(0, equals), .wanted = text.substr(equals + 1), .found = {}};
+  Condition condition{.other = text.substr(0, equals), .found = {}, .wanted = choices_in(text.substr(equals + 1))};
   const FieldDescriptor& other = *where.field(condition.other);
   const std::vector<std::string> choices = choices_of(other);
   const int chosen = where.message.GetReflection()->GetEnumValue(where.message, &other);
@@ -60,9 +73,9 @@ Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
   condition.found = chosen != 0 ? choices[static_cast<std::size_t>(value->index()) - 1]
                     : open      ? choices.front()
                                 : rule_of(other).default_text();
-  condition.state = condition.found == condition.wanted ? Condition::kMet
-                    : open                              ? Condition::kOpen
-                                                        : Condition::kNotMet;
+  const bool met =
+      std::find(condition.wanted.begin(), condition.wanted.end(), condition.found) != condition.wanted.end();
+  condition.state = met ? Condition::kMet : open ? Condition::kOpen : Condition::kNotMet;
   return condition;
 }
 
@@ -125,7 +138,7 @@ class Checker {
     if (given && condition.state == Condition::kOpen) return false;
     if (given)
       findings_.add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),
-                                      condition.other, condition.wanted, condition.found));
+                                      condition.other, fmt::join(condition.wanted, "\" or \""), condition.found));
     return true;
   }
 

@@ -86,6 +86,11 @@ void BM_JohnsonCook(benchmark::State& state) {
   options.soft = make_material("copper_ofhc_jc", {}).material;
   run(state, options);
 }
+void BM_PrestonTonksWallace(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
+  options.soft = make_material("copper_ofhc_ptw", {}).material;
+  run(state, options);
+}
 void BM_VelocityWeakening(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
   options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
@@ -140,6 +145,7 @@ BENCHMARK(BM_TwoComponents)
     ->ArgsProduct({{0, 1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_JohnsonCook)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_PrestonTonksWallace)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_VelocityWeakening)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Junctions)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Inertia)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);

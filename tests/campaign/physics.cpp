@@ -65,6 +65,10 @@ std::vector<Physics> all_physics() {
     o.soft.hardening_exponent = 0.34;
     return o;
   };
+  const auto preston = [](ModelOptions o) {
+    adopt_flow_law(o.soft, preston_tonks_wallace_constants());
+    return o;
+  };
   const auto in_two_directions = [](ModelOptions o) {
     o.tangential_components = 2;
     return o;
@@ -119,11 +123,15 @@ std::vector<Physics> all_physics() {
                               {"inertia, Coulomb, T_melt(P)", waves_and_friction},
                               {"T_melt(P), compressed", under_pressure(velocity)},
                               {"Johnson-Cook", johnson_cook(velocity)},
+                              {"Preston-Tonks-Wallace", preston(velocity)},
+                              {"Preston, two-sided, T_melt(P)", preston(two_sided(under_pressure(velocity)))},
                               {"two components", in_two_directions(velocity)},
                               {"second order", second_order(velocity)},
                               {"tolerance", to_a_tolerance(velocity)},
                               {"Johnson-Cook, tolerance", to_a_tolerance(johnson_cook(velocity))},
+                              {"Preston, tolerance", to_a_tolerance(preston(velocity))},
                               {"sleep", sleeping(velocity)},
+                              {"Preston, sleep", sleeping(preston(velocity))},
                               {"force-driven", force},
                               {"force, insulated", insulated},
                               {"force, plastic layer", plastic_layer},
@@ -133,6 +141,8 @@ std::vector<Physics> all_physics() {
                               {"force, T_melt(P), plastic layer", under_pressure(plastic_layer)},
                               {"force, Johnson-Cook", johnson_cook(force)},
                               {"force, Johnson-Cook, plastic layer", johnson_cook(plastic_layer)},
+                              {"force, Preston, plastic layer", preston(plastic_layer)},
+                              {"force, Preston, two components", in_two_directions(preston(plastic_layer))},
                               {"force, second order", second_order(force)},
                               {"force, modes", modes},
                               {"force, modes of a slab, 2nd order", second_order(slab_modes)},

@@ -93,12 +93,12 @@ Scenes hardenings(const Physics& p) {
     for (const double beta : {0.0, 1.0, 125.0, 1e4, 1e6}) {
       ModelOptions& scene = scenes.emplace_back(o);
       Material& metal = scene.junctions ? scene.junctions->metal : scene.soft;
-      metal.hardening_exponent = n;
-      if (is_johnson_cook(metal)) {
-        metal.hardening_modulus = metal.yield_strength * std::min(beta, 100.0);
-      } else {
-        metal.hardening_coefficient = beta;
-      }
+      const auto has = [&](double Material::*constant) { return has_constant(metal.flow_law, constant); };
+      if (has(&Material::hardening_exponent)) metal.hardening_exponent = n;
+      if (has(&Material::hardening_coefficient)) metal.hardening_coefficient = beta;
+      if (has(&Material::hardening_modulus)) metal.hardening_modulus = metal.yield_strength * std::min(beta, 100.0);
+      if (has(&Material::work_hardening_rate)) metal.work_hardening_rate = 0.1 * n;
+      if (has(&Material::work_hardening_curvature)) metal.work_hardening_curvature = std::min(beta, 100.0);
     }
   }
   return scenes;
@@ -106,7 +106,8 @@ Scenes hardenings(const Physics& p) {
 
 Scenes saturations(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (is_johnson_cook(o.soft) || !(layer_flows(o) || o.junctions)) return {};  // the options have no saturation
+  const bool ceiling = layer_flows(o) && properties_of(o.soft.flow_law).has_ceiling;
+  if (!ceiling && !o.junctions) return {};  // the options have no saturation
   Scenes scenes;
   for (const double share : {0.5, 1.0, 1.0001, 1.5, 3.0}) {
     ModelOptions& scene = scenes.emplace_back(o);
@@ -118,17 +119,15 @@ Scenes saturations(const Physics& p) {
 
 Scenes swapped(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (is_johnson_cook(o.hard) && !is_johnson_cook(o.soft)) return {};  // another flow law is another physics
+  if (o.hard.flow_law != FlowLaw{} && o.hard.flow_law != o.soft.flow_law)
+    return {};  // another flow law is another physics
   ModelOptions scene = o;
   std::swap(scene.soft, scene.hard);
   scene.soft.melting_curve = o.soft.melting_curve;
   scene.soft.pressure_term = o.soft.pressure_term;
   scene.hard.melting_curve = MeltingCurve::kConstant;
   scene.hard.pressure_term = PressureTerm::kLinear;
-  if (is_johnson_cook(o.soft) && !is_johnson_cook(o.hard)) {
-    follow_johnson_cook(scene.soft, o.soft.hardening_modulus, o.soft.rate_coefficient, o.soft.reference_strain_rate,
-                        o.soft.thermal_exponent, o.soft.reference_temperature);
-  }
+  if (o.soft.flow_law != o.hard.flow_law) adopt_flow_law(scene.soft, o.soft);
   if (scene.junctions) {  // junctions of the soft metal with their own hardening
     const Material& old = o.junctions->metal;
     Material& metal = scene.junctions->metal;

@@ -69,6 +69,71 @@ TEST(PhysicsJohnsonCookConvergence, RateDependentShearIsFirstOrderInTime) {
   EXPECT_LT(before, 1e-4);
 }
 
+// Copper by Preston, Tonks and Wallace against a hard body that takes all the heat: the layer stays uniform and at
+// 300 K, and what is left is d ep/dt = rate, where Y(ep, rate) = sqrt(3) G0 (v t / h - sqrt(3) ep).
+ModelOptions cooled_copper() {
+  ModelOptions options = graded(paper_options(), 4, 1.0);
+  options.soft = make_material("copper_ofhc_ptw", {}).material;
+  options.hard.conductivity = 1e15;
+  options.initial_temperature = 300.0;
+  return options;
+}
+
+double rate_under(const Material& m, double stress, double ep, double pressure) {
+  double lo = std::log(1e-3), hi = std::log(1e15);
+  const auto carries = [&](double log_rate) { return flow_stress(m, ep, pressure, 300.0, std::exp(log_rate)); };
+  if (carries(lo) >= std::sqrt(3.0) * stress) return 0.0;
+  for (int i = 0; i < 60; ++i) {
+    const double mid = 0.5 * (lo + hi);
+    (carries(mid) < std::sqrt(3.0) * stress ? lo : hi) = mid;
+  }
+  return std::exp(lo);
+}
+
+// Runge-Kutta of order 4 with steps below the relaxation time dY/dln(rate) / (3 G0 rate) of 0.1 ns.
+double strain_of_preston_shear(const ModelOptions& options, double v, double pressure, double t_end, int steps) {
+  const Material& m = options.soft;
+  const auto rate = [&](double t, double ep) {
+    const double stress = m.shear_modulus * (v * t / options.grid.thickness - std::sqrt(3.0) * ep);
+    return rate_under(m, stress, ep, pressure);
+  };
+  const double dt = t_end / steps;
+  double ep = 0.0;
+  for (int n = 0; n < steps; ++n) {
+    const double t = n * dt;
+    const double k1 = rate(t, ep), k2 = rate(t + dt / 2, ep + dt / 2 * k1);
+    const double k3 = rate(t + dt / 2, ep + dt / 2 * k2), k4 = rate(t + dt, ep + dt * k3);
+    ep += dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+  }
+  return ep;
+}
+
+TEST(PhysicsPrestonTonksWallaceConvergence, CoupledShearIsFirstOrderInTime) {
+  const ModelOptions options = cooled_copper();
+  const double v = 100.0, pressure = 11.2e9, t_end = 100e-9, h = options.grid.thickness;
+  const double ep = strain_of_preston_shear(options, v, pressure, t_end, 8000);
+  ASSERT_NEAR(strain_of_preston_shear(options, v, pressure, t_end, 4000), ep,
+              1e-6 * ep);  // the reference has converged
+  const double s = options.soft.shear_modulus * (v * t_end / h - std::sqrt(3.0) * ep);
+  std::printf("Preston-Tonks-Wallace copper, 100 m/s, at 100 ns: s %.6f MPa, ep %.8f\n  dt, error of s, order\n",
+              s / 1e6, ep);
+  double before = 0.0;
+  for (double dt : {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}) {
+    Rig rig(options, 1);
+    rig.set_all(v, pressure);
+    for (int n = 0; n < std::lround(t_end / dt); ++n) rig.step(dt);
+    const double error = std::abs(rig.stress() / s - 1.0);
+    const double order = before > 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %8.2g s  %.3e  %6.3f\n", dt, error, order);
+    EXPECT_NEAR(rig.ep(0), rig.ep(4), 1e-6 * ep);
+    if (dt < 3e-9) {  // longer steps pass through the onset of flow
+      EXPECT_NEAR(order, 1.0, 0.05) << dt;
+    }
+    before = error;
+  }
+  EXPECT_LT(before, 2e-6);
+}
+
 ModelOptions hot_copper() {
   ModelOptions options = graded(cold_copper(), 60, 1.08);
   options.soft.melting_temperature = 1356.0;

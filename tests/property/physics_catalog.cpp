@@ -17,7 +17,7 @@ ModelOptions pair_options(const CatalogEntry& soft, const CatalogEntry& hard, St
   ModelOptions options = graded(paper_options(strategy), 20, 1.25);
   options.soft = soft.material;
   options.hard = hard.material;
-  options.interface.yield_strength = std::min(soft.material.yield_strength, hard.material.yield_strength);
+  options.interface.yield_strength = std::min(fresh_strength(soft.material), fresh_strength(hard.material));
   return options;
 }
 

@@ -17,7 +17,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   Draw draw(11);
   Worst worst;
   int compared = 0, ambiguous = 0, several = 0, sent_back = 0, second_order = 0, without_profile = 0;
-  int johnson_cook = 0, weakening = 0, softening = 0;
+  int johnson_cook = 0, preston = 0, weakening = 0, softening = 0;
   for (int scene = 0; scene < 80; ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
@@ -69,7 +69,9 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
         ++compared;
         second_order += options.time_integrator == TimeIntegrator::kSdirk2 && rig.outputs.outcome[l] == 0;
         without_profile += options.modes.has_value();
-        johnson_cook += is_johnson_cook(options.soft) && rig.outputs.sliding_velocity[l] != 0.0;
+        const bool slides = rig.outputs.sliding_velocity[l] != 0.0;
+        johnson_cook += options.soft.flow_law == FlowLaws::place<JohnsonCook>() && slides;
+        preston += options.soft.flow_law == FlowLaws::place<PrestonTonksWallace>() && slides;
         const FrictionLawProperties friction = properties_of(options.interface.friction_law);
         weakening += friction.depends_on_slip && rig.outputs.regime[l] == Regime::kCoulomb;
         softening += friction.depends_on_temperature && rig.outputs.regime[l] == Regime::kCoulomb;
@@ -84,6 +86,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   EXPECT_GT(compared, 2000);
   EXPECT_LT(several, compared / 100);
   EXPECT_GT(johnson_cook, 200);
+  EXPECT_GT(preston, 200);
   EXPECT_GT(second_order, 100);
   if (GetParam() == Strategy::kVelocityDriven) {
     EXPECT_GT(worst.shapes, 500);

@@ -38,19 +38,71 @@ inline void follow_johnson_cook(Material& m, double B, double C, double rate, do
   m.yield_strength_max = m.hardening_coefficient = m.pressure_coefficient = m.temperature_coefficient = kNotGiven;
 }
 
-inline bool is_johnson_cook(const Material& m) {
-  return m.flow_law == FlowLaws::place<JohnsonCook>();
+// The same metal under the flow law of another, with all constants of that law; the others are not numbers.
+inline void adopt_flow_law(Material& m, const Material& from) {
+  const Material own = m;
+  for (const MaterialField& field : material_fields()) {
+    const bool of_a_law = FlowLaws::any(
+        [&](auto law) { return has_constant(FlowLaws::place<typename decltype(law)::type>(), field.value); });
+    if (of_a_law) m.*field.value = has_constant(from.flow_law, field.value) ? from.*field.value : kNotGiven;
+  }
+  m.flow_law = from.flow_law;
+  m.pressure_term = properties_of(from.flow_law).has_pressure_term ? own.pressure_term : PressureTerm::kLinear;
+}
+
+// Test values of the shape that Preston, Tonks and Wallace give for copper; of no metal in particular.
+inline Material preston_tonks_wallace_constants() {
+  Material m;
+  m.flow_law = FlowLaws::place<PrestonTonksWallace>();
+  m.molar_mass = 0.0635;
+  m.work_hardening_rate = 0.025;
+  m.work_hardening_curvature = 2.0;
+  m.saturation_cold = 0.0085;
+  m.saturation_hot = 0.00055;
+  m.yield_cold = 2e-4;
+  m.yield_hot = 1e-4;
+  m.activation = 0.11;
+  m.attempt_rate = 1e-5;
+  m.medium_rate_yield = 0.094;
+  m.medium_rate_exponent = 0.575;
+  m.overdriven_exponent = 0.25;
+  m.modulus_temperature = 0.2;
+  m.pressure_coefficient = 2.83e-11;
+  return m;
+}
+
+inline Material random_preston_tonks_wallace(Draw& draw) {
+  Material m = preston_tonks_wallace_constants();
+  m.work_hardening_rate = draw.log_uniform(5e-3, 0.1);
+  m.work_hardening_curvature = draw.chance(0.3) ? 0.0 : draw.uniform(0.1, 10.0);
+  m.saturation_cold = draw.log_uniform(3e-3, 0.05);
+  m.saturation_hot = m.saturation_cold * draw.log_uniform(0.02, 1.0);
+  m.yield_cold = m.saturation_cold * draw.log_uniform(0.01, 1.0);
+  m.yield_hot = std::min(m.yield_cold, m.saturation_hot) * draw.log_uniform(0.05, 1.0);
+  m.activation = draw.log_uniform(0.02, 0.6);
+  m.attempt_rate = draw.log_uniform(1e-7, 1e-2);
+  m.medium_rate_yield = m.saturation_cold * draw.log_uniform(1.0, 20.0);
+  m.overdriven_exponent = draw.uniform(0.1, 0.5);
+  m.medium_rate_exponent = m.overdriven_exponent + draw.uniform(0.0, 0.5);
+  m.modulus_temperature = draw.uniform(0.0, 0.6);
+  return m;
 }
 
 // Returns a lower bound of d ln(a) / d ln(dep), the sensitivity of the stress to the strain increment.
 inline double flow_exponent(const Material& m) {
-  const bool rated = is_johnson_cook(m) && m.rate_coefficient > 0.0;
-  return rated ? std::min(m.hardening_exponent, m.rate_coefficient) : m.hardening_exponent;
+  const auto least = [&](std::initializer_list<double Material::*> exponents) {
+    double exponent = 1.0;
+    for (double Material::*each : exponents) {
+      if (has_constant(m.flow_law, each) && m.*each > 0.0) exponent = std::min(exponent, m.*each);
+    }
+    return exponent;
+  };
+  return least({&Material::hardening_exponent, &Material::rate_coefficient, &Material::overdriven_exponent});
 }
 
 // Returns the strain scale of the flow formula, for judging cancellation against the stored strain.
 inline double strain_scale(const Material& m) {
-  return is_johnson_cook(m) ? 1.0 : 1.0 / m.hardening_coefficient;
+  return has_constant(m.flow_law, &Material::hardening_coefficient) ? 1.0 / m.hardening_coefficient : 1.0;
 }
 
 // Relative rounding error of a stress or a temperature.
@@ -139,6 +191,16 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
+  // Drawn aside, so that the other scenes stay as they were.
+  if (Draw aside = draw; aside.chance(0.2)) {
+    adopt_flow_law(soft, random_preston_tonks_wallace(aside));
+    options.time_integrator = TimeIntegrator::kBackwardEuler;
+  }
+  // Drawn aside, so that the other scenes stay those they were.
+  if (Draw aside = draw; aside.chance(0.2)) {
+    adopt_flow_law(soft, random_preston_tonks_wallace(aside));
+    options.time_integrator = TimeIntegrator::kBackwardEuler;
+  }
   return options;
 }
 
@@ -147,7 +209,7 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
   do {
     options = random_options(draw, Strategy::kVelocityDriven, extreme);
-  } while (is_johnson_cook(options.soft));
+  } while (!properties_of(options.soft.flow_law).has_wave_return);
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
   options.time_integrator = TimeIntegrator::kBackwardEuler;

@@ -50,5 +50,33 @@ TEST(PhysicsElementary, LogarithmIsWithinTwoUlps) {
   EXPECT_EQ(logarithm(1.0), 0.0);
 }
 
+TEST(PhysicsElementary, ErrorFunctionIsWithin1e15) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> wide(0.0, 8.0), narrow(0.0, 0.1);
+  double worst = 0.0, worst_slope = 0.0;
+  for (int i = 0; i < 200000; ++i) {
+    const double x = i % 2 == 0 ? wide(random) : narrow(random);
+    const ErrorFunction erf = error_function(x);
+    const long double slope = 2.0L / std::sqrt(3.141592653589793238L) * std::exp(-static_cast<long double>(x) * x);
+    worst = std::max(worst, static_cast<double>(std::abs(erf.value - std::erf(static_cast<long double>(x)))));
+    worst_slope = std::max(worst_slope, static_cast<double>(std::abs(erf.slope - slope)));
+  }
+  EXPECT_LT(worst, 1e-15);
+  EXPECT_LT(worst_slope, 1e-15);
+  EXPECT_EQ(error_function(1e300).value, 1.0);
+}
+
+TEST(PhysicsElementary, LogarithmOf1PlusKeepsSmallNumbers) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> exponent(-300.0, 300.0);
+  double worst = 0.0;
+  for (int i = 0; i < 200000; ++i) {
+    const double x = std::pow(10.0, i % 2 == 0 ? exponent(random) : exponent(random) / 20.0);
+    worst = std::max(worst, ulps(logarithm_of_1_plus(x), std::log1p(static_cast<long double>(x))));
+  }
+  EXPECT_LT(worst, 4.0);
+  EXPECT_EQ(logarithm_of_1_plus(0.0), 0.0);
+}
+
 }  // namespace
 }  // namespace shearbus::physics

@@ -55,9 +55,9 @@ TEST(PhysicsJohnsonCook, SlopesAreItsDerivatives) {
     for (double ep : {0.0, 1e-3, 2.0}) {
       for (double dep : {1e-12, 1e-6, 1e-2}) {
         if (dep < 1e-6 * ep) continue;  // differences of H do not resolve it
-        const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt); };
+        const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt, 0.0, 300.0); };
         const double slope = (H(dep * 1.00001) - H(dep * 0.99999)) / (2e-5 * dep);
-        EXPECT_NEAR(hardening_slope(m, ep, dep, dt), slope, 1e-4 * slope) << ep << " " << dep;
+        EXPECT_NEAR(hardening_slope(m, ep, dep, dt, 0.0, 300.0), slope, 1e-4 * slope) << ep << " " << dep;
       }
     }
   }
@@ -138,7 +138,8 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
       (dep[l] > m.reference_strain_rate * dt ? rated : slow) += 1;
       if (dep[l] > 1e60) continue;
       // What an ulp of the strains makes of the stress.
-      const double ulp = 4e-16 * (ep + dep[l]) * hardening_slope(m, ep, dep[l], dt) / hardened_strength(m, ep);
+      const double ulp =
+          4e-16 * (ep + dep[l]) * hardening_slope(m, ep, dep[l], dt, 0.0, T) / hardened_strength(m, ep, 0.0, 0.0, T);
       const double error = std::abs(flow_stress(m, ep + dep[l], 0.0, T, dep[l] / dt) / (kSqrt3 * a[l]) - 1.0);
       ASSERT_LT(error, 1e-13 + ulp) << "ep " << ep << " dep " << dep[l] << " n " << m.hardening_exponent << " C "
                                     << m.rate_coefficient;

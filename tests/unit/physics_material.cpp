@@ -69,10 +69,10 @@ TEST(PhysicsMaterial, SofteningIsANumberForAnyInput) {
 
 TEST(PhysicsMaterial, HardeningSaturatesAtItsMaximum) {
   Material m = make_material("aluminium_6061_t6", {}).material;
-  EXPECT_NEAR(hardened_strength(m, 0.0), 290e6, 1.0);
-  EXPECT_NEAR(hardened_strength(m, 0.1), 290e6 * std::pow(1 + 12.5, 0.1), 1.0);
-  EXPECT_EQ(hardened_strength(m, 1e9), 0.68e9);
-  EXPECT_GT(hardened_strength(aluminium(), 1e9), 2e9);  // the paper's has no cap
+  EXPECT_NEAR(hardened_strength(m, 0.0, 0.0, 0.0, 300.0), 290e6, 1.0);
+  EXPECT_NEAR(hardened_strength(m, 0.1, 0.0, 0.0, 300.0), 290e6 * std::pow(1 + 12.5, 0.1), 1.0);
+  EXPECT_EQ(hardened_strength(m, 1e9, 0.0, 0.0, 300.0), 0.68e9);
+  EXPECT_GT(hardened_strength(aluminium(), 1e9, 0.0, 0.0, 300.0), 2e9);  // the paper's has no cap
 }
 
 TEST(PhysicsMaterial, HeatPartitionOfThePaperIs0Point6772) {

@@ -34,7 +34,7 @@ struct Junctions {
   };
   Value at(double slip) const {
     const Material& m = options->metal;
-    const double hardened = hardened_strength(m, strain(slip));
+    const double hardened = SteinbergCochranGuinan::hardened(m, strain(slip), 0.0, 0.0, 0.0);
     const double strength = options->contact_fraction * hardened / kSqrt3;
     const double rate = m.hardening_exponent * m.hardening_coefficient * strain_per_slip /
                         (1.0 + m.hardening_coefficient * strain(slip));

@@ -80,6 +80,38 @@ constexpr Material metal(double density, double G0, const JohnsonCookConstants& 
   return m;
 }
 
+// As Preston, Tonks and Wallace name them, G0 at 0 K [GPa], M [g/mol].
+struct PrestonConstants {
+  double G0, alpha, theta, p, s0, s_inf, kappa, gamma, y0, y_inf, y1, y2, beta, M, T_melt;
+};
+
+constexpr Material metal(double density, const PrestonConstants& s, double gP, double k, double c) {
+  constexpr double kKilogramPerGram = 1e-3;
+  Material m;
+  m.flow_law = FlowLaws::place<PrestonTonksWallace>();
+  m.density = density;
+  m.shear_modulus = s.G0 * kPascalPerGigapascal;
+  m.modulus_temperature = s.alpha;
+  m.work_hardening_rate = s.theta;
+  m.work_hardening_curvature = s.p;
+  m.saturation_cold = s.s0;
+  m.saturation_hot = s.s_inf;
+  m.activation = s.kappa;
+  m.attempt_rate = s.gamma;
+  m.yield_cold = s.y0;
+  m.yield_hot = s.y_inf;
+  m.medium_rate_yield = s.y1;
+  m.medium_rate_exponent = s.y2;
+  m.overdriven_exponent = s.beta;
+  m.molar_mass = s.M * kKilogramPerGram;
+  m.melting_temperature = s.T_melt;
+  m.pressure_coefficient = gP;
+  m.conductivity = k;
+  m.specific_heat = c;
+  m.diffusivity = k / (density * c);
+  return m;
+}
+
 constexpr std::array kCatalog = {
     CatalogEntry{
         "aluminium_dlp",
@@ -182,6 +214,17 @@ constexpr std::array kCatalog = {
         "strength, density, c, T_melt: Johnson, Cook 1983; G0: E/(2 (1 + nu)) of 200 GPa and 0.29; k: ASM typical "
         "value at 100 C (44.5)",
         metal(7830, 77.5, {792, 510, 0.26, 0.014, 1.03, 1793}, 44.5, 477)},
+    CatalogEntry{
+        "copper_ofhc_ptw",
+        "strength, G0 (0 K), alpha, T_melt: the set for copper of the F_UNCLE code (Los Alamos), after Preston, Tonks, "
+        "Wallace 2003 (the paper itself was not read); the same strength stands in the tests of the impala code (Los "
+        "Alamos), M too; density, gP, shock and melting: Steinberg's tables, OFHC; heat: Incropera table A.1, pure "
+        "copper at 300 K (k 401, c 385)",
+        with(metal(
+                 8930,
+                 {51.8, 0.20, 0.025, 2.0, 0.0085, 0.00055, 0.11, 1e-5, 1e-4, 1e-4, 0.094, 0.575, 0.25, 63.546, 1358.03},
+                 2.83e-11, 401, 385),
+             {3940, 1.489, 2.02, 1.5})},
 };
 
 }  // namespace

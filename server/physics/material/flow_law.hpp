@@ -1,10 +1,14 @@
 // The flow law of a material, as the rest of the model needs it. A law is one file with one class, registered by one
 // line in flow_laws.hpp (server/ARCHITECTURE.md, "Adding a law"). The flow stress of a law is
 //
-//   Y(ep, dep/dt, P, T) = H g(P, T)
+//   Y(ep, dep/dt, P, T) = H(ep, dep/dt, P, T) g(P, T)
 //
-// where g is the softening, which falls to 0 at T_melt, and H is the hardened strength. The concepts below list what a
-// law must offer, one requirement and one comment a line; the compiler names what a new law lacks.
+// where g is the softening, which is 0 at T_melt and above and which the yield strength of the interface follows too,
+// and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
+// with T, and Y has a closed range of temperatures in which it is positive. Then every balance of the layer has one
+// root and a bracket. A separable law, whose H does not depend on P and T, gives the kernels logarithms; a law whose
+// rate and temperature are coupled gives them its own inverse. The concepts below list what a law must offer, one
+// requirement and one comment a line; the compiler names what a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -16,6 +20,7 @@
 namespace shearbus::physics {
 
 inline constexpr double kSqrt3 = 1.7320508075688772;
+inline constexpr double kMeltingFactor = 0.001;  // of exp(-0.001 T/(T_melt - T)): DLP (15)
 
 // g(P, T) and dg/dT.
 struct Softening {
@@ -29,6 +34,16 @@ struct SofteningExcess {
   double rate;
 };
 
+// N vertices under the loads of their lanes, for the kernel of a law that is not separable.
+template <int N>
+struct LoadedVertices {
+  const double* load;          // load_of(a)
+  const double* bracket;       // bracket_at(m, P)
+  const double* T_melt;        // at P                               [K]
+  alignas(64) double T[N];     // at the end of the step             [K]
+  alignas(64) double rise[N];  // a dT/da: T less T without friction [K]
+};
+
 // A fault in the constants of a law that no constant shows alone; an empty field: no fault.
 struct LawFault {
   std::string_view field;
@@ -36,7 +51,7 @@ struct LawFault {
 };
 
 inline constexpr double kMolten = 1e300;   // softening excess where g = 0: any load flows, kNoLoad does not
-inline constexpr double kNoLoad = -1e305;  // log_load under which nothing yields, however hot
+inline constexpr double kNoLoad = -1e305;  // the load under which nothing yields, however hot
 inline constexpr double kMaxExcess =
     300.0;  // larger excess is cut to this: the strain is beyond any host's, and finite
 
@@ -80,33 +95,53 @@ template <class Law>
 concept FlowLawFunctions = requires(const Material& m, double ep, double dep, double rate, double dt, double P,
                                     double T) {
   { Law::kName } -> std::convertible_to<std::string_view>;                  // the word of scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;              // the source; this and the next two are
+  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // printed in OPTIONS.md
+  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // a fault of its constants together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // bound of |dg/dT| from T to T
-  { Law::hardened(m, ep, rate) } -> std::same_as<double>;                   // H
-  { Law::hardening_slope(m, ep, dep, dt) } -> std::same_as<double>;         // dH/d(dep) at ep + dep, dep/dt
+  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // H; separable laws ignore P and T
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // dH/d(dep) at ep + dep, dep/dt
   { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };
 
-// The lane kernels of a separable law (solver/flow/layer_flow). A vertex flows where
-//   excess = log_load + softening_excess - log_strength
-// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. `slope` is a d(dep)/da; heating by a enters through
-// growth = a d(softening_excess)/da.
+// What the lane kernels of every law offer (solver/flow/layer_flow): an object holds the constants for one step length.
 template <class Law>
-concept SeparableFlowKernel = std::constructible_from<Law, const Material&, double> &&  // constants for one step length
-    requires(const Law law, const Material& m, double value, const double (&packet)[1], const double* ep,
-             void (*take)(int lane, double dep, double slope)) {
-  { law.log_load(value) } -> std::same_as<double>;                                 // of a stress magnitude a
-  { Law::bracket_at(m, value) } -> std::same_as<double>;                           // what g needs of P
-  { law.log_strength(value) } -> std::same_as<double>;                             // of ep
-  { law.softening_excess(value, value, value) } -> std::same_as<SofteningExcess>;  // of bracket, T_melt, T
-  law.flow(packet, packet, ep, take);                                              // of excess, growth, ep
+concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
+    requires(const Law law, const Material& m, double a, double P) {
+  { law.load_of(a) } -> std::same_as<double>;         // the measure of a stress magnitude that the kernel takes
+  { Law::unit_of_load(m) } -> std::same_as<double>;   // [Pa]; a load below its least normal share is none
+  { Law::bracket_at(m, P) } -> std::same_as<double>;  // what g needs of P
+};
+
+// The kernel of a separable law. A vertex flows where
+//   excess = load_of(a) + softening_excess - log_strength
+// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. take(lane, dep, slope) receives dep and a d(dep)/da, where
+// heating by a enters through growth = a d(softening_excess)/da.
+template <class Law>
+concept SeparableFlowKernel = FlowKernel<Law> &&
+    requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],
+             const double* strain, void (*take)(int lane, double dep, double slope)) {
+  { law.log_strength(ep) } -> std::same_as<double>;                               // of H at rest
+  { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // of g
+  law.flow(packet, packet, strain, take);                                         // of excess, growth, ep
+};
+
+// The kernel of a law that couples rate and temperature. A vertex flows where load_of(a) > strength_at_rest.
+template <class Law>
+concept CoupledFlowKernel = FlowKernel<Law> &&
+    requires(const Law law, double bracket, double T_melt, double T, double ep, const LoadedVertices<1>& vertices,
+             const double (&packet)[1], const double* strain, void (*take)(int lane, double dep, double slope)) {
+  { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) as a load
+  law.flow(vertices, packet, strain, take);                                  // of load, excess, ep
 };
 
 template <class Law>
 concept FlowLawClass = DeclaresFlowLawProperties<Law> && Law::kVanishesAtMelting &&  // a molten vertex carries nothing
-    FlowLawFunctions<Law> && SeparableFlowKernel<Law>;
+    FlowLawFunctions<Law> &&
+    ((Law::kSeparable && SeparableFlowKernel<Law>) || (!Law::kSeparable && CoupledFlowKernel<Law>));
 
 }  // namespace shearbus::physics

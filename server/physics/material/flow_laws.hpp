@@ -6,6 +6,7 @@
 #include "server/physics/material/flow_law.hpp"
 #include "server/physics/material/johnson_cook.hpp"
 #include "server/physics/material/law_list.hpp"
+#include "server/physics/material/preston_tonks_wallace.hpp"
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 
 namespace shearbus::physics {
@@ -14,7 +15,8 @@ template <FlowLawClass... Laws>
 using FlowLawList = LawList<FlowLaw, Laws...>;
 
 using FlowLaws = FlowLawList<SteinbergCochranGuinan,  // one line each
-                             JohnsonCook>;
+                             JohnsonCook,             //
+                             PrestonTonksWallace>;
 
 // Whether a constant is one of the law's own.
 inline bool has_constant(FlowLaw law, double Material::*constant) {

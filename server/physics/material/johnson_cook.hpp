@@ -64,10 +64,11 @@ class JohnsonCook {
     return m.thermal_exponent * power(share, m.thermal_exponent - 1.0) / range;
   }
 
-  static double hardened(const Material& m, double ep, double rate) {
+  static double hardened(const Material& m, double ep, double rate, double /*pressure*/, double /*T*/) {
     return static_strength(m, ep) * rate_factor(m, rate);
   }
-  static double hardening_slope(const Material& m, double ep, double dep, double dt) {
+  static double hardening_slope(const Material& m, double ep, double dep, double dt, double /*pressure*/,
+                                double /*T*/) {
     const double strain = std::max(ep + dep, std::numeric_limits<double>::min());
     const double hardening = m.hardening_exponent * m.hardening_modulus * power(strain, m.hardening_exponent) / strain;
     const double rate = dep / dt;
@@ -90,7 +91,8 @@ class JohnsonCook {
         m_(m.thermal_exponent),
         T_ref_(m.reference_temperature) {}
 
-  double log_load(double a) const { return logarithm(kSqrt3 * a / yield_strength_); }
+  double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_); }
+  static double unit_of_load(const Material& m) { return m.yield_strength; }
   static double bracket_at(const Material&, double /*pressure*/) { return 1.0; }
   double log_strength(double ep) const { return logarithm(1.0 + B_ * power_of_strain(ep)); }
 

@@ -40,6 +40,21 @@ struct Material {
   double thermal_exponent = kNotGiven;       // m     [1]
   double reference_temperature = kNotGiven;  // T_ref [K]
 
+  // Preston-Tonks-Wallace's own; stresses in units of the shear modulus.
+  double molar_mass = kNotGiven;                // M      [kg/mol]
+  double work_hardening_rate = kNotGiven;       // theta  [1]
+  double work_hardening_curvature = kNotGiven;  // p      [1]; 0: Voce's law
+  double saturation_cold = kNotGiven;           // s0     [1]
+  double saturation_hot = kNotGiven;            // s_inf  [1]
+  double yield_cold = kNotGiven;                // y0     [1]
+  double yield_hot = kNotGiven;                 // y_inf  [1]
+  double activation = kNotGiven;                // kappa  [1]
+  double attempt_rate = kNotGiven;              // gamma  [1]
+  double medium_rate_yield = kNotGiven;         // y1     [1]
+  double medium_rate_exponent = kNotGiven;      // y2     [1]
+  double overdriven_exponent = kNotGiven;       // beta   [1]
+  double modulus_temperature = kNotGiven;       // alpha  [1], G = G0 (1 - alpha T/T_melt)
+
   // Compression and melting under pressure, as Steinberg tabulates them; needed by the two options only.
   double sound_speed = kNotGiven;        // c0     [m/s], of the Hugoniot U = c0 + s u
   double hugoniot_slope = kNotGiven;     // s      [1]

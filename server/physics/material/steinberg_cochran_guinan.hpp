@@ -64,12 +64,13 @@ class SteinbergCochranGuinan {
     return m.temperature_coefficient + bracket * melting * c / (x * x);
   }
 
-  static double hardened(const Material& m, double ep, double /*rate*/) {
+  static double hardened(const Material& m, double ep, double /*rate*/, double /*pressure*/, double /*T*/) {
     const double hardening = power(1.0 + m.hardening_coefficient * ep, m.hardening_exponent);
     return std::min(m.yield_strength_max, m.yield_strength * hardening);
   }
-  static double hardening_slope(const Material& m, double ep, double dep, double /*dt*/) {
-    const double strength = hardened(m, ep + dep, 0.0);
+  static double hardening_slope(const Material& m, double ep, double dep, double /*dt*/, double /*pressure*/,
+                                double /*T*/) {
+    const double strength = hardened(m, ep + dep, 0.0, 0.0, 0.0);
     if (strength >= m.yield_strength_max) return 0.0;
     return strength * (m.hardening_exponent * m.hardening_coefficient / (1.0 + m.hardening_coefficient * (ep + dep)));
   }
@@ -86,7 +87,8 @@ class SteinbergCochranGuinan {
         inverse_beta_(1.0 / m.hardening_coefficient),
         hT_(m.temperature_coefficient) {}
 
-  double log_load(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
+  double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
+  static double unit_of_load(const Material& m) { return m.yield_strength; }
   // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g.
   static double bracket_at(const Material& m, double pressure) {
     return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;

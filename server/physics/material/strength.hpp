@@ -23,29 +23,49 @@ inline Softening softening(const Material& m, double pressure, double temperatur
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::softening(m, pressure, temperature); });
 }
 
-// Strength before softening, after a plastic strain and at its rate.
-inline double hardened_strength(const Material& m, double plastic_strain, double rate = 0.0) {
-  return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::hardened(m, plastic_strain, rate); });
+// f(LawType<Law>{}, m), where a law whose strength depends on P and T beyond g sees the material at the pressure.
+template <class F>
+double with_law_at(const Material& m, double pressure, F&& f) {
+  return FlowLaws::with(m.flow_law, [&](auto law) {
+    using Law = typename decltype(law)::type;
+    if (!Law::kSeparable && m.varies_with_compression()) return f(law, at_pressure(m, pressure));
+    return f(law, m);
+  });
 }
 
-// Its derivative where a step of dt brings the strain `increment`.
-inline double hardening_slope(const Material& m, double plastic_strain, double increment, double dt) {
-  return FlowLaws::with(
-      m.flow_law, [&](auto law) { return decltype(law)::type::hardening_slope(m, plastic_strain, increment, dt); });
+// H(ep, dep/dt, P, T): the strength before softening   [Pa]
+inline double hardened_strength(const Material& m, double plastic_strain, double rate, double pressure, double T) {
+  return with_law_at(m, pressure, [&](auto law, const Material& now) {
+    return decltype(law)::type::hardened(now, plastic_strain, rate, pressure, T);
+  });
+}
+
+// dH/d(dep) where a step of dt brings the strain `increment`   [Pa]
+inline double hardening_slope(const Material& m, double plastic_strain, double increment, double dt, double pressure,
+                              double T) {
+  return with_law_at(m, pressure, [&](auto law, const Material& now) {
+    return decltype(law)::type::hardening_slope(now, plastic_strain, increment, dt, pressure, T);
+  });
 }
 
 // Y(ep, dep/dt, P, T)   [Pa]
 inline double flow_stress(const Material& m, double plastic_strain, double pressure, double temperature,
                           double rate = 0.0) {
-  return hardened_strength(m, plastic_strain, rate) * softening(m, pressure, temperature).g;
+  return hardened_strength(m, plastic_strain, rate, pressure, temperature) * softening(m, pressure, temperature).g;
 }
 
-// The largest hardened strength there is; infinity: none.
+// H of the metal at rest, before any strain, without pressure and at room temperature   [Pa]
+inline double fresh_strength(const Material& m) {
+  constexpr double kRoomTemperature = 300.0;
+  return hardened_strength(m, 0.0, 0.0, 0.0, kRoomTemperature);
+}
+
+// The largest H; infinity: none   [Pa]
 inline double strength_ceiling(const Material& m) {
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::ceiling(m); });
 }
 
-// Whether strain (or its rate) makes the material stronger.
+// Whether strain or its rate makes the material stronger.
 inline bool hardens(const Material& m) {
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::hardens(m); });
 }

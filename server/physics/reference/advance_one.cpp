@@ -19,24 +19,6 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
-double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt) {
-  const double g = softening(m, pressure, T).g;
-  if (a <= 0.0) return 0.0;
-  if (g <= 0.0) return 1e100;
-  if (m.flow_law == FlowLaws::place<JohnsonCook>()) {
-    const auto missing = [&](double log_dep) {
-      const double dep = std::exp(log_dep);
-      const double rate = 1.0 + m.rate_coefficient * std::log(std::max(1.0, dep / (dt * m.reference_strain_rate)));
-      return (m.yield_strength + m.hardening_modulus * std::pow(ep_old + dep, m.hardening_exponent)) * rate * g -
-             kSqrt3 * a;
-    };
-    constexpr double kLeast = -690.0, kMost = 230.0;
-    return missing(kLeast) >= 0.0 ? 0.0 : missing(kMost) <= 0.0 ? 1e100 : std::exp(bisect(missing, kLeast, kMost));
-  }
-  const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
-  return std::min(1e100, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));
-}
-
 double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip) {
   if (options.strategy == Strategy::kVelocityDriven)
     return options.friction_coefficient.value_or(std::numeric_limits<double>::infinity());

@@ -47,7 +47,7 @@ bool in_range(const ModelOptions& options, double pressure, const Profile& old, 
 // Sets the temperatures of the state to T_ad + q B.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
 
-// dep of one vertex under a stress magnitude: DLP (48) as printed, or the root of the law as printed.
+// dep of one vertex under a stress magnitude [Pa], by the flow law of the material as its paper prints it.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
 
 // The friction coefficient at z = 0, as printed: of the interface law, or of a velocity-driven layer the coefficient of

@@ -82,10 +82,10 @@ const TileLayout& Model::layout() const {
 std::vector<std::string> Model::warnings() const {
   const ModelOptions& o = impl_->options;
   std::vector<std::string> warnings;
-  if (o.hard.yield_strength < o.soft.yield_strength) {
-    warnings.push_back(text_of("the hard body's yield strength (", o.hard.yield_strength,
-                               " Pa) is below the soft body's (", o.soft.yield_strength,
-                               " Pa): the layer that flows should be the weaker body, name it soft"));
+  const double hard_yield = fresh_strength(o.hard), soft_yield = fresh_strength(o.soft);
+  if (hard_yield < soft_yield) {
+    warnings.push_back(text_of("the hard body's yield strength (", hard_yield, " Pa) is below the soft body's (",
+                               soft_yield, " Pa): the layer that flows should be the weaker body, name it soft"));
   }
   if (o.grid.far_boundary == FarBoundary::kInsulated) {
     const double h = o.grid.thickness;

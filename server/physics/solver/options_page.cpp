@@ -24,12 +24,9 @@ std::string row(std::string_view key, std::string_view equation, std::string_vie
   return text_of("| ", key, " | ", equation, " | ", adds, " | ", when, " |\n");
 }
 
-// The row of a law; a law without texts has only a name.
 template <class Law>
 std::string row_of_law() {
-  const std::string name = text_of("`\"", Law::kName, "\"`");
-  if constexpr (requires { Law::kEquation; }) return row(name, Law::kEquation, Law::kAdds, Law::kWhen);
-  return row(name, "", "", "");
+  return row(text_of("`\"", Law::kName, "\"`"), Law::kEquation, Law::kAdds, Law::kWhen);
 }
 
 template <class Laws>

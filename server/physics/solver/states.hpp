@@ -69,10 +69,9 @@ class TileLayout : public StateList {
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
   std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; asleep: living modes, else 0
-  // While asleep, where the layer can flow: temperature of the hottest vertex, strength of the least hardened one.
+  // While asleep, where the layer can flow: temperature of the hottest vertex, plastic strain of the least strained one.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
-  std::size_t least_strength_at_rest =
-      add("least_strength_at_rest_pa", "Pa", num_strain_vertices > 0 && options_->sleep);
+  std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
 
   // Offset of the first row of temperature state: of HeatGrid, HeatModes or, asleep, HeatBasis.
   std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }

@@ -31,12 +31,14 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
     // The strain increment bounds the rate of the step, or of its last substep, up to the rounding of a difference of
-    // strains. Below Johnson and Cook's reference rate the stress determines strains through hardening alone, up to its
-    // last digits.
+    // strains. Below the least rate of the law the stress determines strains through hardening alone, up to its last
+    // digits.
     const double dep = a.parts() * (ep - ep_old);
-    const double slope = is_johnson_cook(soft) && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt) : 0.0;
-    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * hardened_strength(soft, ep) / slope : 0.0);
     const double T = profile[static_cast<std::size_t>(i)];
+    const bool rated = properties_of(soft.flow_law).depends_on_rate;
+    const double slope = rated && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt, a.pressure, T) : 0.0;
+    const double at_rest = hardened_strength(soft, ep, 0.0, a.pressure, T);
+    const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * at_rest / slope : 0.0);
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };

@@ -26,8 +26,9 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
   if (options.junctions) {
     const auto& [fraction, height, metal] = *options.junctions;
     const double grown = kDigits * size * a.dt / (kSqrt3 * height);
-    strength = {fraction * hardened_strength(metal, std::max(0.0, a.junction_strain - grown)),
-                fraction * hardened_strength(metal, a.junction_strain + grown)};
+    const auto hardened = [&](double ep) { return SteinbergCochranGuinan::hardened(metal, ep, 0.0, 0.0, 0.0); };
+    strength = {fraction * hardened(std::max(0.0, a.junction_strain - grown)),
+                fraction * hardened(a.junction_strain + grown)};
   }
   const auto limit = [&](double yield, double T) {
     const double mu = reference::friction_coefficient(options, a.pressure, T, std::abs(a.slip));

@@ -20,12 +20,12 @@ int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
 }
 
-// A lower bound of the layer's strength: the strength of its least hardened vertex at the temperature of its hottest.
+// A lower bound of the layer's strength: the strength at the strain of the least strained vertex and the temperature of the hottest.
 // The bound holds as long as the lane sleeps: without source diffusion only levels the temperature, and without flow the
 // strain is constant.
 struct WeakestVertex {
   double temperature;  // [K]
-  double strength;     // before softening, at rest (a rate only adds strength)  [Pa]
+  double strain;       // plastic
 };
 
 WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
@@ -35,13 +35,14 @@ WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lan
   double hottest = T[0], least = strain[0];
   for (std::ptrdiff_t i = 1; i < problem.heat_grid.num_vertices(); ++i) hottest = std::max(hottest, T[i * kLanes]);
   for (std::ptrdiff_t i = 1; i < problem.grid.num_vertices(); ++i) least = std::min(least, strain[i * kLanes]);
-  return {hottest, hardened_strength(problem.options.soft, least)};
+  return {hottest, least};
 }
 
-// Whether certainly no vertex flows under a stress magnitude, with margins far above rounding. `soft`: at the pressure.
+// Whether certainly no vertex flows under a stress magnitude, with margins far above rounding: its flow stress at rest,
+// to which a rate only adds, is larger. `soft`: at the pressure.
 bool surely_rigid(const Material& soft, double pressure, double stress, const WeakestVertex& weakest) {
-  const double g = softening(soft, pressure, weakest.temperature + kTemperatureMargin).g;
-  return kSqrt3 * stress <= kStrengthMargin * (weakest.strength * g);
+  const double strength = flow_stress(soft, weakest.strain, pressure, weakest.temperature + kTemperatureMargin);
+  return kSqrt3 * stress <= kStrengthMargin * strength;
 }
 
 // The step of a sleeping lane; nothing where heat or flow wakes the lane.
@@ -52,7 +53,7 @@ std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperat
   const std::optional<RestingStep> found = rest.step(problem, operators, inputs, committed, soft, T0, lane);
   if (found && found->step.regime != Regime::kOpen && layout.hottest_at_rest != TileLayout::kAbsent) {
     const WeakestVertex weakest{committed[layout.hottest_at_rest + lane],
-                                committed[layout.least_strength_at_rest + lane]};
+                                committed[layout.least_strain_at_rest + lane]};
     if (!surely_rigid(soft, inputs.pressure[lane], std::abs(found->step.stress), weakest)) return std::nullopt;
   }
   return found;
@@ -113,7 +114,7 @@ void count_rest(const Problem& problem, const RestRules& rest, const TileInputs&
       sleeps ? to_modes(*problem.basis, lane, trial + layout.first_temperature()) : 0.0;
   if (layout.hottest_at_rest == TileLayout::kAbsent) return;
   trial[layout.hottest_at_rest + lane] = sleeps ? weakest.temperature : 0.0;
-  trial[layout.least_strength_at_rest + lane] = sleeps ? weakest.strength : 0.0;
+  trial[layout.least_strain_at_rest + lane] = sleeps ? weakest.strain : 0.0;
 }
 
 // Heat of one lane above a uniform reference temperature.

@@ -16,6 +16,20 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
+// A law that couples rate and temperature needs the temperature of every vertex; a separable law needs that of the
+// heated ones alone, since the thresholds hold the rest.
+template <class Law, bool kSpread>
+[[gnu::always_inline]] inline void load_vertices(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t i,
+                                                 LoadedVertices<kLanes>& vertices) {
+  const double* T_ad = problem.T_ad + i * kLanes;
+  const bool is_heated = i < problem.num_heated;
+  const double B = kSpread || !is_heated ? 0.0 : problem.response[i];
+  for (int l = 0; l < kLanes; ++l) {
+    vertices.rise[l] = load.flux[l] * (kSpread && is_heated ? problem.spread_response[i * kLanes + l] : B);
+    vertices.T[l] = T_ad[l] + vertices.rise[l];
+  }
+}
+
 template <class Law, bool kWrite, bool kSpread>
 [[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
                                         const double* threshold, double* strain_new, FlowSum& sum) {
@@ -29,7 +43,16 @@ template <class Law, bool kWrite, bool kSpread>
     const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
     alignas(64) double growth[kLanes] = {};  // of the softening's share with log(a)
-    if (i < heated) {
+    [[maybe_unused]] LoadedVertices<kLanes> vertices{load.load, load.bracket, load.T_melt, {}, {}};
+    if constexpr (!Law::kSeparable) {
+      load_vertices<Law, kSpread>(problem, load, i, vertices);
+      if (i < heated) {
+        for (int l = 0; l < kLanes; ++l)
+          excess[l] = load.load[l] - law.strength_at_rest(load.bracket[l], load.T_melt[l], vertices.T[l], strain[l]);
+      } else {
+        for (int l = 0; l < kLanes; ++l) excess[l] = load.load[l] - yield[l];
+      }
+    } else if (i < heated) {
       const double B = kSpread ? 0.0 : problem.response[i];
       const double* B_lane = kSpread ? problem.spread_response + i * kLanes : nullptr;
       const double* T_ad = problem.T_ad + i * kLanes;
@@ -37,20 +60,24 @@ template <class Law, bool kWrite, bool kSpread>
         const double rise = load.flux[l] * (kSpread ? B_lane[l] : B);
         const SofteningExcess softened = law.softening_excess(load.bracket[l], load.T_melt[l], T_ad[l] + rise);
         growth[l] = rise * softened.rate;
-        excess[l] = (load.scaled_log[l] + softened.value) - yield[l];
+        excess[l] = (load.load[l] + softened.value) - yield[l];
       }
     } else {
-      for (int l = 0; l < kLanes; ++l) excess[l] = load.scaled_log[l] - yield[l];
+      for (int l = 0; l < kLanes; ++l) excess[l] = load.load[l] - yield[l];
     }
     if (any_positive(excess)) {
       num_yielding = i + 1;
       const double w = problem.grid->weight[static_cast<std::size_t>(i)];
-      law.flow(
-          excess, growth, strain, [&](int l, double flows, double rate) __attribute__((always_inline)) {
-            slip[l] += w * flows;
-            slope[l] += w * rate;
-            if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows;
-          });
+      const auto take = [&](int l, double flows, double rate) __attribute__((always_inline)) {
+        slip[l] += w * flows;
+        slope[l] += w * rate;
+        if (kWrite) strain_new[i * kLanes + l] = strain[l] + flows;
+      };
+      if constexpr (Law::kSeparable) {
+        law.flow(excess, growth, strain, take);
+      } else {
+        law.flow(vertices, excess, strain, take);
+      }
     } else if (kWrite) {
       for (int l = 0; l < kLanes; ++l) strain_new[i * kLanes + l] = strain[l];
     }
@@ -84,9 +111,15 @@ template <class Law>
     const double* strain = problem.strain + i * kLanes;
     const double* T_ad = problem.T_ad + i * kLanes;
     double* yield = threshold + i * kLanes;
-    for (int l = 0; l < kLanes; ++l) yield[l] = law.log_strength(strain[l]);
-    if (i < problem.num_heated) continue;
-    for (int l = 0; l < kLanes; ++l) yield[l] -= law.softening_excess(load.bracket[l], load.T_melt[l], T_ad[l]).value;
+    if constexpr (Law::kSeparable) {
+      for (int l = 0; l < kLanes; ++l) yield[l] = law.log_strength(strain[l]);
+      if (i < problem.num_heated) continue;
+      for (int l = 0; l < kLanes; ++l) yield[l] -= law.softening_excess(load.bracket[l], load.T_melt[l], T_ad[l]).value;
+    } else {
+      if (i < problem.num_heated) continue;
+      for (int l = 0; l < kLanes; ++l)
+        yield[l] = law.strength_at_rest(load.bracket[l], load.T_melt[l], T_ad[l], strain[l]);
+    }
   }
 }
 
@@ -103,8 +136,8 @@ int num_heated_vertices(const Grid& grid, const double* response) {
 void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load) {
   FlowLaws::with(soft.flow_law, [&](auto law) {
     using Law = typename decltype(law)::type;
-    const bool loads = kSqrt3 * a / soft.yield_strength >= std::numeric_limits<double>::min();
-    load.scaled_log[lane] = loads ? Law(soft, 1.0).log_load(a) : kNoLoad;
+    const bool loads = kSqrt3 * a / Law::unit_of_load(soft) >= std::numeric_limits<double>::min();
+    load.load[lane] = loads ? Law(soft, 1.0).load_of(a) : kNoLoad;
     load.bracket[lane] = Law::bracket_at(soft, pressure);
   });
   load.flux[lane] = flux;
@@ -118,6 +151,28 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
       });
 }
 
+namespace {
+
+// dep of one vertex at temperature T, of which the heat of this step makes nothing.
+template <class Law>
+double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
+  double dep = 0.0;
+  const auto take = [&](int, double flows, double /*slope*/) { dep = flows; };
+  if constexpr (Law::kSeparable) {
+    const double excess[] = {(load.load[lane] + law.softening_excess(load.bracket[lane], load.T_melt[lane], T).value) -
+                             law.log_strength(strain)};
+    const double growth[] = {0.0};
+    if (excess[0] > 0.0) law.flow(excess, growth, &strain, take);
+  } else {
+    const double excess[] = {load.load[lane] - law.strength_at_rest(load.bracket[lane], load.T_melt[lane], T, strain)};
+    const LoadedVertices<1> vertex{load.load + lane, load.bracket + lane, load.T_melt + lane, {T}, {0.0}};
+    if (excess[0] > 0.0) law.flow(vertex, excess, &strain, take);
+  }
+  return dep;
+}
+
+}  // namespace
+
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
   return FlowLaws::with(problem.soft->flow_law, [&](auto own) {
     const typename decltype(own)::type law(*problem.soft, problem.dt);
@@ -126,12 +181,7 @@ double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, 
       const std::ptrdiff_t at = i * kLanes + lane;
       const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
       const double old = problem.strain[at];
-      const double excess[] = {
-          (load.scaled_log[lane] + law.softening_excess(load.bracket[lane], load.T_melt[lane], T).value) -
-          law.log_strength(old)};
-      const double growth[] = {0.0};
-      double dep = 0.0;
-      if (excess[0] > 0.0) law.flow(excess, growth, &old, [&](int, double flows, double /*slope*/) { dep = flows; });
+      const double dep = flow_of_vertex(law, load, lane, T, old);
       slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;
       if (strain_new != nullptr) strain_new[at] = old + dep;
     }

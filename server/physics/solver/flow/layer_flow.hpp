@@ -13,10 +13,10 @@ namespace shearbus::physics {
 
 // A stress magnitude a per lane and what the flow needs of it.
 struct FlowLoad {
-  alignas(64) double scaled_log[kLanes];  // the law's log_load of a, or kNoLoad
-  alignas(64) double flux[kLanes];        // q: T = T_ad + q B, or B_phi  [W/m2]
-  alignas(64) double bracket[kLanes];     // the law's, at the lane's pressure
-  alignas(64) double T_melt[kLanes];      // at the lane's pressure     [K]
+  alignas(64) double load[kLanes];     // the law's load_of(a), or kNoLoad
+  alignas(64) double flux[kLanes];     // q: T = T_ad + q B, or B_phi                        [W/m2]
+  alignas(64) double bracket[kLanes];  // the law's, at the lane's pressure
+  alignas(64) double T_melt[kLanes];   // at the lane's pressure                             [K]
 };
 
 struct FlowSum {

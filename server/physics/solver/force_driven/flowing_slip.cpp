@@ -171,8 +171,9 @@ void FlowingSlip::begin_stick() {
   if (most_ad > 0.0 && start_.hardens) {
     const double g = softening(soft, start_.limit.pressure, T0(0.0)).g;
     const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
-    const double beyond = hardened_strength(soft, most_strain, (most_strain - start_.first_strain) / start_.dt) * g /
-                          kSqrt3 * (1.0 + kBeyond);
+    const double beyond = hardened_strength(soft, most_strain, (most_strain - start_.first_strain) / start_.dt,
+                                            start_.limit.pressure, T0(0.0)) *
+                          g / kSqrt3 * (1.0 + kBeyond);
     if (beyond < high) {
       high = beyond;
       high_is_ceiling_ = false;

@@ -94,9 +94,9 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   // than the whole slip; above the second a vertex would be molten.
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
-  const double all_at_hottest =
-      hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain, most_strain / dt) * g_ad /
-      kSqrt3;
+  const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
+                                                  most_strain / dt, pressure, heated.T(hottest_ad, 0.0)) *
+                                g_ad / kSqrt3;
   double beyond = all_at_hottest * (1.0 + kConverged);
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
     beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));

@@ -1,0 +1,97 @@
+#!/usr/bin/python3
+"""Holds every registered flow law to the list of edits in server/ARCHITECTURE.md, "Adding a flow law": each row names a file, or a
+directory, that must mention the law by its class, its word or its enumerator; each constant of the law is a row and a key. Run with
+--self-test to see each rule fail on a tree made for it."""
+import argparse
+import pathlib
+import re
+import sys
+import tempfile
+
+LIST = "server/physics/material/flow_laws.hpp"
+SCHEMA = "proto/shearbus/v1/scene.proto"
+CONSTANTS = "server/physics/material/material.cpp"
+
+
+def laws(root):
+    """Classes in the order of the list."""
+    text = re.sub(r"//.*", "", (root / LIST).read_text())
+    return re.search(r"FlowLaws\s*=\s*FlowLawList<([^>]*)>", text).group(1).replace(" ", "").replace("\n", "").split(",")
+
+
+def rows(root):
+    """Paths of the table of edits; <law> stands for the word of the law."""
+    page = (root / "server/ARCHITECTURE.md").read_text()
+    section = page.split("### Adding a flow law", 1)[1].split("\n## ", 1)[0].split("\n### ", 1)[0]
+    return re.findall(r"^\| \d+ \| `([^`]+)`", section, re.M)
+
+
+def mentions(path, names):
+    files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
+    return any(name in p.read_text(errors="replace") for p in files for name in names)
+
+
+def faults(root):
+    schema = (root / SCHEMA).read_text()
+    constants = (root / CONSTANTS).read_text()
+    places = rows(root)
+    if len(places) < 5:
+        yield "server/ARCHITECTURE.md: the list of edits of a flow law is missing"
+    for place, law in enumerate(laws(root)):
+        word = re.sub(r"(?<!^)(?=[A-Z])", "_", law).lower()
+        names = (law, word, "FLOW_LAW_" + word.upper())
+        for row in places:
+            path = root / row.replace("<law>", word)
+            if not path.exists():
+                yield f"{row}: {law} has no such file"
+            elif not mentions(path, names):
+                yield f"{row}: does not mention {law}"
+        if not re.search(rf"FLOW_LAW_{word.upper()} = {place + 1};", schema):
+            yield f"{SCHEMA}: {law} is not number {place + 1} of the enum FlowLaw"
+        header = root / f"server/physics/material/{word}.hpp"
+        own = re.search(r"kConstants = \{(.*?)\};", header.read_text(), re.S) if header.exists() else None
+        for member in re.findall(r"&Material::(\w+)", own.group(1)) if own else []:
+            key = re.search(rf'MaterialField\{{"(\w+)", &Material::{member},', constants)
+            if not key:
+                yield f"{CONSTANTS}: no row for the constant {member} of {law}"
+            elif not re.search(rf'\b{key.group(1)} = \d+\s*\[\(rule\) = {{[^}}]*used_with: "flow_law=[^"]*\b{word}\b', schema):
+                yield f"{SCHEMA}: {key.group(1)} is not used_with flow_law={word}"
+
+
+def self_test():
+    """A tree with a sound law and one that lacks everything must give exactly the faults of the second."""
+    with tempfile.TemporaryDirectory() as scratch:
+        root = pathlib.Path(scratch)
+        files = {
+            LIST: "using FlowLaws = FlowLawList<SoundLaw,  // one line each\n  BareLaw>;\n",
+            SCHEMA: 'FLOW_LAW_SOUND_LAW = 1;\noptional double a_pa = 1 [(rule) = {used_with: "flow_law=sound_law"}];\n'
+                    'optional double b_pa = 2 [(rule) = {unit: "Pa"}];\n',
+            CONSTANTS: 'MaterialField{"a_pa", &Material::a, true, false}, MaterialField{"b_pa", &Material::b, true, false},\n',
+            "server/physics/material/sound_law.hpp": "class SoundLaw { kConstants = {&Material::a}; };\n",
+            "server/physics/material/bare_law.hpp": "class BareLaw { kConstants = {&Material::b, &Material::c}; };\n",
+            "twin.cpp": "SoundLaw\n", "tests/sound_law.cpp": "sound_law\n",
+            "server/ARCHITECTURE.md": "### Adding a flow law\n\n| | file |\n|---|---|\n| 1 | `server/physics/material/<law>.hpp` |\n"
+                                      f"| 2 | `{LIST}` |\n| 3 | `{SCHEMA}` |\n| 4 | `twin.cpp` |\n| 5 | `tests` |\n| 6 | `<law>.md` |\n",
+            "sound_law.md": "sound_law\n"}
+        for name, text in files.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text)
+        found = list(faults(root))
+        expected = [f"{SCHEMA}: does not mention BareLaw", "twin.cpp: does not mention BareLaw", "tests: does not mention BareLaw",
+                    "<law>.md: BareLaw has no such file", f"{SCHEMA}: BareLaw is not number 2 of the enum FlowLaw",
+                    f"{SCHEMA}: b_pa is not used_with flow_law=bare_law", f"{CONSTANTS}: no row for the constant c of BareLaw"]
+        return [] if sorted(found) == sorted(expected) else ["self-test: expected", *sorted(expected), "found", *sorted(found)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parents[2])
+    parser.add_argument("--self-test", action="store_true")
+    options = parser.parse_args()
+    found = self_test() if options.self_test else list(faults(options.root))
+    print("\n".join(found))
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
