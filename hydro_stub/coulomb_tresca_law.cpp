@@ -24,9 +24,10 @@ void CoulombTrescaLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& a
   spent_ += std::chrono::steady_clock::now() - start;
 }
 
-// Magnitudes along the direction in which the interface would slip without friction. The law sees the mean jump of the
-// step, as the friction power does; the end-of-step jump decides sticking, so that a jump that is stopped stays 0. The
-// yield is that of the zone at the start of the step.
+// Works with magnitudes along the direction in which the interface would slip without friction. The friction
+// coefficient depends on the mean jump of the step, as the friction power does. The jump at the end of the step decides
+// whether the node sticks, so that a jump which friction has stopped stays 0. The yield strength is that of the zone at
+// the start of the step.
 void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer) {
   const FreeJump free = free_jump(inputs, i);
   const double pressure = inputs.pressure[i];

@@ -1,10 +1,11 @@
-// The macroscopic limit law used without a subgrid model (DLP 5): the paper's comparison.
+// The macroscopic limit law without a subgrid model (DLP 5), to which the paper compares the subgrid model.
 //
 //   |s| <= min( (mu_inf + (mu_0 - mu_inf) exp(-theta |[v]|)) P,  mu_T Y(P, T_cell, ep_cell) / sqrt(3) )
 //
-// T_cell is the temperature of the soft zone at the interface, which takes the soft body's share of the friction heat:
-// it knows no layer thinner than itself. A host that computes its zones' temperature and plastic strain says them;
-// otherwise the zone is heated here and, the bulk being elastic, ep_cell stays 0.
+// T_cell is the temperature of the soft zone at the interface. The soft body's share of the friction heat is spread
+// over this whole zone: the law resolves no layer thinner than the zone. A host that computes the temperature and
+// plastic strain of its zones passes both; otherwise this class heats the zone, and ep_cell stays 0 because the bulk is
+// then elastic.
 #pragma once
 
 #include <span>
@@ -31,7 +32,7 @@ class CoulombTrescaLaw : public InterfaceLaw {
   physics::VelocityWeakening friction_;
   double yield_fraction_;  // mu_T
   physics::Material soft_;
-  double heat_share_;                     // beta_T: of the friction heat, into the soft body
+  double heat_share_;                     // beta_T: share of the friction heat that enters the soft body
   std::vector<double> cell_temperature_;  // [K]
   std::chrono::nanoseconds spent_{0};
 };

@@ -20,7 +20,7 @@ enum Row : std::size_t {
   kVelocityJump,
 };
 
-// In the order of Row.
+// The recorded quantities, in the order of Row.
 std::vector<wire::Quantity> rows() {
   return {
       wire::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),

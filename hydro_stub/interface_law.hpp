@@ -16,7 +16,7 @@
 
 namespace shearbus::hydro {
 
-// What the mesh says of the step t(n-1/2) -> t(n+1/2); one value per node.
+// Inputs that the mesh computes for the step t(n-1/2) -> t(n+1/2); one value per node.
 struct InterfaceInputs {
   explicit InterfaceInputs(std::size_t nodes)
       : velocity_jump(nodes),
@@ -31,17 +31,17 @@ struct InterfaceInputs {
   double dt = 0.0;                    // [s]
   std::vector<double> velocity_jump;  // [V] at n-1/2                               [m/s]
   std::vector<double> pressure;       // at n, compression positive                 [Pa]
-  std::vector<double> stress_soft;    // at n, in the soft zone next to the interface  [Pa]
-  std::vector<double> stress_hard;    // at n, in the hard zone                     [Pa]
-  std::vector<double> mass_soft;      // of half the soft zone                      [kg/m2]
-  std::vector<double> mass_hard;      // of half the hard zone                      [kg/m2]
-  // Of the soft zone at the interface, from a host that computes them; empty where the law has to find them itself.
+  std::vector<double> stress_soft;    // at n, in the soft zone next to the interface        [Pa]
+  std::vector<double> stress_hard;    // at n, in the hard zone next to the interface        [Pa]
+  std::vector<double> mass_soft;      // mass of half the soft zone per area                 [kg/m2]
+  std::vector<double> mass_hard;      // mass of half the hard zone per area                 [kg/m2]
+  // State of the soft zone at the interface, if the host computes it; empty if the law has to compute it.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
-  std::vector<double> soft_plastic_strain_rate;  // of the shear along the interface, not negative  [1/s]
+  std::vector<double> soft_plastic_strain_rate;  // rate of shear along the interface, not negative  [1/s]
 };
 
-// What the law answers.
+// Answers of the law, one value per node.
 struct InterfaceAnswer {
   explicit InterfaceAnswer(std::size_t nodes)
       : shear_stress(nodes),
@@ -55,28 +55,29 @@ struct InterfaceAnswer {
   std::vector<double> velocity_jump_new;      // [V] at n+1/2, by (61) with s     [m/s]
   std::vector<double> sliding_velocity;       // [v]                              [m/s]
   std::vector<double> interface_temperature;  // at n+1/2                         [K]
-  std::vector<double> friction_heat;          // that entered the soft body in the step  [J/m2]
+  std::vector<double> friction_heat;          // heat that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
-  wire::EnergyTotals energy;                  // of the layers in the step; empty: of laws without layers
-  std::uint64_t flagged = 0;                  // nodes whose answer has a flag (substepped, several roots, failed)
+  wire::EnergyTotals energy;                  // energies of the layers in the step; empty for laws without layers
+  std::uint64_t flagged = 0;  // number of nodes whose answer has a flag (substepped, several roots, failed)
 };
 
 // Run time of a law by cause. A law that computes in place spends all of it in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  std::chrono::nanoseconds service{0};  // in the server: the solver, and reading, checking and answering requests
-  std::chrono::nanoseconds bus{0};      // round trips less the solver's share
-  std::chrono::nanoseconds waited{0};   // time in which the host was blocked
-  std::chrono::nanoseconds cpu{0};      // CPU time of the host's thread spent on requests
+  // time in the server: in the solver, and for reading, checking and answering requests
+  std::chrono::nanoseconds service{0};
+  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
+  std::chrono::nanoseconds waited{0};  // time in which the host was blocked
+  std::chrono::nanoseconds cpu{0};     // CPU time of the host's thread spent on requests
 };
 
 // Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
 struct OmittedCost {
-  std::vector<std::pair<std::string, std::string>> lines;  // of the summary: label and text
+  std::vector<std::pair<std::string, std::string>> lines;  // lines of the summary: label and text
   std::vector<std::string> parts;
-  std::uint64_t bytes_per_node = 0;                  // of the run
-  std::uint64_t bytes_per_node_with_everything = 0;  // with every part that could have been on
-  std::optional<double> share_asleep;                // of the node-steps; absent: no node could sleep
+  std::uint64_t bytes_per_node = 0;                  // bytes per node of this run
+  std::uint64_t bytes_per_node_with_everything = 0;  // bytes per node with every option that the scene allows
+  std::optional<double> share_asleep;  // share of the node-steps spent asleep; absent if no node could sleep
 };
 
 class InterfaceLaw {
@@ -87,11 +88,12 @@ class InterfaceLaw {
   InterfaceLaw& operator=(const InterfaceLaw&) = delete;
 
   virtual void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) = 0;
-  // advance() in two halves, for a host that has other work meanwhile. The answer is complete after finish(); until
-  // then `inputs` and `answer` must not move.
+  // start() and finish() are advance() in two halves, for a host that has other work meanwhile. The answer is complete
+  // after finish(); until then `inputs` and `answer` must stay at their addresses.
   virtual void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) { advance(inputs, answer); }
   virtual void finish() {}
-  // Undoes the last advance, because the host rejects its step and will repeat a shorter one. At most once per advance.
+  // Undoes the last advance(), because the host rejects its step and will repeat it with a shorter one. At most once
+  // per advance().
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
 
@@ -106,9 +108,9 @@ class InterfaceLaw {
   virtual OmittedCost omitted_cost() const { return {}; }
 };
 
-// (61) solved for the jump: [V]new = free_jump - s * compliance.
+// Momentum balance (61) solved for the jump: [V]new = free_jump - s * compliance.
 struct FreeJump {
-  double jump;        // the jump at n+1/2 that no friction would leave  [m/s]
+  double jump;        // jump at n+1/2 without friction  [m/s]
   double compliance;  // dt (1/m_soft + 1/m_hard)                       [m/(s Pa)]
 };
 inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {

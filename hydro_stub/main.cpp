@@ -40,14 +40,14 @@ void fill_constants(const std::string& table, v1::Body& body) {
   scene::set_numbers(physics::constants_of(resolve(body, table)), body);
 }
 
-// The scene with the constants of the bodies that it has.
+// Returns the scene with the missing constants of its bodies filled in.
 guest::HydroScene effective_scene(guest::HydroScene scene) {
   if (scene.scene().has_soft()) fill_constants("soft", *scene.mutable_scene()->mutable_soft());
   if (scene.scene().has_hard()) fill_constants("hard", *scene.mutable_scene()->mutable_hard());
   return scene;
 }
 
-// A problem without sliding nodes asks no law.
+// Makes the law of a two-dimensional problem. A problem without sliding nodes gets free slip and opens no session.
 std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem, const SubgridServer& server,
                                           const std::string& kept) {
   const std::vector<double> temperature(interface_nodes(problem.bodies),

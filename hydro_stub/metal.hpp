@@ -14,8 +14,8 @@ struct Metal {
   physics::Material strength;
 };
 
-// Makes the metal of [table] with the equation of state of its own constants, or of `other` if it has none. Throws for
-// missing constants.
+// Makes the metal of [table]. Its equation of state has the constants of the scene or, if the scene names none, those
+// of `other`. Throws if constants are missing.
 Metal make_metal(const v1::Body& body, const std::string& table, const guest::MieGrueneisen& other = {});
 
 inline lagrange::BodyMaterial body_material(const Metal& metal) {

@@ -12,10 +12,10 @@
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;                       // scene to run, or
-  std::filesystem::path restart;                     // directory of a run to continue
+  std::filesystem::path scene;                       // scene to run; empty with `restart`
+  std::filesystem::path restart;                     // directory of a run to continue; empty with `scene`
   std::filesystem::path out;                         // empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;                        // no endpoint: in this process
+  wire::ServerAddress server;                        // without an endpoint the server runs in this process
   std::optional<guest::InterfaceLaw> interface_law;  // replaces the law of the scene
   DumpSchedule dumps;
   bool overlap = true;

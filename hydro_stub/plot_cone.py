@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Pictures of one or more runs of cone_target: the cone's free-surface velocity, and side by side shape and temperature at the end and
-space-time maps along the interface (friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22). Free slip and
-stick are drawn in the first alone, unless there is nothing else.
+"""Pictures of one or more runs of cone_target: the cone's free-surface velocity, and, with the runs side by side, shape and temperature at
+the end and space-time maps along the interface (friction regime, interface temperature, sliding velocity, shear stress: DLP Figs 16-22;
+pressure). Runs with free slip or stick appear only in the first picture, unless there are no other runs.
 
     plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
 """
@@ -67,7 +67,7 @@ def shapes(runs, out):
 def space_time(runs, out, name, label, scale=1.0, limits=None, cmap="viridis"):
     figure, axes = plt.subplots(1, len(runs), figsize=(5.2 * len(runs), 4.6), squeeze=False, sharey=True, layout="constrained")
     for axis, run in zip(axes[0], runs):
-        nodes = run.height[0]  # moving with the metal: each node keeps its line
+        nodes = run.height[0]  # the height moves with the metal: each node keeps its line
         values = run.maps[name] * scale
         if name == "regime":
             image = axis.pcolormesh(run.time, nodes, values.T, cmap=ListedColormap(REGIME_COLOURS),
@@ -75,7 +75,7 @@ def space_time(runs, out, name, label, scale=1.0, limits=None, cmap="viridis"):
         else:
             values = np.ma.masked_where(run.maps["regime"] == 0, values)
             image = axis.pcolormesh(run.time, nodes, values.T, cmap=cmap, vmin=limits[0], vmax=limits[1], shading="nearest", rasterized=True)
-            axis.set_facecolor("#f2f2f2")  # open
+            axis.set_facecolor("#f2f2f2")  # background of open nodes
         axis.set_title(run.label)
         axis.set_xlabel("time (µs)")
     axes[0][0].set_ylabel("z of the interface node at the start (mm)")

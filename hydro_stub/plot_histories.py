@@ -19,9 +19,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-MOST_ROWS = 1500      # drawn of a history: finer than a picture's pixels
-MOST_LINES = 8        # in one panel; with more columns, some of them and the band of all
-MOST_PANELS = 6       # side by side
+MOST_ROWS = 1500      # rows of a history that are drawn: more would be finer than a picture's pixels
+MOST_LINES = 8        # lines in one panel; with more columns, some lines and the band of all columns
+MOST_PANELS = 6       # panels side by side
 REGIMES = [("open", "#d9d9d9"), ("stick", "#4477aa"), ("Coulomb", "#ccbb44"), ("Tresca", "#ee6677"), ("melting", "#7a0019")]
 QUANTITIES = [
     ("interface_temperature", "interface temperature (K)", 1.0),
@@ -31,7 +31,7 @@ QUANTITIES = [
 
 
 class History:
-    """One file, thinned to the rows a picture can show."""
+    """One file, thinned to the rows that a picture can show."""
 
     def __init__(self, path):
         self.path = path
@@ -55,7 +55,8 @@ class History:
     def read(self, dataset):
         step = max(1, dataset.chunks[0] if dataset.chunks else dataset.shape[0])
         parts = []
-        for start in range(0, dataset.shape[0], step):  # chunk by chunk: the whole need not fit into memory
+        # reads chunk by chunk, because the whole need not fit into memory
+        for start in range(0, dataset.shape[0], step):
             wanted = self.rows[(self.rows >= start) & (self.rows < start + step)]
             if wanted.size:
                 parts.append(dataset[start:start + step][wanted - start])
@@ -80,7 +81,7 @@ class History:
         return self.pressure is not None and bool(np.any(self.pressure != self.pressure[0]))
 
     def groups(self):
-        """(title, columns) for each initial pressure, columns sorted by their initial jump."""
+        """Returns (title, columns) for each initial pressure, with columns sorted by their initial jump."""
         if self.pressure is None or self.pressure_varies:
             return [("", np.argsort(self.jump, kind="stable"))]
         result = []
@@ -91,7 +92,7 @@ class History:
 
 
 def panels_of(histories):
-    """(history, title, columns) for each panel column: pressure after pressure, the files side by side in each."""
+    """Returns (history, title, columns) for each panel column: sorted by pressure, then by file."""
     groups = [history.groups() for history in histories]
     most = max(1, MOST_PANELS // len(histories))
     chosen = []

@@ -12,11 +12,11 @@ class PressureHistory {
   PressureHistory(std::vector<double> times, std::vector<double> values);
 
   bool varies() const { return !times_.empty(); }
-  // At `time` in `column`: linear between the times of the table, constant outside.
+  // Returns the pressure at `time` in `column`, linear between the times of the table and constant outside  [Pa].
   double at(double time, std::size_t column) const;
 
  private:
-  std::vector<double> times_;   // empty: values_ is per column
+  std::vector<double> times_;   // [s]; empty if values_ holds one value per column
   std::vector<double> values_;  // [Pa]
 };
 

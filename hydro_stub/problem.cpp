@@ -28,12 +28,12 @@ physics::Material resolve(const v1::Body& body, const std::string& table) {
 
 namespace {
 
-// One value per column of every list of the scene.
+// The lists of the scene, each spread to one value per column.
 struct Columns {
   std::size_t count = 1;
   std::vector<double> jump;         // [m/s]
   std::vector<double> temperature;  // [K]
-  std::vector<double> pressure;     // [Pa]; empty where pressure follows times
+  std::vector<double> pressure;     // [Pa]; empty if the pressure follows a table in time
 };
 
 using Values = google::protobuf::RepeatedField<double>;
@@ -53,7 +53,8 @@ Columns columns_of(const guest::ShearColumn& column, double layer_temperature) {
   Columns columns;
   columns.count = combined ? jumps.size() * temperatures.size() * pressures.size()
                            : std::max({jumps.size(), temperatures.size(), pressures.size()});
-  // Combined, a list advances when the ones before it have run through; paired, all advance together or not at all.
+  // Combined lists: a list advances to its next value after all lists before it have run through. Paired lists: all
+  // lists with more than one value advance together.
   std::size_t stride = 1;
   const auto spread = [&](const std::vector<double>& values_of_list) {
     std::vector<double> values(columns.count);
@@ -71,7 +72,8 @@ BodyMesh mesh_of(const physics::Material& material, std::size_t columns, guest::
   return {.columns = columns, .density = material.density, .shear_modulus = material.shear_modulus, .far_end = far_end};
 }
 
-// The hard body's zones take the soft zones' wave transit time, as many as fit best into the same length.
+// The hard body's zones get the wave transit time of the soft zones; their number is the one that fits the same length
+// best.
 void mesh_bodies(const guest::ShearColumn& column, ColumnProblem& problem) {
   problem.soft.zones = column.zones();
   problem.soft.zone_width = column.length_m() / column.zones();
@@ -92,8 +94,8 @@ void choose_steps(const guest::Hydro& hydro, ColumnProblem& problem) {
                     problem.dt, limit, hydro.cfl(), transit),
         "lower dt_s, or leave it out: it then follows from cfl");
   }
-  // Velocities stand at t = (k - 1/2) dt: the first such time at or after the end. The tolerance keeps a ratio that is
-  // whole but for rounding from costing a step.
+  // Velocities are defined at t = (k - 1/2) dt; the run ends at the first such time at or after the end time. The
+  // tolerance avoids one more step where the ratio is a whole number except for rounding.
   const double exact = hydro.end_time_s() / problem.dt + 0.5;
   const double steps = std::max(1.0, std::ceil(exact - 1e-9));
   constexpr double kMostSteps = 1e9;

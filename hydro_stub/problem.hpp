@@ -21,9 +21,9 @@ struct ColumnProblem {
   physics::Material hard_material;
   BodyMesh soft;
   BodyMesh hard;
-  double dt = 0.0;                          // [s]
-  std::string dt_reason;                    // what limits it
-  std::uint64_t steps = 0;                  // the first one is half a step: velocities go from 0 to dt/2
+  double dt = 0.0;          // [s]
+  std::string dt_reason;    // the condition that limits dt
+  std::uint64_t steps = 0;  // number of steps; the first is half a step, which brings velocities from 0 to dt/2
   std::vector<double> initial_jump;         // V0 per column; the hard body is at rest  [m/s]
   std::vector<double> initial_temperature;  // [K]
   PressureHistory pressure;

@@ -28,8 +28,8 @@ struct Problem2d {
   std::vector<int> free_surface;  // nodes whose motion is recorded; may be empty
   double end_time = 0.0;          // [s]
   double history_interval = 0.0;  // [s]
-  std::uint32_t frames = 1;       // fields, at equal times to the end
-  physics::Material soft, hard;   // metals that slide on each other, if any
+  std::uint32_t frames = 1;       // number of field outputs, at equal intervals up to the end
+  physics::Material soft, hard;   // metals on the two sides of the interface, if there is one
 
   std::function<bool(const lagrange::Cycle&)> over;                        // if set, may end the run early
   std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // if set, compares with known solutions

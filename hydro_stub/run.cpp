@@ -27,7 +27,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// The scene as it was run: constants and step filled in.
+// Returns the scene as it is run: with all constants and the time step filled in.
 guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& problem) {
   scene::set_numbers(physics::constants_of(problem.soft_material), *scene.mutable_scene()->mutable_soft());
   scene::set_numbers(physics::constants_of(problem.hard_material), *scene.mutable_scene()->mutable_hard());
@@ -123,7 +123,7 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
 
 namespace {
 
-// Runs a script on a file of results; pictures go beside it.
+// Runs a plotting script on a file of results; the pictures are written to `out`.
 void draw(std::string script, const std::filesystem::path& results, const std::filesystem::path& out) {
   std::string python = SHEARBUS_PYTHON;
   std::string file = results.string();
@@ -131,7 +131,7 @@ void draw(std::string script, const std::filesystem::path& results, const std::f
   std::string directory = out.string();
   const std::array<char*, 6> arguments = {python.data(), script.data(),    file.data(),
                                           flag.data(),   directory.data(), nullptr};
-  static_cast<void>(std::fflush(stdout));  // what was printed so far stands before what the script prints
+  static_cast<void>(std::fflush(stdout));  // the text printed so far appears before the text of the script
   pid_t child = 0;
   const int refused = ::posix_spawn(&child, python.c_str(), nullptr, nullptr, arguments.data(), environ);
   if (refused != 0) throw std::system_error(refused, std::generic_category(), "cannot start " + python);

@@ -101,7 +101,8 @@ class Run {
   }
 
   void to_the_end() {
-    constexpr double kBarParts = 10'000;  // steps are not known before; time is
+    // the bar shows simulated time, because the number of steps is not known in advance
+    constexpr double kBarParts = 10'000;
     const double begun_at = cycle_.state().time;
     const auto part = [&](double time) { return static_cast<std::size_t>(kBarParts * (time - begun_at) / end_time_); };
     wire::Progress bar(file_.scene.scene().name(), part(end_time_), options_.progress);
@@ -149,7 +150,7 @@ class Run {
   void dump() {
     dumps_.write(cycle_.steps(), [&](const std::string& name, wire::DumpWriter& to) {
       to.text("kept", law_.keep(name));
-      to.text("scene", scene::to_toml(file_.scene));  // with the law of the command line
+      to.text("scene", scene::to_toml(file_.scene));  // contains the law chosen on the command line
       to.text("server", options_.server);
       const lagrange::Memory memory = cycle_.memory();
       for (const auto& [what, values] : memory.numbers) to.numbers(std::string("cycle/") + what, values);
@@ -222,7 +223,7 @@ class Run {
   wire::FieldWriter fields_;
   Cycle cycle_;
   Ledger start_;
-  double next_row_ = 0.0;  // [s]
+  double next_row_ = 0.0;  // time of the next history row  [s]
   Clock::time_point begun_ = Clock::now();
   Clock::duration output_{0};
 };
@@ -235,7 +236,8 @@ std::size_t interface_nodes(const lagrange::Bodies& bodies) {
 
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from) {
-  // OpenMP's threads wait by spinning, which on a shared machine costs more than they bring: only those asked for.
+  // OpenMP's threads wait by spinning, which on a shared machine costs more than they gain. Without OMP_NUM_THREADS the
+  // run therefore uses one thread.
   if (std::getenv("OMP_NUM_THREADS") == nullptr) omp_set_num_threads(1);
   std::filesystem::create_directories(options.out);
   wire::stop_at_next_step();

@@ -13,12 +13,13 @@ namespace {
 
 const std::string kColumn = "hydro.shear_column.";
 
-// Rules between the keys of [hydro], and between them and the scene. A rule that needs a value at fault is not checked.
+// Rules between the keys of [hydro], and between [hydro] and the scene. A rule is skipped if a value that it needs is
+// faulty.
 class CrossChecks {
  public:
   CrossChecks(const guest::HydroScene& scene, scene::Findings& findings) : scene_(scene), findings_(findings) {}
 
-  // One problem, and the bodies it is about.
+  // Checks that [hydro] names one problem and that the scene has the bodies it needs.
   void hydro() {
     const guest::Hydro& hydro = scene_.hydro();
     const auto needs = [&](const char* problem, bool present, const char* key) {
@@ -87,7 +88,8 @@ class CrossChecks {
 
   void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
     const std::size_t columns =
-        jumps * std::max<std::size_t>(1, temperatures) * pressures;  // each at most 2e5: no overflow
+        // each factor is at most 2e5, so the product does not overflow
+        jumps * std::max<std::size_t>(1, temperatures) * pressures;
     if (columns > wire::kMaxNodesPerSession)
       add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns,
                                          wire::kMaxNodesPerSession));
@@ -101,7 +103,7 @@ void check_hydro_scene(const google::protobuf::Message& root, scene::Findings& f
   const auto& scene = static_cast<const guest::HydroScene&>(root);
   scene::check_scene(scene.scene(), findings);
   if (!scene.has_hydro()) return;
-  // A problem without a shear layer needs no strategy and maybe no bodies, but always a name.
+  // A problem without a shear layer needs no strategy and possibly no bodies, but always a name.
   if (scene.scene().name().empty() && findings.sound("name"))
     findings.add("", "name is missing (what the scene is called in files and logs)");
   CrossChecks checks(scene, findings);

@@ -1,4 +1,4 @@
-// A scene of shearbus-hydro: a scene of the contract and the table [hydro], in one TOML file.
+// A scene of shearbus-hydro in one TOML file: the keys that the server reads, and the table [hydro] of the hydrocode.
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,11 @@
 namespace shearbus::hydro {
 
 struct SceneFile {
-  guest::HydroScene scene;  // with its defaults
+  guest::HydroScene scene;  // the scene, with its defaults filled in
   std::string text;
   scene::Document document;
 
-  // The text for the server: without [hydro], every other key on its line.
+  // Returns the text for the server: without [hydro], with every other key on its original line for messages.
   std::string server_text() const;
 };
 
@@ -22,7 +22,7 @@ struct SceneFile {
 SceneFile parse_scene(std::string text, std::string file);
 SceneFile load_scene(const std::filesystem::path& path);
 
-// The reference of every key, as Markdown.
+// Returns the reference of every key, as Markdown.
 std::string reference();
 
 }  // namespace shearbus::hydro

@@ -30,7 +30,7 @@ struct BodyMesh {
 
   double wave_speed() const;                                            // [m/s]
   double impedance() const;                                             // rho c  [Pa s/m]
-  double transit_time() const { return zone_width / wave_speed(); }     // of one zone  [s]
+  double transit_time() const { return zone_width / wave_speed(); }     // wave transit time of one zone  [s]
   double half_zone_mass() const { return 0.5 * density * zone_width; }  // per area  [kg/m2]
 };
 
@@ -44,7 +44,7 @@ struct ShearBody {
 
   BodyMesh mesh;
   std::vector<double> velocity;      // [zones+1][columns]  [m/s]
-  std::vector<double> stress;        // [zones][columns], outward  [Pa]
+  std::vector<double> stress;        // [zones][columns], positive outward  [Pa]
   std::vector<double> far_velocity;  // velocity of the undisturbed body behind a transmitting end  [m/s]
   std::vector<double> far_impulse;   // impulse from the far end  [Pa s]
   std::vector<double> far_work;      // work of the far end on the body  [J/m2]
@@ -53,7 +53,8 @@ struct ShearBody {
 // Advances the velocities of all nodes except the interface node by dt, with the stresses of level n.
 void accelerate(ShearBody& body, double dt);
 
-// Advances the velocity of the interface node, half a zone on which its zone acts outward and `traction` inward.
+// Advances the velocity of the interface node. Its mass is half a zone; the zone's stress acts on it outward,
+// `traction` inward.
 void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction);
 
 // Advances the stresses from n to n+1 with the velocities of n+1/2. The bulk is elastic.

@@ -6,7 +6,7 @@
 namespace shearbus::hydro {
 namespace {
 
-// Without friction the interface is not heated: its temperature is that of the zone, or 300 K if the host gives no zone
+// Without friction nothing heats the interface: its temperature is that of the zone, or 300 K if the host gives no zone
 // temperature.
 constexpr double kRoomTemperature = 300.0;
 
@@ -25,7 +25,7 @@ void set_regime(const InterfaceInputs& inputs, std::size_t i, wire::Regime close
 
 }  // namespace
 
-// The regime of free slip is Coulomb slip with a limit of 0.
+// Free slip is reported as Coulomb slip with a friction limit of 0.
 void FreeSlipLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) {
   for (std::size_t i = 0; i < inputs.velocity_jump.size(); ++i) {
     answer_without_heat(inputs, i, 0.0, answer);

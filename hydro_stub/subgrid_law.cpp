@@ -36,7 +36,7 @@ std::optional<server::Embedded> embed(const SubgridServer& server) {
   return std::optional<server::Embedded>(std::in_place, options);
 }
 
-// Adds its lifetime on the host's thread to the law's run time.
+// Adds the time between construction and destruction, spent on the host's thread, to the law's run time.
 class Stopwatch {
  public:
   explicit Stopwatch(LawTime& time) : time_(time) {}
@@ -58,7 +58,7 @@ class Stopwatch {
   std::chrono::nanoseconds cpu_ = thread_cpu();
 };
 
-// The saved state as a line of text: MARK SESSION TOKEN, with ids in hexadecimal.
+// The saved state is a line of text, MARK SESSION TOKEN, with ids in hexadecimal.
 template <std::size_t kSize>
 std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
   return fmt::format("{:02x}", fmt::join(bytes, ""));
@@ -118,7 +118,7 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_soft_plastic_strain_rate;  // until the request has that column
+  bool wants_soft_plastic_strain_rate;  // false after the request has got this column
   Batch request;                        // columns of a step
   std::string server;
   bool outlives_process;

@@ -1,5 +1,5 @@
-// The interface law of the subgrid service. Only this room of the hydrocode includes the client. Without an endpoint
-// the server runs in this process.
+// The interface law of the subgrid service. Only this file pair of the hydrocode includes the client. Without an
+// endpoint the server runs in this process.
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,14 @@ namespace shearbus::hydro {
 
 // The server that computes the layers.
 struct SubgridServer {
-  wire::ServerAddress address;      // no endpoint: in this process
+  wire::ServerAddress address;      // without an endpoint the server runs in this process
   std::filesystem::path state_dir;  // state directory of a server in this process; empty: none
 };
 
-// A scene as the server reads it.
+// The scene in the form that the server reads.
 struct SceneText {
   std::string text;  // TOML
-  std::string file;  // its name, for messages
+  std::string file;  // file name of the text, for messages
 };
 
 // Describes the cost of the scene's parts, measured on this machine.
@@ -37,17 +37,17 @@ class SubgridLaw : public InterfaceLaw {
              std::span<const double> initial_temperature, const SubgridServer& server = {});
   // Restores the state that another process saved.
   SubgridLaw(const std::string& kept, const SubgridServer& server);
-  ~SubgridLaw() override;  // leaves a session open that has a saved state and was not closed
+  ~SubgridLaw() override;  // a session that has a saved state and was not closed stays open
 
-  // A step is a trial until the next one, which commits it in the same round trip, or close().
+  // A step stays a trial until the next advance(), which commits it in the same round trip, or until close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
-  void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends
-  void finish() override;                                                       // waits
+  void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends the request
+  void finish() override;                                                       // waits for the reply
   void take_back() override;
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;
   std::string cannot_keep() const override;
-  void close() override;  // throws if that fails
+  void close() override;  // throws if the session cannot be closed
   OmittedCost omitted_cost() const override;
 
   const std::string& server() const;                 // address of the server, for messages

@@ -28,13 +28,13 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // to be called after InterfaceLaw::close()
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // call it after InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;
 
  private:
-  // (node, time, value) of the largest value so far.
+  // The largest value so far, with its node and time.
   struct Peak {
     std::size_t node = 0;
     double time = 0.0;
@@ -56,7 +56,7 @@ class Summary {
   physics::Material soft_;
   double heat_share_;  // beta_T
   Peak peak_;
-  std::vector<double> melting_time_;  // first time at or above the threshold, negative: not yet  [s]
+  std::vector<double> melting_time_;  // first time at or above the melting threshold, negative: not reached  [s]
   std::vector<double> slip_;          // integral of |[v]|  [m]
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // sum over nodes  [J/m2]

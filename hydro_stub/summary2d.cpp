@@ -19,8 +19,8 @@ struct Residuals {
   double energy, momentum;
 };
 
-// Residuals of the balances of energy and momentum, relative to the energies and momenta in them. In axisymmetry only
-// the axial component of momentum is conserved as a sum.
+// Residuals of the balances of energy and momentum, each relative to the energies or momenta of its balance. In
+// axisymmetry only the axial component of momentum is conserved as a sum.
 Residuals residuals(const lagrange::Cycle& cycle, const Ledger& start) {
   const Ledger end = cycle.ledger();
   const lagrange::State& state = cycle.state();
@@ -46,7 +46,8 @@ std::string error_text(const Comparison& c) {
 std::string Summary2d::text() const {
   const Ledger end = cycle.ledger();
   const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
-  const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;  // the mesh holds one radian, or a metre of depth
+  // factor to totals: the mesh stands for one radian, or for a metre of depth
+  const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;
   const char* joule = has_axis ? "J" : "J/m";
   const auto [energy, momentum] = residuals(cycle, start);
   std::string out = fmt::format("{}{}\n  zones, steps            {}, {} (taken back: {})\n", scene,

@@ -1,5 +1,5 @@
-// Decides who may use the server: users of this machine by their uid, clients from other machines by their key. The
-// transport asks it about connections, the service about the sender of a message.
+// Decides which clients may use the server: users of this machine by their uid, clients from other machines by their
+// key. The transport asks it about connections, the service about the sender of a message.
 #pragma once
 
 #include <sys/stat.h>
@@ -22,7 +22,7 @@ class Access {
   // cannot be used.
   explicit Access(const ServerOptions& options);
 
-  const std::string& secret_key() const { return secret_key_; }  // empty: none
+  const std::string& secret_key() const { return secret_key_; }  // empty: no key
   std::string public_key() const;                                // public key of the server, for its clients
   bool for_other_users() const;
 

@@ -30,14 +30,14 @@ using physics::kLanes;
 constexpr double kStep = 1e-9;       // [s]
 constexpr double kJump = 100.0;      // [m/s]
 constexpr double kPressure = 5e9;    // [Pa]
-constexpr double kHalfZone = 10e-6;  // of the host's mesh  [m]
+constexpr double kHalfZone = 10e-6;  // half a zone of the host's mesh  [m]
 constexpr int kSteps = 60;
 constexpr int kRepeats = 5;
-constexpr std::chrono::milliseconds kLongest{40};  // of one measurement
+constexpr std::chrono::milliseconds kLongest{40};  // longest duration of one measurement
 
 using physics::Property;
 
-// Parts that take the place of others or leave work out, and so add no physics.
+// Parts that replace other parts or leave work out, and therefore add no physics.
 constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
                                     Property::kModes,         Property::kSleep,        Property::kTolerance};
 constexpr const char* kLedger = "energy ledger";
@@ -57,7 +57,7 @@ class Bench {
     begin();
   }
 
-  // Seconds per node-step, the best of some runs: others use this machine too.
+  // Seconds per node-step, the smallest of several runs, because other processes use the machine too.
   double slipping(bool ledger) {
     return best([&] { begin(); }, [&] { step(kPressure, ledger); });
   }
@@ -78,7 +78,7 @@ class Bench {
   }
 
  private:
-  // Of this thread: whoever else uses the machine does not count.
+  // Processor time of this thread, which does not count other users of the machine  [s].
   static double cpu_s() {
     timespec now{};
     ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -141,15 +141,14 @@ SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
           .step_length_s = bench.step_length()};
 }
 
-// Why a model of these options cannot be made; empty: it can.
+// The reason why no model can be made with these options; empty if a model can be made.
 std::string refusal_of(const physics::ModelOptions& options) {
-  if (const std::string_view missing = physics::constant_missing_for_options(options.soft); !missing.empty())
-    return fmt::format("soft.{} is missing", missing);
   const auto refusals = physics::refusals(options);
   return refusals.empty() ? std::string() : refusals.front().text;
 }
 
-// Every part that adds physics and goes together with those before it, in the order of the table, and their keys.
+// The options with every part that adds physics and is compatible with the parts before it, in the order of the table,
+// and the keys of these parts.
 struct FullModel {
   physics::ModelOptions options;
   std::vector<std::string> parts;
@@ -180,7 +179,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
   Explanation explanation{
       .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
 
-  // 1. Each part switched the other way, alone.
+  // 1. Switch each part the other way, one at a time.
   for (const physics::Part& part : physics::parts()) {
     if (part.set == nullptr) continue;
     ScenePart found{.name = std::string(part.key), .on = part.is_on(options), .meaning = std::string(part.adds)};
@@ -201,7 +200,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
        .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
        .slipping_s = Bench(options).slipping(true) - explanation.cost.slipping_s});
 
-  // 2. Everything that goes together.
+  // 2. Switch on all parts that are compatible.
   auto [all, names] = with_everything(options);
   explanation.together = std::move(names);
   explanation.together.emplace_back(kLedger);

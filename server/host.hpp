@@ -14,8 +14,7 @@ struct ProcessUse {
 };
 ProcessUse process_use();
 
-// Returns true if four fifths of the files that this process may open are open; without free descriptors nobody can
-// connect.
+// Whether four fifths of the files that this process may open are open. Without free descriptors no client can connect.
 bool files_run_out();
 
 // The protocol of sd_notify(3): datagrams to the socket named in NOTIFY_SOCKET. Without that variable all calls do

@@ -1,5 +1,5 @@
-// shearbus-server: reads the options, builds the rooms from the bottom up, runs until SIGTERM or SIGINT and takes them
-// down again.
+// shearbus-server: reads the options, constructs the parts of the server in the order of their dependencies, runs until
+// SIGTERM or SIGINT and destroys the parts in reverse order.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <pthread.h>

@@ -20,8 +20,8 @@ struct ServerOptions {
   std::size_t max_capsules = 16;            // the first failure capsules are kept in state_dir, later ones dropped
   bool accept_empty = false;                // rename unusable state files and start empty
   std::vector<std::uint32_t> allow_uids;    // users of ipc endpoints; empty: the server's own user
-  std::string curve_secret;                 // file of the server's secret key; tcp clients must then have keys,
-  std::string authorized_keys;              // which this file lists
+  std::string curve_secret;                 // file of the server's secret key; with it tcp clients must have keys
+  std::string authorized_keys;              // file of the keys of tcp clients, with curve_secret
   bool insecure_plaintext = false;          // allows tcp without keys: every client that connects is served
   std::string log_level = "info";           // trace, debug, info, warn, error, off
   std::string log_file;                     // empty: standard error

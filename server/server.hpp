@@ -1,4 +1,5 @@
-// Builds the rooms from the bottom up. The program and the embedded server are this class and a way to stop it.
+// The server: constructs its parts in the order of their dependencies. The server program and the embedded server each
+// consist of this class and a way to stop it.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +29,7 @@ class Server {
   // Recovers the contents of the state directory. Throws if they cannot be used.
   explicit Server(const ServerOptions& options, const Log& log = {});
 
-  // As Router::bind.
+  // Binds an endpoint; see Router::bind.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
 
   // Answers requests until `stop_fd` is readable, or until a drained server has no session left. Then refuses waiting
@@ -49,7 +50,7 @@ class Server {
   void complete_status(wire::ServerStatus& status) const;
 
   shard::TaskPool pool_;
-  std::unique_ptr<store::PosixStorage> storage_;  // null: no state directory
+  std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
   std::unique_ptr<store::Store> store_;
   service::Service service_;
   Access access_;
@@ -59,7 +60,7 @@ class Server {
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
   std::uint64_t looked_after_ns_ = 0;
-  bool files_run_out_ = false;  // as last reported
+  bool files_run_out_ = false;  // state that was reported last
 };
 
 }  // namespace shearbus::server

@@ -95,7 +95,7 @@ void keygen(const Options& options) {
   const shearbus::KeyPair pair = shearbus::make_key_pair();
   const std::filesystem::path secret_file = options.key_name + ".secret";
   const std::filesystem::path public_file = options.key_name + ".public";
-  if (std::filesystem::exists(public_file))  // before a secret key without it is left behind
+  if (std::filesystem::exists(public_file))  // checked before the secret key is written
     throw std::runtime_error(public_file.string() + ": exists already, and keys are never written over");
   shearbus::wire::write_secret_key(secret_file, pair.secret_key);
   const std::string name = std::filesystem::path(options.key_name).filename().string();

@@ -11,7 +11,7 @@ namespace shearbus::ctl {
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
 void show_status(const wire::ServerStatus& status, bool json);
 void show_sessions(Client& client, bool json);
-// `session`: the first digits of its id, or the name of its scene; empty where there is only one.
+// `session`: the first digits of a session id, or the name of its scene; may be empty if there is only one session.
 void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
 // Closes a session that has been idle for at least `idle_s`; `session` as above.
 void close(Client& client, const std::string& session, double idle_s);

@@ -16,7 +16,8 @@ using prometheus::ClientMetric;
 using prometheus::MetricFamily;
 using prometheus::MetricType;
 
-// A division, not a product: the quotient is the double nearest to the decimal fraction, so that it is printed as such.
+// Divides instead of multiplying: the quotient is the double nearest to the decimal fraction, so that it is printed as
+// this fraction.
 double seconds(std::uint64_t ns) {
   return static_cast<double>(ns) / 1e9;
 }

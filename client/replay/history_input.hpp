@@ -1,4 +1,4 @@
-// What a scene needs of a history, and the requests it becomes.
+// The datasets of a history that a scene needs, and the requests that they become.
 #pragma once
 
 #include <span>
@@ -13,20 +13,21 @@ namespace shearbus::replay {
 
 class HistoryInput {
  public:
-  // Throws Error{kInvalidValue} that names every dataset the scene's strategy needs and the history lacks.
-  // `closed_loop`: force-driven, each reply's new jump is the next input even where the history has /velocity_jump.
+  // Throws Error{kInvalidValue} that names every dataset that the strategy of the scene needs and the history lacks.
+  // `closed_loop`: in a force-driven scene the new jump of each reply is the next input, even if the history has
+  // /velocity_jump.
   HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
   bool force_driven() const { return force_driven_; }
-  std::uint32_t components() const { return components_; }  // of slip and stress
+  std::uint32_t components() const { return components_; }  // components of slip and stress
   bool closed_loop() const { return closed_loop_; }
-  const std::string& jump_origin() const { return jump_origin_; }  // for the summary
+  const std::string& jump_origin() const { return jump_origin_; }  // source of the jump, for the summary
   const std::vector<std::string>& notes() const { return notes_; }
 
-  void prepare(Batch& request) const;           // what holds for all steps, and the first jump of a closed loop
+  void prepare(Batch& request) const;           // values of all steps, and the first jump of a closed loop
   void fill(std::size_t step, Batch& request);  // the rows of a step
-  void feed_back(const StepResult& result, Batch& request) const;  // closed loop: the next step's jump
+  void feed_back(const StepResult& result, Batch& request) const;  // closed loop: sets the jump of the next step
   void check_all_rows();                                           // reads every value once
 
  private:
@@ -49,7 +50,7 @@ class HistoryInput {
   std::vector<Column> constants_;  // [N]
   std::vector<std::string> missing_;
   std::vector<Field> optional_columns_;
-  std::vector<double> first_jump_[2];  // of each component
+  std::vector<double> first_jump_[2];  // for each component
   std::string jump_origin_;
   std::vector<std::string> notes_;
 };

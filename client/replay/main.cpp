@@ -1,4 +1,5 @@
-// shearbus-replay HISTORY.h5 --scene SCENE.toml --out RESULT.h5: see README.md beside this file.
+// shearbus-replay HISTORY.h5 --scene SCENE.toml --out RESULT.h5: replays a recorded history (README.md in this
+// directory).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -10,7 +11,7 @@
 
 namespace {
 
-constexpr int kRunError = 1;  // also if the answer of a capsule has changed
+constexpr int kRunError = 1;  // exit code of a failed run, or of a capsule whose answer has changed
 constexpr int kUsageError = 2;
 
 struct KeyFiles {

@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-// The named server, or one on a thread of this process.
+// The named server, or without a name a server on a thread of this process.
 struct Service {
   explicit Service(const wire::ServerAddress& server)
       : embedded(server.endpoint.empty()
@@ -38,7 +38,7 @@ struct Service {
   Client client;
 };
 
-// What a result holds of each step: every component of every column of the session's replies.
+// A column of the result file. There is one for every component of every column of the replies.
 struct ReplyColumn {
   Field field;
   std::uint32_t component;

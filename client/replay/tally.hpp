@@ -41,7 +41,7 @@ class Tally {
   std::vector<double> slip_;  // [m]
   std::vector<double> heat_;  // [J/m2]
   std::array<std::uint64_t, kRegimes> regimes_{};
-  std::array<std::uint64_t, 8> outcomes_{};  // per bit
+  std::array<std::uint64_t, 8> outcomes_{};  // number of node-steps per bit
   std::uint64_t node_steps_ = 0;
   std::uint64_t flagged_ = 0;
   double peak_temperature_k_ = -std::numeric_limits<double>::infinity();

@@ -210,7 +210,7 @@ void SocketConnection::refused(bool sent) const {
                .remedy = refusal_.remedy});
 }
 
-// Waits for the connection. False if `until` passed first, or if the server refused the connection.
+// Waits for the connection. Returns false if `until` passed first, or if the server refused the connection.
 bool SocketConnection::wait(short events, Clock::time_point until) {
   std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
   for (;;) {
@@ -225,7 +225,7 @@ bool SocketConnection::wait(short events, Clock::time_point until) {
   }
 }
 
-// False if there is no connection (yet).
+// Returns false if there is no connection (yet).
 bool SocketConnection::send(const std::string& header, const wire::Batch& batch) {
   const bool has_payload = !batch.columns().empty();
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
@@ -242,7 +242,7 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
   return !has_payload || send_frame(batch.bytes(), false);
 }
 
-// Waits for the reply to `request_id` and skips replies to earlier requests. False if `until` passed first.
+// Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   while (wait(ZMQ_POLLIN, until)) {
     std::array<std::shared_ptr<zmq::message_t>, wire::kMaxFrames + 1> frames;
@@ -269,7 +269,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
                    .text = fmt::format("{} sent what is no reply: {}", options().endpoint, describe(fault.status())),
                    .remedy = "Is it a shearbus server of this version?"});
     }
-    // The reply to a request whose id the server could not read has the id 0.
+    // A reply has the id 0 if the server could not read the id of the request.
     if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
       continue;
     received.payload_frame = frames[1];

@@ -21,7 +21,8 @@ struct Received {
   std::chrono::nanoseconds round_trip{0};
 };
 
-// The interface between a session and its server. The production implementation has a socket; tests have others.
+// The interface between a session and its server. The production implementation uses a socket; tests use other
+// implementations.
 class Connection {
  public:
   using Clock = std::chrono::steady_clock;
@@ -33,7 +34,8 @@ class Connection {
 
   // Sends `request` and waits for its reply; repeats the same bytes on a fresh socket after every `retry_after` without
   // a reply. Throws Error: the status of the reply if that is not OK, kUnreachable if the request was never sent, kAuth
-  // when the server refuses the connection, kUnknownOutcome if the request was sent and no reply came before the deadline.
+  // when the server refuses the connection, kUnknownOutcome if the request was sent and no reply came before the
+  // deadline.
   virtual Received call(const wire::Request& request, std::chrono::milliseconds deadline) = 0;
 
   // Sends `request` if that is possible without waiting. The caller must then call() the same request, which only waits
@@ -46,7 +48,7 @@ class Connection {
   virtual Clock::time_point now() const { return Clock::now(); }
   virtual void pause(std::chrono::milliseconds time);
 
-  // Time left until the deadline of a call of several exchanges.
+  // Time left until the deadline of a call that consists of several exchanges.
   std::chrono::milliseconds left_since(Clock::time_point started) const;
 
   const ClientOptions& options() const { return options_; }
@@ -55,17 +57,17 @@ class Connection {
     return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
   }  // random, of this client
 
-  // The last opening without a session: its outcome is unknown, or it was refused and a late copy may still succeed (for
-  // example when the disk has space again). A repeated opening must have the same bytes, so that one session owns the
-  // nodes.
+  // The last opening without a session: its outcome is unknown, or it was refused and a late copy may still succeed
+  // (for example when the disk has space again). A repeated opening must have the same bytes, so that one session owns
+  // the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
-  bool durable() const { return durable_; }  // by its welcome, the server's sessions outlive the server
+  bool durable() const { return durable_; }  // whether the sessions of the server outlive it, by its welcome
   void set_durable(bool durable) { durable_ = durable; }
 
  private:
   ClientOptions options_;
-  std::uint64_t last_request_id_ = 0;  // 0: none drawn yet
+  std::uint64_t last_request_id_ = 0;  // 0: no id has been drawn yet
   std::uint64_t claimant_ = 0;
   bool durable_ = false;
 };

@@ -101,7 +101,7 @@ void Session::Impl::adopt_position(Received& where) {
   node_ids.assign(nodes.begin(), nodes.end());
 }
 
-// Another request than the present one has run under its sequence number: asks the server for the position.
+// Asks the server for the position, after a request other than the present one has run under its sequence number.
 void Session::Impl::resynchronise() {
   Received where = ask(*connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = resume_token}});
   adopt_position(where);
@@ -194,7 +194,7 @@ Batch Session::Impl::columns(std::span<const Field> optional_columns, bool with_
 Session::Session(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Session::Session(Session&&) noexcept = default;
 Session& Session::operator=(Session&& other) noexcept {
-  std::swap(impl_, other.impl_);  // the other closes the session that was here
+  std::swap(impl_, other.impl_);  // the destructor of `other` closes the session that was here
   return *this;
 }
 

@@ -34,8 +34,8 @@ Body& body_of(Received& received) {
 // Sends a request that has no sequence number, with a new request id, and waits for the reply.
 Received ask(Connection& connection, wire::Request request);
 
-// Claims the session for this client: the server then refuses requests of other clients, late ones included. The reply holds the
-// position of the session.
+// Claims the session for this client: the server then refuses requests of other clients, late requests included. The
+// reply holds the position of the session.
 Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token);
 
 // The payload of a request that names nodes; empty if there are none.

@@ -11,7 +11,7 @@ namespace shearbus::lagrange {
 // must be at right angles.
 struct Wall {
   std::vector<int> nodes;
-  Vec2 normal;         // of length 1
+  Vec2 normal;         // unit vector
   double speed = 0.0;  // along the normal  [m/s]
 };
 

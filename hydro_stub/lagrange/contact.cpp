@@ -19,7 +19,7 @@ constexpr double kLeastPressure = 1e4;  // [Pa]
 // sqrt(3) |s_tn| / sigma_eq.
 double shear_share(const State& state, int zone, Vec2 t) {
   const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
-  const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // n is t turned by a quarter
+  const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // n is t turned by 90 degrees
   const double squares = 0.5 * (xx * xx + yy * yy + (xx + yy) * (xx + yy)) + xy * xy;  // J2
   return squares > 0.0 ? std::abs(tn) / std::sqrt(squares) : 0.0;
 }
@@ -75,8 +75,8 @@ void Contact::give(int node, Vec2 impulse, const Guides& guides, const State& st
   velocity[node] += (1.0 / state.node_mass[node]) * guides.free_part(node, impulse);
 }
 
-// Projected Gauss-Seidel, forward and backward. The matrix resembles a one-dimensional mass matrix, so each sweep
-// reduces the error by a constant factor.
+// Solves step 1 by projected Gauss-Seidel with forward and backward sweeps. The matrix resembles a one-dimensional mass
+// matrix, so each sweep reduces the error by a constant factor.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   constexpr int kMostSweeps = 400;
   constexpr double kTolerance = 1e-13;
@@ -109,8 +109,8 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
   }
 }
 
-// 1/m of the hard side is the sum of the compliances of all interface nodes, as if their stresses were equal. The true
-// coupling of neighbours is never stronger, so sticking converges without oscillation.
+// 1/m of the hard side at a node is computed as if all interface nodes had the same shear stress: the compliances of
+// all of them add up. The true coupling of neighbours is never stronger, so sticking converges without oscillation.
 void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                       const std::vector<Vec2>& velocity) {
   const int size = weights_.rubbing();
@@ -125,7 +125,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
-    inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;  // where no hard surface is near, nothing depends on them
+    // placeholder: where no hard surface is near, nothing depends on the masses
+    inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
     }
@@ -141,7 +142,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // The mean over the node's area smooths the scatter of the p_i between meshes of different zone widths.
+    // Taking the mean over the node's area smooths the scatter of the p_i between meshes of different zone widths.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
     inputs_.mass_soft[i] = state.node_mass[node] / area;

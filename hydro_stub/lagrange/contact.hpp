@@ -1,14 +1,14 @@
 // Contact and friction of bodies on slide lines: impulses on the nodes of both surfaces.
 //
-//   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening one (a
-//      linear complementarity problem, by projected Gauss-Seidel)
-//   2. tangential: for every interface node the far-field stresses, masses and jump of DLP (58)-(61); the interface law
+//   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening gap (a
+//      linear complementarity problem, solved by projected Gauss-Seidel)
+//   2. tangential: far-field stresses, masses and the jump of DLP (58)-(61) at every interface node; the interface law
 //      answers a shear stress
 //   3. normal again, with the shear impulses known
 //
-// All impulses are equal and opposite between the bodies to rounding. The work that a node's impulses take from the
-// motion becomes heat of the adjoining zones: friction in the shares of the two bodies' effusivities (DLP 19), what is
-// lost when a gap closes by halves.
+// All impulses are equal and opposite between the bodies, to rounding. The work that a node's impulses take from the
+// motion heats the adjoining zones: friction heats the two bodies in proportion to their effusivities (DLP 19), and the
+// kinetic energy lost when a gap closes is divided equally.
 #pragma once
 
 #include <array>
@@ -25,10 +25,10 @@ namespace shearbus::lagrange {
 struct ContactOptions {
   bool overlap = true;      // compute zones off the slide lines while the law runs; the results have the same bits
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
-  // Of the gap that is made up in a step, to keep surfaces together that curve under each other (Baumgarte, Comput.
-  // Methods Appl. Mech. Eng. 1 (1972) 1).
-  double push_out = 0.2;  // bodies that overlap
-  double approach = 0.5;  // bodies that would touch within the step
+  // Shares of the gap that are corrected in one step, so that curved surfaces which slide along each other stay
+  // together (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
+  double push_out = 0.2;  // for bodies that overlap
+  double approach = 0.5;  // for bodies that would touch within the step
 };
 
 class Contact {
@@ -47,9 +47,10 @@ class Contact {
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
                     std::vector<double>& energy);
 
-  int size() const { return weights_.rubbing(); }  // nodes of the law: the first of the weights'
+  // number of nodes with the interface law; they come first among the weights' nodes
+  int size() const { return weights_.rubbing(); }
   const InterfaceWeights& weights() const { return weights_; }
-  const std::vector<Vec2>& impulse() const { return impulse_; }     // of the step, per mesh node  [kg m/s]
+  const std::vector<Vec2>& impulse() const { return impulse_; }     // impulse of the step, per mesh node  [kg m/s]
   const hydro::InterfaceInputs& inputs() const { return inputs_; }  // inputs of the law in the last step
   const hydro::InterfaceAnswer& answer() const { return answer_; }
   double friction_heat() const { return heat_[kFriction]; }  // heat since the start  [J]
@@ -77,7 +78,7 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // p_i dt of the step  [Pa s]
   std::vector<Vec2> impulse_;
-  double plastic_time_ = 0.0;  // of the inputs' plastic strain  [s]
+  double plastic_time_ = 0.0;  // time of the plastic strain in the inputs  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};
 };

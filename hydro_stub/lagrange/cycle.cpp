@@ -69,7 +69,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
   middle_density_ = state_.density;
   middle_pressure_ = state_.pressure;
   find_gradients();
-  find_forces();  // for the viscosities, which limit the first step
+  find_forces();  // the viscous rates found with the forces limit the first step
 }
 
 void Cycle::run_to(double end_time) {
@@ -96,26 +96,27 @@ void Cycle::advance(double end_time) {
 
 // The scheme of one step. The state is changed only after the step is accepted.
 bool Cycle::try_step(double dt) {
-  // 1. half a step on with the old velocities: places, volumes, weights
+  // 1. positions, volumes and weights after half a step with the old velocities
   if (!go_to_middle(dt)) return false;
   find_gradients();
-  // 2. state there: density, energy from old stresses, deviators, pressure
+  // 2. state at mid-step: density, energy from the old stresses, deviators, pressure
   predict_state(dt);
   // 3. corner forces of stress, viscosity and hourglass control; their sums on the nodes; given pressures
   find_forces();
   // 4. momentum, walls
   accelerate(dt);
-  // 5. slide lines: bodies press and rub on each other; while the law is at work, the deviators of zones off the lines
+  // 5. slide lines: bodies press and rub on each other; while the law runs, the deviators of zones off the lines
+  //    advance
   contact_.ask(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
   find_mean_velocities();
   advance_stress(dt, Reach::kInner);
   contact_.answered(state_, guides_, dt, law_, velocity_new_);
-  // 6. places at the end
+  // 6. positions at the end of the step
   if (!go_to_end(dt)) {
     if (law_ != nullptr) law_->take_back();
     return false;
   }
-  // 7. energy: each force's work with the mean velocity; what slide lines, walls and loads did
+  // 7. energy: the work of each force with the mean velocity, heat of the slide lines, work of walls and loads
   do_work(dt);
   contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
   book_boundaries(dt);
@@ -143,8 +144,8 @@ void Cycle::choose_step(double end_time) {
     throw std::runtime_error(
         fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
   }
-  // The end is reached in one step or in two equal steps: in a very short step slide lines would close their gaps at an
-  // unphysical speed.
+  // The end time is reached in one step or in two equal steps, never in a much shorter last step: in a very short step
+  // slide lines would close their gaps at an unphysical speed.
   const double left = end_time - state_.time;
   if (2.0 * step_.dt > left) step_ = {.dt = step_.dt >= left ? left : 0.5 * left, .limit = StepLimit::kEnd};
 }
@@ -251,7 +252,7 @@ void Cycle::find_mean_velocities() {
 
 bool Cycle::go_to_end(double dt) {
   const int nodes = bodies_.mesh.num_nodes();
-  find_mean_velocities();  // slide lines have changed those of their nodes
+  find_mean_velocities();  // slide lines have changed the velocities of their nodes
 #pragma omp parallel for schedule(static) if (nodes >= kFewestForThreads)
   for (int n = 0; n < nodes; ++n) position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
   measure_volumes(bodies_.mesh, position_new_, volume_new_);

@@ -1,7 +1,7 @@
 // A staggered Lagrangian hydrocode in two dimensions: velocities on nodes, everything else in zones, one predictor and
 // one evaluation of forces a step, as in PENNANT and the compatible scheme of Caramana, Burton, Shashkov & Whalen (J.
-// Comput. Phys. 146 (1998) 227). The work of every force is taken from or given to the zone it belongs to, so that
-// total energy changes by what boundaries do, to rounding.
+// The work of every force on the nodes is taken from the energy of the zone that exerts the force, so that the total
+// energy changes only by the work of the boundaries, to rounding.
 #pragma once
 
 #include <cstdint>
@@ -51,15 +51,15 @@ struct Ledger {
   Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
   double kinetic = 0.0;        // [J]
   double internal = 0.0;       // [J]
-  Vec2 impulse_given;          // by walls and loads  [kg m/s]
-  double work_given = 0.0;     // by walls and loads  [J]
+  Vec2 impulse_given;          // impulse of walls and loads  [kg m/s]
+  double work_given = 0.0;     // work of walls and loads  [J]
   double friction_heat = 0.0;  // part of the internal energy that came from rubbing on slide lines  [J]
-  double closing_heat = 0.0;   // and from closing them  [J]
+  double closing_heat = 0.0;   // part of the internal energy from closing gaps of slide lines  [J]
   double total_energy() const { return kinetic + internal; }
 };
 
-// The state of a cycle in addition to its bodies, by name. A cycle of the same bodies into which it is copied continues
-// with the same bits.
+// All state of a cycle that its bodies do not contain, by name. A cycle made of the same bodies, into which these
+// values are copied, continues with the same bits.
 struct Memory {
   std::vector<std::pair<const char*, std::span<double>>> numbers;
   std::vector<std::pair<const char*, std::span<std::uint64_t>>> counts;
@@ -96,7 +96,7 @@ class Cycle {
   void find_mean_velocities();
   bool go_to_end(double dt);
   void do_work(double dt);
-  enum class Reach { kInner, kRim };  // zones with no node on a slide line; the others
+  enum class Reach { kInner, kRim };  // kInner: zones with no node on a slide line; kRim: all others
   void advance_stress(double dt, Reach reach);
   void find_rim();
   void book_boundaries(double dt);
@@ -111,7 +111,7 @@ class Cycle {
   Contact contact_;
   hydro::InterfaceLaw* law_;
   TimeStep step_;
-  TimeStep unshortened_;  // the last step before the end time shortened it, from which the next may grow
+  TimeStep unshortened_;  // last step before it was shortened to meet an end time; the next step may grow from it
   std::uint64_t steps_ = 0;
   std::uint64_t rejected_ = 0;
   Vec2 impulse_given_;
@@ -126,19 +126,20 @@ class Cycle {
   std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // deviators
   std::vector<double> sound_squared_;
   std::vector<Vec2> corner_force_;
-  std::vector<Vec2> node_force_;               // of the zones
-  std::vector<std::vector<Vec2>> load_force_;  // of each load
+  std::vector<Vec2> node_force_;               // sum of the zones' corner forces
+  std::vector<std::vector<Vec2>> load_force_;  // forces of each load
   std::vector<Vec2> position_new_;
   std::vector<Vec2> velocity_new_;
-  std::vector<Vec2> velocity_mean_;  // of the step's beginning and end: moves the nodes and does the work
+  // mean of the velocities at the step's beginning and end; moves the nodes and does the work
+  std::vector<Vec2> velocity_mean_;
   std::vector<double> volume_new_;
-  std::vector<Gradient> gradient_;  // at n+1/2 with the velocities of n
+  std::vector<Gradient> gradient_;  // at n+1/2, from the velocities of level n
   std::vector<double> viscous_rate_;
   std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // dV/dt / V of the last step  [1/s]
   std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
-  std::vector<std::uint8_t> on_rim_;  // of each zone
+  std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line
 };
 
 }  // namespace shearbus::lagrange

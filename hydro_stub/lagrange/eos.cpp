@@ -8,7 +8,7 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Smallest denominator of the Hugoniot: below it compression is at its limit.
+// Smallest denominator 1 - s1 n - ... of the Hugoniot pressure; below it the compression is at its physical limit.
 constexpr double kLeastDenominator = 0.05;
 
 }  // namespace
@@ -76,7 +76,8 @@ double Eos::half_shock_slope() const {
   return is_gas_ ? 0.25 * (gas_.gamma + 1.0) : 0.5 * metal_.s1;
 }
 
-// de = -P dV, that is de/d(compression) = P/rho0, by classical Runge-Kutta from the reference state both ways.
+// Integrates de = -P dV, that is de/d(compression) = P/rho0, by the classical Runge-Kutta method from the reference
+// state into compression and into expansion.
 void Eos::tabulate_isentrope() {
   constexpr int kHalf = 1000;
   constexpr double kFurthest = 0.5;
@@ -106,7 +107,7 @@ void Eos::tabulate_isentrope() {
   }
 }
 
-// Cubic through values and slopes; beyond the table along the last slope.
+// Interpolates with the cubic through values and slopes; beyond the table the energy is linear with the last slope.
 double Eos::isentrope_energy(double compression) const {
   const double last = static_cast<double>(isentrope_energy_.size() - 1);
   const double at = (compression - first_compression_) / compression_step_;

@@ -13,12 +13,12 @@ struct EosPoint {
 
 struct IdealGas {
   double gamma = 5.0 / 3.0;
-  double specific_heat = 1.0;  // at constant volume; for the temperature only  [J/(kg K)]
+  double specific_heat = 1.0;  // at constant volume; used for the temperature only  [J/(kg K)]
 };
 
-// Mie-Grueneisen about the Hugoniot Us = c0 + s1 up + s2 (up/Us) up + s3 (up/Us)^2 up, with rho Gamma = rho0 gamma0 (D.
-// J. Steinberg, LLNL UCRL-MA-106439, with its volume correction of Gamma left out). In tension P = c0^2 (rho - rho0) +
-// gamma0 rho0 e. e = 0 at rho0 and the reference temperature.
+// Mie-Grueneisen equation about the Hugoniot Us = c0 + s1 up + s2 (up/Us) up + s3 (up/Us)^2 up, with rho Gamma = rho0
+// gamma0 (D. J. Steinberg, LLNL UCRL-MA-106439, without its volume correction of Gamma). In tension P = c0^2 (rho -
+// rho0) + gamma0 rho0 e. The energy e is 0 at rho0 and the reference temperature.
 struct MieGrueneisen {
   double density = 0.0;      // rho0    [kg/m3]
   double sound_speed = 0.0;  // c0      [m/s]
@@ -38,7 +38,7 @@ inline EosPoint eos_from_density_energy(const IdealGas& gas, double density, dou
 
 EosPoint eos_from_density_energy(const MieGrueneisen& metal, double density, double energy);
 
-// The equation of state of a material, with its tables.
+// The equation of state of a material, with the tables that it needs.
 class Eos {
  public:
   explicit Eos(const IdealGas& gas);
@@ -50,12 +50,12 @@ class Eos {
 
   EosPoint at(double density, double energy) const;
 
-  // T = T_s(rho) + (e - e_s(rho)) / c_v along the isentrope through the reference state, T_s = T0 exp(gamma0 (1 -
-  // rho0/rho)).
+  // T = T_s(rho) + (e - e_s(rho)) / c_v, where T_s(rho) = T0 exp(gamma0 (1 - rho0/rho)) and e_s(rho) are temperature
+  // and energy on the isentrope through the reference state.
   double temperature(double density, double energy) const;
 
-  // Half the slope of the shock velocity over the velocity jump: (gamma + 1)/4 of a gas, s1/2 of a metal. The quadratic
-  // viscosity takes it.
+  // Half the slope of the shock velocity over the velocity jump, (gamma + 1)/4 for a gas and s1/2 for a metal. It
+  // scales the quadratic viscosity.
   double half_shock_slope() const;
 
  private:

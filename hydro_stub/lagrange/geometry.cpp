@@ -13,8 +13,9 @@ Corners corners_of(const Mesh& mesh, const std::vector<Vec2>& position, int zone
   return {position[n[0]], position[n[1]], position[n[2]], position[n[3]]};
 }
 
-// integral of N_i dA: the Jacobian is linear in the reference square, so its corner values, twice the areas of the
-// corner triangles over 4, and the mass matrix (4 2 1 2)/9 of the square are exact.
+// Computes the integrals of N_i dA exactly. The Jacobian is linear in the reference square, and its corner values are
+// half the areas of the corner triangles. With the mass matrix (4 2 1 2)/9 of the square and `jacobian` holding twice
+// the triangles' areas the divisor is 4 * 9 = 36.
 std::array<double, 4> shape_integrals(const Corners& x) {
   std::array<double, 4> jacobian;
   for (int k = 0; k < 4; ++k) jacobian[k] = cross(x[(k + 1) % 4] - x[k], x[(k + 3) % 4] - x[k]);
@@ -95,7 +96,8 @@ Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std
 
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position) {
   const bool axisymmetric = mesh.symmetry() == Symmetry::kAxisymmetric;
-  constexpr double kGauss = 0.57735026918962576;  // two points a direction are exact here
+  // abscissa of two Gauss points per direction, which integrate this product exactly
+  constexpr double kGauss = 0.57735026918962576;
   constexpr std::array<Vec2, 4> kReference = {Vec2{-1, -1}, Vec2{1, -1}, Vec2{1, 1}, Vec2{-1, 1}};
   std::vector<double> corner(4 * static_cast<std::size_t>(mesh.num_zones()), 0.0);
   for (int zone = 0; zone < mesh.num_zones(); ++zone) {

@@ -1,17 +1,18 @@
 // Volumes of zones and the weights that turn stresses into corner forces.
 //
-// A zone's volume is V = integral of r dA (r = 1 in plane symmetry), exact for the polygon. Its change with the place
-// of corner i is B_i = dV/dx_i = integral of r N_i n dl, and h_i = integral of N_i dA, N_i the bilinear shape
-// functions; in axisymmetry V = sum h_i r_i. With b_i = B_i - h_i e_r (plane: b_i = B_i) the means over a zone are
+// A zone's volume is V = integral of r dA (r = 1 in plane symmetry), exact for the polygon. The derivative of V by the
+// position of corner i is B_i = dV/dx_i = integral of r N_i n dl, and h_i = integral of N_i dA, with the bilinear shape
+// functions N_i; in axisymmetry V = sum h_i r_i. With b_i = B_i - h_i e_r (in plane symmetry b_i = B_i) the means over
+// a zone are
 //
 //     grad v = (1/V) sum v_i (x) b_i,     hoop rate D_tt = (1/V) sum u_i h_i,     dV/dt = sum v_i . B_i,
 //
 // and the forces that do the same work, sum F_i . v_i = -V (sigma : D), are F_i = -(sigma . b_i + sigma_tt h_i e_r).
 // This is the true-volume (control-volume) form of compatible hydrodynamics (Caramana, Burton, Shashkov, Whalen, J.
-// Comput. Phys. 146 (1998) 227): energy closes to rounding in both symmetries; momentum closes to rounding in the
-// plane, and its axial component in axisymmetry, since sum b_i = 0. With the corner masses below plane waves along the
-// axis stay plane and cylindrical ones cylindrical to rounding, and uniform dilatation has no deviator; spherical
-// symmetry is kept to second order only, as in every true-volume form.
+// Comput. Phys. 146 (1998) 227). Energy closes to rounding in both symmetries. Since sum b_i = 0, momentum closes to
+// rounding in the plane, and its axial component does in axisymmetry. With the corner masses below, plane waves along
+// the axis stay plane and cylindrical waves stay cylindrical, to rounding, and uniform dilatation has no deviator;
+// spherical symmetry is kept to second order only, as in every true-volume form.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +25,7 @@ namespace shearbus::lagrange {
 struct Geometry {
   explicit Geometry(int num_zones) : Geometry(static_cast<std::size_t>(num_zones)) {}
 
-  std::vector<Vec2> gradient_weight;  // b_i  [m2 or m3/m per radian: volume per length]
+  std::vector<Vec2> gradient_weight;  // b_i  [m in the plane, m2 per radian in axisymmetry: volume per length]
   std::vector<double> hoop_weight;    // h_i; 0 in plane symmetry
   std::vector<double> area;           // area of the zone in the plane  [m2]
   std::vector<double> volume;         // [m3 per metre of depth, or per radian]
@@ -48,7 +49,8 @@ void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::v
 
 Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone);
 
-// integral of N_i r dA, the share of a corner in its zone at uniform density. The corner masses are fixed at the start.
+// Integrals of N_i r dA: each corner's share of the volume of its zone. At uniform density they give the corner masses,
+// which are fixed at the start.
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position);
 
 }  // namespace shearbus::lagrange

@@ -19,14 +19,15 @@ namespace shearbus::lagrange {
 // Smaller loops over nodes or zones use one thread, since waking the others costs more than they save.
 inline constexpr int kFewestForThreads = 4000;
 
-enum class Symmetry { kPlane, kAxisymmetric };  // per metre of depth; per radian about the axis x = r = 0
+// sums are per metre of depth (plane) or per radian about the axis x = r = 0 (axisymmetric)
+enum class Symmetry { kPlane, kAxisymmetric };
 
 enum class Side { kBottom, kRight, kTop, kLeft };  // j = 0, i = nx, j = ny, i = 0
 
 struct Block {
   int nx = 0;
   int ny = 0;
-  bool ring = false;  // column nx is column 0 again
+  bool ring = false;  // columns nx and 0 are the same nodes
   int first_node = 0;
   int first_zone = 0;
 
@@ -73,8 +74,8 @@ class Mesh {
   std::vector<Block> blocks_;
   std::vector<Vec2> places_;
   std::vector<int> zone_nodes_;
-  std::vector<int> neighbours_;    // [4*zone]
-  std::vector<int> corner_first_;  // [node+1] into corner_of_node_
+  std::vector<int> neighbours_;    // [4 * zone + k], zone beyond edge k
+  std::vector<int> corner_first_;  // [node], index of the node's first corner in corner_of_node_
   std::vector<int> corner_of_node_;
 };
 

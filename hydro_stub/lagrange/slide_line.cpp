@@ -7,7 +7,7 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Adds to the entry of `key`, which is created if missing.
+// Adds `amount` to the entry whose `key` is `of`; creates the entry if it is missing.
 template <class Entry, class Value>
 void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
   const auto found = std::ranges::find(entries, of, key);
@@ -85,15 +85,15 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
   }
 }
 
-// Returns the interface node at the end of a soft segment; on a closed surface the last node is the first.
+// Returns the interface node at the end of a soft segment; on a closed surface the last segment ends at the first node.
 int InterfaceWeights::row_after(std::size_t line, int segment) const {
   const std::vector<int>& nodes = lines_[line].soft.nodes;
   const int rows = static_cast<int>(nodes.size()) - (nodes.front() == nodes.back() ? 1 : 0);
   return first_[line] + (segment + 1) % rows;
 }
 
-// Integrates over the part of a soft segment a -> b that a hard segment p -> q covers along the soft segment's normal,
-// with two Gauss points: exact for the product of two shape functions and the radius.
+// Integrates over the part of a soft segment a -> b that a hard segment p -> q covers, seen along the soft segment's
+// normal. Two Gauss points are exact for the product of two shape functions and the radius.
 void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::size_t line, int s, int h) {
   const Surface& soft = lines_[line].soft;
   const Surface& hard = lines_[line].hard;
@@ -108,7 +108,7 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
   const Vec2 apart = p + 0.5 * pq - 0.5 * ab;
   if (dot(apart, apart) > 2.0 * reach || !(dot(ab, pq) < 0.0)) return;
 
-  const double at_p = dot(p, ab) / square;  // along the soft segment, 0 to 1
+  const double at_p = dot(p, ab) / square;  // position along the soft segment, from 0 at a to 1 at b
   const double at_q = dot(p + pq, ab) / square;
   const double from = std::max(0.0, at_q);
   const double to = std::min(1.0, at_p);
@@ -125,7 +125,7 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
     const double eta = (at_p - xi) / (at_p - at_q);
     const Vec2 on_hard = p + eta * pq;
     const double gap = dot(normal, on_hard);
-    if (gap < -nearest) continue;  // the far side of a thin body
+    if (gap < -nearest) continue;  // the hard segment lies on the far side of a thin body
     const double radius = symmetry_ == Symmetry::kAxisymmetric ? a.x + xi * ab.x : 1.0;
     const double weight = 0.5 * (to - from) * length * radius;
     const std::array<double, 2> shape = {1.0 - xi, xi};

@@ -2,16 +2,17 @@
 // nodes.
 //
 // A slide line has a soft and a hard surface whose nodes need not match. The soft nodes are the interface nodes: each
-// carries a pressure and a shear stress. Pressure is linear between them, p = sum N_i p_i along the soft surface, and
-// acts on both bodies through integrals over the part of it that the hard surface covers (segment to segment, as in
-// mortar methods: Puso & Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601), n out of the soft body:
+// carries a pressure and a shear stress. Pressure is linear between the soft nodes, p = sum N_i p_i along the soft
+// surface. It acts on both bodies through integrals over the part of the soft surface that the hard surface covers
+// (segment to segment, as in mortar methods: Puso & Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601), with the
+// normal n out of the soft body:
 //
 //     on soft node j:  -p_i integral N_i N_j n r dl        on hard node j:  +p_i integral N_i N_j^hard n r dl
 //
 // Both shape functions sum to 1 at every point, so the two sides' forces cancel exactly, for any mesh, and a uniform
-// pressure meets exactly the nodal forces of uniformly stressed bodies (patch test). The same weights measure how fast
-// the gap of node i opens. The shear stress of node i acts along its tangent t_i over its area A_i = integral N_i r dl
-// on the node itself, and with the weights integral N_i N_j^hard r dl on the hard nodes.
+// pressure equals exactly the nodal forces of uniformly stressed bodies (patch test). The same weights give the rate at
+// which the gap of node i opens. The shear stress of node i acts along the tangent t_i. On the soft node itself it acts
+// over the node's area A_i = integral N_i r dl, on the hard nodes with the weights integral N_i N_j^hard r dl.
 #pragma once
 
 #include <array>
@@ -22,7 +23,7 @@
 
 namespace shearbus::lagrange {
 
-// A side of a body, in the direction with the body on the left; zones[s] lies inside segment s.
+// One side of a body. Its nodes run in the direction that has the body on the left; zones[s] lies inside segment s.
 struct Surface {
   std::vector<int> nodes;
   std::vector<int> zones;
@@ -39,7 +40,7 @@ struct SlideLine {
 
 struct PushWeight {
   int node;
-  Vec2 weight;  // force of the pressure on the node, per pressure  [m2]
+  Vec2 weight;  // force on the node per pressure  [m2]
 };
 struct RowWeight {
   int row;        // another interface node of the line
@@ -47,7 +48,7 @@ struct RowWeight {
 };
 struct RubWeight {
   int node;
-  double weight;  // force of the shear stress on a hard node, per stress  [m2]
+  double weight;  // force on a hard node per shear stress  [m2]
 };
 struct ZoneShare {
   int zone;
@@ -68,10 +69,11 @@ class InterfaceWeights {
   int line(int i) const { return line_[i]; }
   // Returns the two soft zones at the node; at an end of the surface both are the same zone.
   std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
-  bool faces(int i) const { return area_[i] > 0.0; }                 // a hard surface is near
-  double area(int i) const { return area_[i]; }                      // A_i  [m2]
-  double covered(int i) const { return area_[i] / whole_area_[i]; }  // the hard surface's share of the node's own area
-  double gap(int i) const { return gap_[i]; }        // mean over A_i, negative where the bodies overlap  [m]
+  bool faces(int i) const { return area_[i] > 0.0; }  // true if a hard surface is near
+  double area(int i) const { return area_[i]; }       // A_i  [m2]
+  // share of the node's area that the hard surface covers
+  double covered(int i) const { return area_[i] / whole_area_[i]; }
+  double gap(int i) const { return gap_[i]; }        // mean gap over A_i, negative where the bodies overlap  [m]
   Vec2 tangent(int i) const { return tangent_[i]; }  // unit tangent in the direction of the soft surface
   std::span<const PushWeight> push(int i) const { return push_[i]; }
   std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }

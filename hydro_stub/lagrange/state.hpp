@@ -26,22 +26,22 @@ struct State {
         plastic_strain(zones) {}
 
   double time = 0.0;  // [s]
-  // nodes
+  // per node
   std::vector<Vec2> position;     // [m]
   std::vector<Vec2> velocity;     // [m/s]
   std::vector<double> node_mass;  // [kg]
-  // zones
+  // per zone
   std::vector<double> mass;         // [kg]
   std::vector<double> volume;       // [m3]
   std::vector<double> density;      // [kg/m3]
-  std::vector<double> energy;       // internal, specific; elastic shear energy included  [J/kg]
+  std::vector<double> energy;       // specific internal energy, elastic shear energy included  [J/kg]
   std::vector<double> pressure;     // compression positive  [Pa]
-  std::vector<double> sound_speed;  // of longitudinal waves  [m/s]
+  std::vector<double> sound_speed;  // speed of longitudinal waves  [m/s]
   std::vector<double> temperature;  // [K]
   std::vector<double> deviator_xx;  // [Pa]
   std::vector<double> deviator_yy;
   std::vector<double> deviator_xy;
-  std::vector<double> plastic_strain;  // equivalent
+  std::vector<double> plastic_strain;  // equivalent plastic strain
 };
 
 }  // namespace shearbus::lagrange

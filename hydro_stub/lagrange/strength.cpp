@@ -6,7 +6,7 @@ namespace shearbus::lagrange {
 namespace {
 
 Deviator rotated(const Deviator& s, double spin, double dt) {
-  const double t = 0.5 * spin * dt;  // tan of half the angle
+  const double t = 0.5 * spin * dt;  // tangent of half the rotation angle
   const double scale = 1.0 / (1.0 + t * t);
   const double cosine = (1.0 - t * t) * scale;
   const double sine = 2.0 * t * scale;
@@ -68,15 +68,15 @@ double equivalent_stress(const Deviator& s) {
 
 StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& d, double dt,
                               double plastic_strain, double pressure, double temperature) {
-  // 1.
+  // 1. rotation
   Deviator s = rotated(old, 0.5 * (d.yx - d.xy), dt);
-  // 2.
+  // 2. elastic trial
   const double stretch = 2.0 * metal.shear_modulus * dt;
   const double mean = d.dilatation() / 3.0;
   s.xx += stretch * (d.xx - mean);
   s.yy += stretch * (d.yy - mean);
   s.xy += stretch * 0.5 * (d.xy + d.yx);
-  // 3.
+  // 3. radial return
   const double trial = equivalent_stress(s);
   if (trial == 0.0) return {s, 0.0};
   const Zone zone{metal, physics::softening(metal, pressure, temperature).g, plastic_strain, pressure, temperature, dt};

@@ -1,4 +1,4 @@
-// Stress deviators: hypo-elastic, turned with the metal, returned radially to the flow stress.
+// Stress deviators: hypo-elastic, rotated with the metal, returned radially to the flow stress.
 #pragma once
 
 #include "hydro_stub/lagrange/geometry.hpp"
@@ -6,14 +6,14 @@
 
 namespace shearbus::lagrange {
 
-// In the plane; the deviator across it (hoop, or out of plane) is -(xx + yy).
+// Components in the plane; the component across the plane (hoop, or out of plane) is -(xx + yy).
 struct Deviator {
   double xx = 0.0;
   double yy = 0.0;
   double xy = 0.0;
 };
 
-// sqrt(3/2 s:s)
+// Returns sqrt(3/2 s:s).
 double equivalent_stress(const Deviator& s);
 
 struct StrengthStep {
@@ -23,8 +23,8 @@ struct StrengthStep {
 
 // One step of length dt of an elastic-plastic metal with shear modulus G0 (constant, as in the shear layer):
 //   1. rotation by the exact angle of the mid-step spin (Hughes & Winget, Int. J. Numer. Meth. Eng. 15 (1980) 1862):
-//      a rigid turn of any size leaves the invariants alone
-//   2. elastic trial, + 2 G0 dev(D) dt
+//      a rigid rotation of any size leaves the invariants unchanged
+//   2. elastic trial: the deviator grows by 2 G0 dev(D) dt
 //   3. radial return (Wilkins, Methods Comput. Phys. 3 (1964) 211) to Y(ep + dep, P, T), implicit in the hardening
 StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& gradient, double dt,
                               double plastic_strain, double pressure, double temperature);

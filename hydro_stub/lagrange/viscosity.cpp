@@ -6,13 +6,13 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Velocity differences below this share of the sound speed count as rounding: a body at rest or in rigid flight has no
-// viscosity and no time step limit from it.
+// Velocity differences below this share of the sound speed count as rounding, so that a body at rest or in rigid flight
+// has no viscosity, and viscosity does not limit its time step.
 constexpr double kRounding = 1e-10;
 
 struct Compression {
   double rate;     // the most negative eigenvalue of the strain rate  [1/s]
-  Vec2 direction;  // of length 1
+  Vec2 direction;  // unit vector
 };
 
 Compression strongest_compression(const Gradient& d) {
@@ -30,14 +30,14 @@ double rate_along(const Gradient& d, Vec2 s) {
   return s.x * s.x * d.xx + s.x * s.y * (d.xy + d.yx) + s.y * s.y * d.yy;
 }
 
-// Length of a zone along a direction: 1/|J^-1 s|, J the mean edges as columns.
+// Returns the length of a zone along the direction s, 1/|J^-1 s|; the columns of J are the mean edges.
 double length_along(const Vec2& across, const Vec2& up, Vec2 s) {
   const double inverse = 1.0 / cross(across, up);
   const Vec2 reference = {inverse * cross(s, up), inverse * cross(across, s)};
   return 1.0 / norm(reference);
 }
 
-// 1 in smooth flow, 0 at the edge of a shock: the worse of the zone's two directions.
+// Returns psi: 1 in smooth flow, 0 at the edge of a shock. It is the smaller value of the zone's two mesh directions.
 double smoothness(const Mesh& mesh, const std::vector<Gradient>& gradient, int zone, const Compression& c) {
   double psi = 1.0;
   for (const int k : {0, 1}) {

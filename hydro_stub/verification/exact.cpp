@@ -25,7 +25,7 @@ TwoWaves two_waves(const Metal& metal, double velocity) {
   const double rho1 = m.density * std::exp(0.5 * yield / metal.strength.shear_modulus);
   const auto pressure = [&](double rho, double e) { return lagrange::eos_from_density_energy(m, rho, e).pressure; };
   const double shear = 2.0 * yield / 3.0;
-  // Energy from e1 = s1 (1/rho0 - 1/rho1)/2, with s1 = P(rho1, e1) + 2Y/3.
+  // The energy behind the elastic wave is e1 = s1 (1/rho0 - 1/rho1)/2, with the stress s1 = P(rho1, e1) + 2Y/3.
   const double strain1 = 0.5 * (1.0 / m.density - 1.0 / rho1);
   const double stress1 = root(0.0, 1e12, [&](double s) { return s - pressure(rho1, s * strain1) - shear; });
   TwoWaves w{};
@@ -54,7 +54,7 @@ Impact impact(const Metal& flyer, const Metal& target, double speed) {
 
 namespace {
 
-// integral of r^(d-1) ln(r_start/r) dr over the shell where it has stopped, r_start^d = r^d + inner^d - stop^d.
+// Returns the integral of r^(d-1) ln(r_start/r) dr over the shell at rest, with r_start^d = r^d + inner^d - stop^d.
 double strain_integral(double inner, double outer, double stop, int dimension) {
   const double d = dimension;
   const double moved = std::pow(inner, d) - std::pow(stop, d);

@@ -13,24 +13,26 @@ double root(double low, double high, const std::function<double(double)>& f);
 // Returns the density at a pressure and zero energy.
 double density_at(const lagrange::MieGrueneisen& metal, double pressure);
 
-// A hypo-elastic, perfectly plastic metal driven at a velocity: an elastic jump to the Hugoniot elastic limit, where
-// the density is rho0 exp(Y/2G) (uniaxial strain Y/2G, deviator -2Y/3), and a plastic jump behind it.
+// The two waves in a hypo-elastic, perfectly plastic metal that is driven at a velocity: an elastic jump to the
+// Hugoniot elastic limit, where the density is rho0 exp(Y/2G) (uniaxial strain Y/2G, deviator -2Y/3), and a plastic
+// jump behind it.
 struct TwoWaves {
   double elastic_stress, elastic_speed, elastic_velocity;
-  double stress, plastic_speed, density;  // behind both waves; plastic_speed in the laboratory
+  double stress, plastic_speed, density;  // state behind both waves; plastic_speed in the laboratory frame
 };
 TwoWaves two_waves(const Metal& metal, double velocity);
 
-// After the impact of one metal on another, both beyond their elastic limits: the velocity at which the stresses agree.
+// State after the impact of one metal on another, both beyond their elastic limits: the velocity at which the stresses
+// agree.
 struct Impact {
   double velocity, stress;
 };
 Impact impact(const Metal& flyer, const Metal& target, double speed);
 
-// Initial speed of the inner surface of an incompressible, perfectly plastic shell that comes to rest at `stop`:
-// kinetic energy against plastic work, u = u0 (R0/r)^(d-1).
-//   cylinder   rho u0^2 R0^2 ln(R1/R0)     = (4 Y / sqrt 3) integral of r ln(r_start/r) dr where it stops
-//   sphere     rho u0^2 R0^3 (1 - R0/R1)   = 4 Y integral of r^2 ln(r_start/r) dr
+// Initial speed of the inner surface of an incompressible, perfectly plastic shell that comes to rest at `stop`. The
+// kinetic energy equals the plastic work, with the velocity field u = u0 (R0/r)^(d-1).
+//   cylinder   rho u0^2 R0^2 ln(R1/R0)     = (4 Y / sqrt 3) integral of r ln(r_start/r) dr over the shell at rest
+//   sphere     rho u0^2 R0^3 (1 - R0/R1)   = 4 Y integral of r^2 ln(r_start/r) dr over the shell at rest
 double cylinder_speed(const Metal& metal, double inner, double outer, double stop);
 double sphere_speed(const Metal& metal, double inner, double outer, double stop);
 

@@ -1,4 +1,4 @@
-// Strong shocks in ideal gases: Noh, Sedov, Saltzman. They catch errors of energy and symmetry.
+// Strong shocks in ideal gases: Noh, Sedov, Saltzman. These problems catch errors of energy and symmetry.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -18,7 +18,7 @@ using lagrange::Vec2;
 
 namespace {
 
-// A square between two planes of symmetry; in axisymmetry: the axis and the equator.
+// A square between two planes of symmetry; in axisymmetry these are the axis and the equator.
 Bodies quarter(Symmetry symmetry, int zones, double length, double gamma) {
   Mesh mesh(symmetry);
   const Block block = mesh.add_block(zones, zones, [=](int i, int j) {
@@ -40,8 +40,8 @@ Vec2 centre(const Cycle& cycle, int zone) {
 
 }  // namespace
 
-// W. F. Noh, J. Comput. Phys. 72 (1987) 78: gas flowing to the origin with speed 1 stops behind a shock at r = t/3,
-// where rho = 4^d, d = 2 about a line (plane), 3 about a point (axisymmetric); gamma = 5/3.
+// W. F. Noh, J. Comput. Phys. 72 (1987) 78: gas flows to the origin with speed 1 and stops behind a shock at r = t/3,
+// where rho = 4^d, with d = 2 about a line (plane) and d = 3 about a point (axisymmetric); gamma = 5/3.
 Bodies make_bodies(const NohProblem& p) {
   Bodies bodies = quarter(p.symmetry, p.zones, 1.0, 5.0 / 3.0);
   for (std::size_t n = 0; n < bodies.velocity.size(); ++n) {
@@ -76,10 +76,10 @@ std::vector<Comparison> compare(const NohProblem& p, const Cycle& cycle) {
           {"mean error of the density", "1", 0.0, error / reference}};
 }
 
-// A point blast; L. I. Sedov. With gamma = 1.4 and density 1 the energies below put the shock at r = 1 at t = 1.
+// The point blast of L. I. Sedov. With gamma = 1.4 and density 1 the energies below put the shock at r = 1 at t = 1.
 Bodies make_bodies(const SedovProblem& p) {
   Bodies bodies = quarter(p.symmetry, p.zones, 1.2, 1.4);
-  // Energies in the quarter of the plane per depth, and in the upper half of space per radian.
+  // Energies of the modelled part: a quarter of the plane per depth, or the upper half of space per radian.
   const double energy = p.symmetry == Symmetry::kPlane ? 0.984041 / 4.0 : 0.851072 / 2.0 / (2.0 * std::numbers::pi);
   std::vector<double> volume(bodies.mesh.num_zones());
   measure_volumes(bodies.mesh, bodies.mesh.places(), volume);
@@ -89,7 +89,7 @@ Bodies make_bodies(const SedovProblem& p) {
 
 std::vector<Comparison> compare(const SedovProblem& p, const Cycle& cycle) {
   double peak = 0.0, outermost = 0.0, innermost = 2.0;
-  // Along rays: where the density is largest.
+  // Finds the largest density along rays.
   for (int ray = 0; ray < 9; ++ray) {
     const double angle = (ray + 0.5) / 9.0 * 0.5 * std::numbers::pi;
     double best = 0.0, at = 0.0;
@@ -109,8 +109,8 @@ std::vector<Comparison> compare(const SedovProblem& p, const Cycle& cycle) {
           {"spread of the front", "m", 0.0, outermost - innermost}};
 }
 
-// J. Saltzman's piston: a plane shock of strength "infinite" (gamma = 5/3, piston speed 1, shock speed 4/3, density 4)
-// through a mesh whose lines are skewed.
+// J. Saltzman's piston: a plane shock of infinite strength (gamma = 5/3, piston speed 1, shock speed 4/3, density 4)
+// runs through a mesh whose lines are skewed.
 Bodies make_bodies(const SaltzmanProblem& p) {
   const int nx = 10 * p.zones, ny = p.zones;
   Mesh mesh(Symmetry::kPlane);
@@ -138,7 +138,7 @@ std::vector<Comparison> compare(const SaltzmanProblem& /*problem*/, const Cycle&
     if (x > piston + 0.2 * (shock - piston) && x < piston + 0.8 * (shock - piston)) mass += rho * v, volume += v;
   }
   for (const Vec2 v : cycle.state().velocity) crossing = std::max(crossing, std::abs(v.y));
-  constexpr double kVolume = 0.1;  // of the channel
+  constexpr double kVolume = 0.1;  // volume of the channel
   return {{"mean density behind the shock", "kg m-3", 4.0, mass / volume},
           {"mean error of the density", "kg m-3", 0.0, error / kVolume},
           {"largest cross velocity", "m s-1", 0.0, crossing}};

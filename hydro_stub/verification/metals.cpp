@@ -19,7 +19,7 @@ using lagrange::Vec2;
 
 namespace {
 
-// A sector in the plane, radius along i.
+// A sector of a cylinder in plane symmetry; i runs along the radius.
 Bodies cylinder_sector(const ImplosionProblem& p) {
   constexpr int kAround = 4;
   constexpr double kAngle = 0.2;
@@ -35,7 +35,7 @@ Bodies cylinder_sector(const ImplosionProblem& p) {
   return bodies;
 }
 
-// A slice of a long cylinder, radius along i.
+// A slice of a long cylinder in axisymmetry; i runs along the radius.
 Bodies cylinder_slice(const ImplosionProblem& p) {
   constexpr int kAlong = 4;
   Mesh mesh(Symmetry::kAxisymmetric);
@@ -49,7 +49,7 @@ Bodies cylinder_slice(const ImplosionProblem& p) {
   return bodies;
 }
 
-// The upper half, from the equator to the axis along i, inward along j.
+// The upper half of a spherical shell; i runs from the equator to the axis, j inward.
 Bodies sphere(const ImplosionProblem& p) {
   const int around = 2 * p.zones;
   Mesh mesh(Symmetry::kAxisymmetric);
@@ -64,7 +64,8 @@ Bodies sphere(const ImplosionProblem& p) {
   return bodies;
 }
 
-// Towards the centre; of a slice only the first coordinate is a distance from it.
+// Returns the position relative to the centre. In a slice of a cylinder only the first coordinate is a distance from
+// it.
 Vec2 radius_vector(const ImplosionProblem& p, Vec2 x) {
   return !p.sphere && p.symmetry == Symmetry::kAxisymmetric ? Vec2{x.x, 0.0} : x;
 }
@@ -126,8 +127,8 @@ Bodies make_bodies(const TaylorProblem& p) {
   return bodies;
 }
 
-// Copper, 32.4 mm by 3.2 mm, 227 m/s, Y = 400 MPa + 100 MPa ep: codes in the literature find a length of 21.4-21.7 mm
-// and a foot radius of 6.97-7.24 mm at 80 us; compared are the middles.
+// Copper bar, 32.4 mm by 3.2 mm, at 227 m/s, with Y = 400 MPa + 100 MPa ep. Codes in the literature find a length of
+// 21.4-21.7 mm and a foot radius of 6.97-7.24 mm at 80 us; the comparison uses the middle of each range.
 std::vector<Comparison> compare(const TaylorProblem& p, const Cycle& cycle) {
   const Block& block = cycle.mesh().blocks()[0];
   return {{"length", "m", 21.55e-3, cycle.state().position[block.node(0, block.ny)].y},

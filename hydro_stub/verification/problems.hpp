@@ -1,6 +1,6 @@
 // Problems with exact or published solutions. Scenes and tests run the same problems.
 //
-// A problem is a struct; make_bodies() meshes it, compare() compares a cycle at its present time with the solution.
+// A problem is a struct; make_bodies() meshes it, and compare() compares a cycle with the solution at the cycle's time.
 #pragma once
 
 #include <string>
@@ -24,7 +24,7 @@ struct Strip {
   lagrange::Surface face(const lagrange::Block& block, bool far_end) const;
   void guide(lagrange::Bodies& bodies, const lagrange::Block& block) const;
   double stress(const lagrange::Cycle& cycle, int zone) const;
-  // Mean over the zones of the first block whose middle lies between two places.
+  // Returns the mean stress of the zones of the first block whose middle lies between `from` and `to`  [Pa].
   double mean_stress(const lagrange::Cycle& cycle, double from, double to) const;
 };
 
@@ -38,18 +38,18 @@ struct PistonProblem {
 struct FlyerProblem {
   lagrange::Symmetry symmetry;
   Metal target, flyer;
-  double length;  // of each  [m]
-  int zones;      // along each
+  double length;  // length of each body  [m]
+  int zones;      // zones along each body
   double speed;   // [m/s]
 };
 struct ImplosionProblem {
   bool sphere;
-  lagrange::Symmetry symmetry;  // of a cylinder
+  lagrange::Symmetry symmetry;  // symmetry in which a cylinder is computed
   Metal metal;
   double inner, outer, stop;  // [m]
   int zones;                  // across the shell
 };
-// Gases; lengths of 1 m, density 1 kg/m3, speeds of 1 m/s.
+// Gas problems have lengths of 1 m, a density of 1 kg/m3 and speeds of 1 m/s.
 struct NohProblem {
   lagrange::Symmetry symmetry;
   int zones;
@@ -65,16 +65,16 @@ struct TaylorProblem {
   Metal metal;
   double radius, length;  // [m]
   double speed;           // [m/s]
-  int zones;              // across
+  int zones;              // zones across the radius
 };
 struct PlatesProblem {
   Metal soft, hard;
-  double length = 3e-3;        // along the line  [m]
+  double length = 3e-3;        // length along the slide line  [m]
   double soft_depth = 0.4e-3;  // [m]
   double hard_depth = 0.4e-3;  // [m]
-  double width = 20e-6;        // of the soft zones; the hard ones are 5/4 as wide  [m]
+  double width = 20e-6;        // width of the soft zones; the hard zones are 5/4 as wide  [m]
   double jump = 100.0;         // [m/s]
-  double angle = 0.0;          // of the line
+  double angle = 0.0;          // angle between the slide line and the x axis  [rad]
   double pressure = 1e9;       // holds the bodies together  [Pa]
 };
 
@@ -94,8 +94,8 @@ std::vector<Comparison> compare(const NohProblem& problem, const lagrange::Cycle
 std::vector<Comparison> compare(const SedovProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const SaltzmanProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const TaylorProblem& problem, const lagrange::Cycle& cycle);
-// Compares under a constant friction stress `limit`, which may be 0 or infinity, except where waves from the plates'
-// ends have arrived.
+// Compares with the solution under a constant friction stress `limit`, which may be 0 or infinity. Returns nothing for
+// times at which waves from the plates' ends have arrived.
 std::vector<Comparison> compare(const PlatesProblem& problem, const lagrange::Cycle& cycle, double limit);
 
 double shear_impedance(const physics::Material& metal);  // sqrt(rho G)  [Pa s/m]
@@ -103,7 +103,7 @@ double shear_impedance(const physics::Material& metal);  // sqrt(rho G)  [Pa s/m
 // Returns true once the inner surface has come to rest.
 bool at_rest(const ImplosionProblem& problem, const lagrange::Cycle& cycle);
 
-// The verification problem of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
+// Makes the verification problem of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
 Problem2d make_verification(const guest::HydroScene& scene);
 
 }  // namespace shearbus::hydro

@@ -1,4 +1,4 @@
-// Plane waves in metals: piston and flyers.
+// Plane waves in metals: a piston, and impacts of flyers.
 #include <cmath>
 #include <utility>
 

@@ -37,7 +37,7 @@ Place place_of(const toml::key& key, const toml::node& node) {
   return {at.line, at.column};
 }
 
-// What a TOML value is, in a user's words.
+// The kind of a TOML value, in the words of a user.
 std::string kind_of(const toml::node& node) {
   switch (node.type()) {
     case toml::node_type::table:
@@ -87,7 +87,7 @@ Slot find_slot(Message& message, const std::string& key) {
   return {};
 }
 
-// TOML tables into messages of the schema. Types are checked here, values by the rules.
+// Reads TOML tables into messages of the schema. It checks types; the rules check values.
 class Reader {
  public:
   Reader(const Descriptor& root, std::map<std::string, Place, std::less<>>& places, std::vector<Fault>& faults)
@@ -134,7 +134,7 @@ class Reader {
     fault(fmt::format("{}{}", path.empty() ? "" : path + ".", as_utf8(key, kShown)), std::move(text), place);
   }
 
-  // The tables that have this key, e.g. "[soft], [hard]".
+  // Names of the tables that have this key, e.g. "[soft], [hard]".
   static std::string tables_with(std::string_view key, const Descriptor& table, const std::string& path) {
     std::string names;
     const auto add = [&](const std::string& name) { names += names.empty() || name.empty() ? name : ", " + name; };
@@ -173,7 +173,7 @@ class Reader {
       case FieldDescriptor::CPPTYPE_STRING:
         if (const auto text = node.value_exact<std::string>(); !text)
           fault(name, fmt::format("{}: expected text in quotes, {}", name, found(node)));
-        else if (text->empty())  // proto3 does not tell an empty text from an absent one
+        else if (text->empty())  // proto3 does not distinguish an empty text from an absent text
           fault(name, fmt::format("{} is empty, expected text", name));
         else
           to.GetReflection()->SetString(&to, &field, *text);
@@ -208,7 +208,7 @@ class Reader {
       const toml::node& item = *items->get(i);
       const Place at{item.source().begin.line, item.source().begin.column};
       if (!read_number(item, field, fmt::format("{}[{}]", name, i), number, at, name)) {
-        to.GetReflection()->ClearField(&to, &field);  // the length of a list that lacks a value is not checked
+        to.GetReflection()->ClearField(&to, &field);  // the length of an incomplete list is not checked
         return;
       }
       to.GetReflection()->AddDouble(&to, &field, number);
@@ -242,7 +242,7 @@ Place place_at(std::string_view text, std::size_t at) {
           static_cast<std::uint32_t>(1 + at - line_start)};
 }
 
-// Where the string that starts at `at` ends: its last byte, or the line's end where a one-line string is left open.
+// The end of the string that starts at `at`: its last byte, or the end of the line if a one-line string is not closed.
 std::size_t end_of_string(std::string_view text, std::size_t at) {
   const char quote = text[at];
   const std::string_view triple = quote == '"' ? "\"\"\"" : "'''";
@@ -262,8 +262,8 @@ std::size_t end_of_string(std::string_view text, std::size_t at) {
   return i;
 }
 
-// The first dot of a dotted key that has more parts than any scene's. toml++ makes a table of each part and takes them
-// down recursively, so that a long enough key would overflow the stack.
+// The position of the first dot of a dotted key that has more parts than any key of a scene. toml++ makes a table of
+// each part and destroys them recursively, so that a long key would overflow the stack.
 std::optional<std::size_t> find_deep_key(std::string_view text) {
   constexpr int kMaxKeyDots = 8;
   int dots = 0;
@@ -298,15 +298,19 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
     refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
   if (const auto deep = find_deep_key(text))
     refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
-  try {
-    return toml::parse(text);  // without the name: the parser would end the program where no memory is left to copy it
-  } catch (const toml::parse_error& error) {
-    const toml::source_position& at = error.source().begin;
-    refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));
+  // toml++ reports a number that it has no memory to read as a fault of the text, so a text is at fault when it fails twice. The parser does
+  // not get the file's name: it would end the program if there were no memory to copy the name.
+  for (bool failed_before = false;; failed_before = true) {
+    try {
+      return toml::parse(text);
+    } catch (const toml::parse_error& error) {
+      const toml::source_position& at = error.source().begin;
+      if (failed_before) refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));
+    }
   }
 }
 
-// Lines of a text, from 1; those in `blank` without their content.
+// The text with the content of the lines in `blank` removed; lines count from 1.
 std::string without_lines(std::string_view text, const std::vector<bool>& blank) {
   std::string out;
   for (std::size_t line = 1; !text.empty(); ++line) {

@@ -1,5 +1,5 @@
-// TOML text onto one checked message of any root type, by reflection: the .proto is the only schema. This file is for programs that have a
-// root message of their own; scene.hpp reads shearbus.v1.Scene.
+// Reads TOML text into one checked message of any root type, by reflection: the .proto is the only schema. This file is
+// for programs that have a root message of their own; scene.hpp reads shearbus.v1.Scene.
 #pragma once
 
 #include <filesystem>
@@ -18,16 +18,18 @@ namespace shearbus::scene {
 // The name of a text, for messages, and the place of each of its keys.
 struct Document {
   std::string file;
-  std::map<std::string, Place, std::less<>> places;  // by path, "layer.cells"
+  std::map<std::string, Place, std::less<>> places;  // places by path, "layer.cells"
 
-  // "paper.toml:12:1" of a key; of the nearest enclosing table where the key is absent; else the file alone.
+  // The place of a key, "paper.toml:12:1". If the key is absent, the place of the nearest enclosing table, or else the
+  // file alone.
   std::string where(std::string_view path) const;
 
-  // Throws wire::Error{kInvalidScene}: a line "file:line:column: text" for each fault, in the order of the text; its field is the path of
-  // the first.
+  // Throws wire::Error{kInvalidScene} with a line "file:line:column: text" for each fault, in the order of the text.
+  // The field of the error is the path of the first fault.
   [[noreturn]] void refuse(const std::vector<Fault>& faults, std::string remedy = {}) const;
 
-  // The same status; where an INVALID_SCENE names a key but no place in this text, with the place in front.
+  // The status itself, except that an INVALID_SCENE that names a key without a place in this text gets the place in
+  // front of its text.
   wire::Status placed(wire::Status status) const;
 
  private:
@@ -37,23 +39,25 @@ struct Document {
 // Rules that look at more than one key. `root` has its defaults.
 using CrossRules = void (*)(const google::protobuf::Message& root, Findings& findings);
 
-// Reads a text onto an empty message, checks it and fills in its defaults. Throws wire::Error{kInvalidScene} that lists every fault: syntax,
-// unknown keys (with the nearest known one), wrong types, missing and out-of-range values, cross-field rules. For example
+// Reads a text into an empty message, checks it and fills in its defaults. Throws wire::Error{kInvalidScene} that lists
+// every fault: syntax, unknown keys (with the nearest known key), wrong types, missing and out-of-range values, and
+// violated rules between keys. For example
 //   paper.toml:12:1: layer.cels is not a key of [layer]; did you mean "cells"?
 Document read(std::string_view text, std::string file, google::protobuf::Message& root, CrossRules cross_rules);
 
-// A scene's file as text. Throws wire::Error{kInvalidScene} where it cannot be read or is larger than kMaxSceneBytes.
+// The text of a scene's file. Throws wire::Error{kInvalidScene} if the file cannot be read or is larger than
+// kMaxSceneBytes.
 std::string read_file(const std::filesystem::path& path);
 
-// A scene's file as the server reads it: without the table [hydro], which files of shearbus-hydro have for that program alone.
+// The text of a scene's file as the server reads it: without the table [hydro], which is for shearbus-hydro alone.
 std::string load_text(const std::filesystem::path& path);
 
-// The text without a top-level key or table and all that is below it. Lines keep their numbers: those removed are empty. Throws
-// wire::Error{kInvalidScene} where the text is not TOML.
+// The text without a top-level key or table and everything below it. The removed lines stay as empty lines, so that
+// line numbers hold. Throws wire::Error{kInvalidScene} if the text is not TOML.
 std::string without_table(std::string_view text, const std::string& file, std::string_view key);
 
-// The message as canonical TOML: keys in the order of the schema, each with a comment of its unit and meaning; numbers read back to the
-// same bits. Throws wire::Error{kInvalidScene} for an enum value without a name.
+// The message as canonical TOML: keys in the order of the schema, each with a comment of its unit and meaning; numbers
+// read back to the same bits. Throws wire::Error{kInvalidScene} for an enum value without a name.
 std::string to_toml(const google::protobuf::Message& root);
 
 // A reference of every key of a root message, as Markdown: table, key, type, unit, default, bounds, meaning.

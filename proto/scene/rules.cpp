@@ -26,7 +26,8 @@ struct Enclosed {
   bool has(const FieldDescriptor& field) const { return message.GetReflection()->HasField(message, &field); }
 };
 
-// The nearest enclosing message that has the field of the rule `unless` has a value of it.
+// Whether the rule `unless` excludes a field: the nearest enclosing message that has the field named by the rule has a
+// value of it.
 bool excluded(const Enclosed& where, const std::string& unless) {
   if (unless.empty()) return false;
   for (const Enclosed* level = &where; level != nullptr; level = level->around)
@@ -34,14 +35,14 @@ bool excluded(const Enclosed& where, const std::string& unless) {
   return false;
 }
 
-// What the rule `used_with` ("flow_law=johnson_cook or preston_tonks_wallace") says of a field.
+// The result of the rule `used_with` ("flow_law=johnson_cook or preston_tonks_wallace") for a field.
 struct Condition {
   enum { kNone, kMet, kNotMet, kOpen, kUnknown } state = kNone;
   std::string other, found;
   std::vector<std::string> wanted;
 };
 
-// The words of "johnson_cook or preston_tonks_wallace".
+// The choices in "johnson_cook or preston_tonks_wallace".
 std::vector<std::string> choices_in(std::string_view text) {
   constexpr std::string_view kOr = " or ";
   std::vector<std::string> choices;
@@ -53,7 +54,8 @@ std::vector<std::string> choices_in(std::string_view text) {
   return choices;
 }
 
-// kOpen: nothing is chosen and there is no default, so a name elsewhere (a catalog's) decides; the first choice stands for it.
+// kOpen: nothing is chosen and there is no default, so that a name elsewhere (of a catalog) decides; until then the
+// first choice is assumed.
 Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
   const std::string& text = rule_of(field).used_with();
   if (text.empty()) return {};
@@ -94,7 +96,7 @@ class Checker {
  public:
   explicit Checker(Findings& findings) : findings_(findings) {}
 
-  // `required`: fields that the schema requires are required here.
+  // `required`: whether missing fields that the schema requires are faults.
   void table(const Enclosed& where, const std::string& path, bool required = true) {
     const Message& message = where.message;
     for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
@@ -118,7 +120,7 @@ class Checker {
   }
 
  private:
-  // A field that another field's value excludes: refused where it is given, not required where it is not.
+  // Whether the value of another field excludes a field. Such a field is refused if it is given, and is not required.
   bool unused(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
               const std::string& name) {
     const bool given = !field.is_repeated() && where.has(field);
@@ -132,7 +134,7 @@ class Checker {
     const Condition condition = condition_of(where, field);
     if (condition.state != Condition::kNotMet && condition.state != Condition::kOpen) return false;
     if (!findings_.sound(path_of(table_path, *where.field(condition.other))))
-      return true;  // nobody knows what was chosen
+      return true;  // the choice itself has a fault, so it is unknown
     if (given && condition.state == Condition::kOpen) return false;
     if (given)
       findings_.add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),
@@ -195,7 +197,7 @@ class Checker {
     for (int i = 0; i < size; ++i)
       if (!number(field, name, size == 1 ? name : fmt::format("{}[{}]", name, i),
                   reflection.GetRepeatedDouble(message, &field, i)))
-        return;  // one fault per list is enough
+        return;  // at most one fault is reported for a list
   }
 
   bool number(const FieldDescriptor& field, const std::string& path, const std::string& name, double value) {
@@ -242,7 +244,7 @@ void set_default(Message& message, const FieldDescriptor& field) {
   }
 }
 
-// Values first, then tables: whether a table has a default may depend on a value.
+// Fills in values first, then tables, because the default of a table may depend on a value.
 void fill_table(Message& message, const Enclosed* around) {
   const Enclosed where{message, around};
   for (const bool tables : {false, true}) {
@@ -307,7 +309,7 @@ std::string bounds_of(const FieldDescriptor& field) {
 
 std::vector<std::string> choices_of(const FieldDescriptor& field) {
   const google::protobuf::EnumDescriptor& type = *field.enum_type();
-  const std::string_view unspecified = type.value(0)->name();  // FAR_BOUNDARY_UNSPECIFIED: the prefix of all
+  const std::string_view unspecified = type.value(0)->name();  // FAR_BOUNDARY_UNSPECIFIED has the prefix of all names
   const std::size_t prefix = unspecified.size() - std::string_view("UNSPECIFIED").size();
   std::vector<std::string> choices;
   for (int i = 1; i < type.value_count(); ++i) {
@@ -319,9 +321,9 @@ std::vector<std::string> choices_of(const FieldDescriptor& field) {
 }
 
 std::string number_text(double value) {
-  std::string text = fmt::format("{}", value);  // the shortest that reads back
+  std::string text = fmt::format("{}", value);  // the shortest text that reads back to the same bits
   if (text.ends_with(".0")) text.resize(text.size() - 2);
-  // 200000000 as 2e8: no zeros to count.
+  // Writes 200000000 as 2e8, so that nobody has to count zeros.
   constexpr std::size_t kManyZeros = 5;
   const std::size_t last = text.find_last_not_of('0');
   const std::size_t first = text.find_first_of("123456789");

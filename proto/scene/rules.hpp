@@ -1,4 +1,5 @@
-// The rules of the schema (the option `rule` of every field) as C++ reads them, and the checks they imply on a message of any root type.
+// The rules of the schema (the option `rule` of every field) in C++, and the checks that they imply for a message of
+// any root type.
 #pragma once
 
 #include <cstdint>
@@ -25,9 +26,9 @@ struct Place {
 };
 
 struct Fault {
-  std::string path;            // of the key at fault ("layer.cells"), or of the table that lacks a key; empty: the root
+  std::string path;            // key at fault ("layer.cells"), or table that lacks a key; empty: the root
   std::string text;            // one line, naming the key
-  std::optional<Place> place;  // where it differs from the place of `path`
+  std::optional<Place> place;  // place of the fault, if it differs from the place of `path`
 };
 
 // The faults found so far, for rules that look at more than one key.
@@ -35,7 +36,7 @@ class Findings {
  public:
   explicit Findings(std::vector<Fault> faults = {}) : faults_(std::move(faults)) {}
 
-  // No fault was found at this key: its value may be used.
+  // Whether no fault was found at this key, so that its value may be used.
   bool sound(std::string_view path) const;
   void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text), {}}); }
   const std::vector<Fault>& faults() const { return faults_; }
@@ -44,10 +45,11 @@ class Findings {
   std::vector<Fault> faults_;
 };
 
-// Adds every fault of a single field: missing, out of bounds, not finite, given where another field excludes it.
+// Adds every fault of a single field: missing, out of bounds, not finite, or given although another field excludes it.
 void check_fields(const google::protobuf::Message& root, Findings& findings);
 
-// Sets every absent field that has a default, and makes the tables whose absence means the same as an empty one.
+// Sets every absent field that has a default, and adds the absent tables whose absence means the same as an empty
+// table.
 void fill_defaults(google::protobuf::Message& root);
 
 const v1::Rule& rule_of(const google::protobuf::FieldDescriptor& field);
@@ -55,10 +57,10 @@ const v1::Rule& rule_of(const google::protobuf::FieldDescriptor& field);
 // The path of a field of the table `path`; a merged message has the path of its enclosing table.
 std::string path_of(const std::string& path, const google::protobuf::FieldDescriptor& field);
 
-// The keys of a table: its fields, with those of merged messages in the place of the merged.
+// The keys of a table: its fields, with a merged message replaced by the fields of that message.
 std::vector<const google::protobuf::FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table);
 
-// "above 0 and at most 1 m", "at least 1"; empty where the field has no bounds.
+// The bounds of a field as text: "above 0 and at most 1 m", "at least 1"; empty if the field has no bounds.
 std::string bounds_of(const google::protobuf::FieldDescriptor& field);
 
 // Names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".

@@ -12,9 +12,9 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Atoms are a hundred times larger: a thinner cell is a mistake in cells or grading.
+// A cell thinner than this, a hundredth of an atom, is a mistake in cells or grading.
 constexpr double kThinnestCell = 1e-12;           // [m]
-constexpr std::uint32_t kCellsOfTolerance = 500;  // of a layer whose grid the server chooses, for the thickness's sake
+constexpr std::uint32_t kCellsOfTolerance = 500;  // assumed if the server chooses the grid, to check the thickness
 
 bool sound_grid(const Findings& findings, const std::string& table) {
   return findings.sound(table) && findings.sound(table + ".thickness_m") && findings.sound(table + ".cells") &&
@@ -40,7 +40,7 @@ void check_grids(const v1::Scene& scene, Findings& findings) {
   const double grading = layer.has_grading() ? layer.grading() : 1.0;
   check_first_cell("layer", layer.thickness_m(), cells, grading, grading != 1.0, findings);
   if (!scene.has_hard_layer() || !sound_grid(findings, "hard_layer")) return;
-  // An absent key is as in [layer]; the thickness that the server derives is within a few times of it.
+  // An absent key has the value of [layer]; the thickness that the server derives differs from it by a small factor.
   const v1::HardLayer& hard = scene.hard_layer();
   check_first_cell("hard_layer", hard.has_thickness_m() ? hard.thickness_m() : layer.thickness_m(),
                    hard.has_cells() ? hard.cells() : cells, hard.has_grading() ? hard.grading() : grading,

@@ -1,4 +1,4 @@
-// A scene as shearbus.v1.Scene: TOML text to the checked message, and back to canonical text.
+// Scenes as shearbus.v1.Scene: from TOML text to the checked message, and back to canonical text.
 #pragma once
 
 #include <filesystem>
@@ -14,26 +14,26 @@
 namespace shearbus::scene {
 
 struct SceneFile {
-  v1::Scene scene;  // with its defaults
+  v1::Scene scene;  // with its defaults filled in
   std::string text;
   Document document;
 };
 
-// Throw wire::Error{kInvalidScene} that lists every fault, as read() does.
+// Both throw wire::Error{kInvalidScene} that lists every fault, as read() does.
 SceneFile parse(std::string text, std::string file);
 SceneFile load(const std::filesystem::path& path);
 
-// The same onto an empty message of the caller's own.
+// Reads a scene into an empty message of the caller; otherwise as parse().
 Document read(std::string_view text, std::string file, v1::Scene& scene);
 
-// The rules between keys that the schema cannot express; `scene` has its defaults. Which options of the physics exclude each other is known
-// to the physics alone (server/physics/solver/parts.hpp). A rule that needs a value at fault is not checked.
+// The rules between keys that the schema cannot express; `scene` has its defaults. Only the physics knows which of its
+// options exclude each other (server/physics/solver/parts.hpp). A rule that needs a value at fault is not checked.
 void check_scene(const v1::Scene& scene, Findings& findings);
 
-// Every fault of a scene that does not come from a text. Fills in its defaults.
+// All faults of a scene that does not come from a text. Fills in the defaults of the scene.
 std::vector<Fault> faults_of(v1::Scene& scene);
 
-// The numbers that a table gives, under their names in a scene ("density_kg_per_m3", ...), in the order of the schema.
+// The numbers of a table with their names in a scene ("density_kg_per_m3", ...), in the order of the schema.
 std::vector<std::pair<std::string, double>> numbers_of(const google::protobuf::Message& table);
 // Sets numbers of a table by their names. Throws std::invalid_argument for a name that is not one of its numbers.
 void set_numbers(const std::vector<std::pair<std::string, double>>& numbers, google::protobuf::Message& table);

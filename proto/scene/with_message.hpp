@@ -1,5 +1,6 @@
-// Protobuf messages where memory may run out. Protobuf is not exception-safe: after a failed allocation a message holds
-// invalid pointers, which its destructor would follow. Such a message is leaked instead, and the server survives.
+// Uses protobuf messages although memory may run out. Protobuf is not exception-safe: after a failed allocation a
+// message holds invalid pointers, which its destructor would follow. Such a message is leaked instead, and the server
+// survives.
 #pragma once
 
 #include <memory>

@@ -50,7 +50,8 @@ class Batch {
   std::span<const double> f64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint64_t> u64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint8_t> u8(Field field, std::uint32_t component = 0) const;
-  // The same for writing. A batch over received bytes copies them first, so the received bytes do not change.
+  // The values of a column for writing. A batch over received bytes copies them first, so the received bytes do not
+  // change.
   std::span<double> f64(Field field, std::uint32_t component = 0);
   std::span<std::uint64_t> u64(Field field, std::uint32_t component = 0);
   std::span<std::uint8_t> u8(Field field, std::uint32_t component = 0);

@@ -16,7 +16,7 @@ namespace {
 
 using Frames = std::span<const std::span<const std::byte>>;
 
-// What a header says of the payload frame.
+// The declaration of the payload frame in a header.
 struct Payload {
   static constexpr std::uint32_t kNumber = 8;
   std::uint64_t size_bytes = 0;
@@ -102,7 +102,7 @@ struct Bodies<std::variant<std::monostate, Body...>> {
   }
 };
 
-// The payload frame, if there is one, is exactly what the header says of it.
+// Checks that the payload frame is as the header declares it, and returns its columns.
 Batch read_payload(const Payload* payload, Frames frames, bool may_have_one) {
   if (!payload) {
     if (frames.size() == 2) refuse(Code::kBadFraming, "a payload frame arrived that the header does not declare");

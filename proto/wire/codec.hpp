@@ -15,10 +15,10 @@ namespace shearbus::wire {
 std::string encode_header(const Request& request);
 std::string encode_header(const Reply& reply);
 
-// Decodes a message. `frames` holds the header and, if the header declares one, the payload, whose bytes must outlive the
-// message as Batch::over says. Throws Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum, kShape or kUnsupported};
-// request_id, session_id and sequence are then set as far as they could be read, so that the refusal can be addressed.
-// Numbers are not checked here: NaN or a negative dt arrive as they were sent.
+// Decodes a message. `frames` holds the header and, if the header declares it, the payload, whose bytes must outlive
+// the message as described at Batch::over. Throws Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum, kShape or
+// kUnsupported}; request_id, session_id and sequence are then set as far as they could be read, so that the refusal can
+// be addressed. Numbers are not checked here: NaN or a negative dt is passed on as sent.
 void decode(std::span<const std::span<const std::byte>> frames, Request& message);
 void decode(std::span<const std::span<const std::byte>> frames, Reply& message);
 

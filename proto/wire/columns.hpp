@@ -1,4 +1,5 @@
-// The columns of payloads: what each is, in which messages it stands and what it may hold. The rows are in columns.inc.
+// The columns of payloads: their meaning, the messages that have them and the bounds of their values. The rows are in
+// columns.inc.
 #pragma once
 
 #include <array>
@@ -20,28 +21,28 @@ enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2
 
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 
-// How the steps of a strategy use a column.
+// The use of a column in the steps of a strategy.
 enum class Use : std::uint8_t {
   kNone,
-  kRequired,   // every request has it
-  kOptional,   // zero where a request does not have it
-  kReply,      // every reply has it, unless `wanted` leaves it out
-  kOnRequest,  // a reply has it where `wanted` names it
+  kRequired,   // every request has the column
+  kOptional,   // values are 0 if a request does not have the column
+  kReply,      // every reply has the column, unless `wanted` leaves it out
+  kOnRequest,  // a reply has the column only if `wanted` names it
 };
 
 enum class Kind : std::uint8_t { kNode, kInput, kOutput, kLedger };
 
 struct ColumnRow {
   Field field;
-  const char* name;      // on the wire, with its unit: "pressure_pa"
-  const char* quantity;  // in files, where the unit is an attribute: "pressure"
-  const char* unit;      // "kg/m2"; "" where numbers are no measure
+  const char* name;      // name on the wire, with its unit: "pressure_pa"
+  const char* quantity;  // name in files, where the unit is an attribute: "pressure"
+  const char* unit;      // "kg/m2"; "" for ids, codes and bits
   Element element;
   Kind kind;
-  bool tangential;  // a vector along the interface: has a component 1 where the scene's slip has two components
+  bool tangential;  // a vector along the interface: has a component 1 if slip has two components
   Use velocity_driven;
   Use force_driven;
-  double lowest;  // of a request's values, in `unit`; of the columns of a reply both are 0
+  double lowest;  // bounds of a request's values, in `unit`; both 0 for columns of a reply
   double highest;
   const char* meaning;
 
@@ -52,14 +53,14 @@ struct ColumnRow {
   }
 };
 
-std::span<const ColumnRow> column_rows();          // all, in the order of columns.inc
+std::span<const ColumnRow> column_rows();          // all rows, in the order of columns.inc
 const ColumnRow* find_column(Field field);         // null for a number that is no field
-const ColumnRow& column_row(Field field);          // of a field there is; throws std::out_of_range otherwise
+const ColumnRow& column_row(Field field);          // throws std::out_of_range for a number that is no field
 std::size_t size_of(Element element);              // bytes
 Element element_of(Field field);                   // kUnspecified for a number that is no field
 bool is_tangential(Field field);                   // false for a number that is no field
 const char* name(Field field);                     // "?" for a number that is no field
-std::string units_in_files(const ColumnRow& row);  // UDUNITS text: "kg m-2"; "1" where numbers are no measure
+std::string units_in_files(const ColumnRow& row);  // UDUNITS text: "kg m-2"; "1" for ids, codes and bits
 
 // Columns of the steps of a strategy, in the order of the rows. A request may also have node_id.
 struct StrategyColumns {
@@ -70,7 +71,7 @@ struct StrategyColumns {
 };
 const StrategyColumns& columns_of(Strategy strategy);  // all empty for kUnspecified
 
-// The energy ledger of a step.
+// The columns of the energy ledger of a step.
 inline constexpr std::array kLedgerColumns = {
 #define LEDGER(enumerator, ...) Field::enumerator,
 #include "proto/wire/columns.inc"

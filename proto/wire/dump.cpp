@@ -14,7 +14,7 @@ using namespace hdf5;
 
 namespace {
 
-// One group for each kind of value.
+// HDF5 groups, one for each kind of value.
 constexpr const char* kNumbers = "numbers";
 constexpr const char* kCounts = "counts";
 constexpr const char* kTexts = "texts";

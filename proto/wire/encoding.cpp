@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kMaxVarintBytes = 10;
 
-// Seven bits a byte, the lowest first; the top bit says that another byte follows.
+// A varint: seven bits in each byte, the lowest bits first; the top bit is set if another byte follows.
 struct Varint {
   explicit Varint(std::uint64_t value) {
     for (; value >= 0x80; value >>= 7) bytes[size++] = static_cast<char>(value | 0x80);

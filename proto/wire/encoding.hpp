@@ -1,5 +1,5 @@
 // The encoding of protocol buffers, as far as headers need it: tags, varints, fixed numbers, lengths. The rows of a
-// message say what is encoded (field_rows.hpp); this file alone knows how.
+// message determine the fields (field_rows.hpp); only this file knows their encoding.
 #pragma once
 
 #include <bit>
@@ -23,7 +23,7 @@ class Encoder {
   void raw_varint(std::uint64_t value);   // an element of a packed list
   void raw_fixed64(std::uint64_t value);  // an element of a packed list
 
-  // A field of what `fill()` appends: a message, or a packed list.
+  // A field whose content `fill()` appends: a message, or a packed list.
   template <typename Fill>
   void nested(std::uint32_t number, const Fill& fill) {
     tag(number, WireType::kLength);
@@ -45,14 +45,14 @@ class Encoder {
 struct EncodedField {
   std::uint32_t number = 0;
   WireType type = WireType::kVarint;
-  std::uint64_t value = 0;           // of a varint or fixed number
-  std::span<const std::byte> bytes;  // of a field with a length
+  std::uint64_t value = 0;           // value of a varint or fixed number
+  std::span<const std::byte> bytes;  // content of a field with a length
 
   std::string_view text() const { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 };
 
-// Reads the fields of a message one after the other. What is cut short, and what no field begins with (groups among
-// it), is a fault.
+// Reads the fields of a message one after the other. A field that is cut short, or of an unknown wire type (such as a
+// group), is a fault.
 class Decoder {
  public:
   explicit Decoder(std::span<const std::byte> message) : message_(message) {}

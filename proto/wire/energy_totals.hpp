@@ -29,7 +29,7 @@ class EnergyTotals {
   std::span<const double> numbers() const { return numbers_; }
 
  private:
-  std::array<double, kLedgerColumns.size() + 1> numbers_{};  // sums over nodes and steps [J/m2]; the nodes
+  std::array<double, kLedgerColumns.size() + 1> numbers_{};  // sums over nodes and steps [J/m2], then the nodes
 };
 
 }  // namespace shearbus::wire

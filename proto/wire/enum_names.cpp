@@ -5,7 +5,7 @@
 namespace shearbus::wire {
 namespace {
 
-constexpr std::uint32_t kFirstOfClient = 500;  // codes from here on exist on the client's side only
+constexpr std::uint32_t kFirstOfClient = 500;  // first code that exists on the client's side only
 
 constexpr EnumValue kCodes[] = {
     {0, "UNSPECIFIED"},

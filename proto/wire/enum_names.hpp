@@ -1,5 +1,5 @@
-// The enums of the wire by number and name, as the schema has them: for checks of what arrives, for texts, and for the
-// test that compares them with the .proto files.
+// The numbers and names of the enums of the wire, as in the schema. They serve the checks of received numbers, texts,
+// and the test that compares them with the .proto files.
 #pragma once
 
 #include <cstdint>
@@ -16,20 +16,20 @@ struct EnumValue {
 };
 
 struct EnumNames {
-  const char* type;  // in the schema: "Mode"
+  const char* type;  // name in the schema: "Mode"
   std::span<const EnumValue> values;
 
   bool has(std::uint64_t number) const;
-  const char* name(std::uint32_t number) const;  // "?" where it has none
+  const char* name(std::uint32_t number) const;  // "?" for a number without a name
   std::string choices() const;                   // "ADVANCE or TRIAL": all but number 0
 };
 
-// The names of an enum, whichever of its values is given.
+// The names of an enum. The argument selects the enum; its value does not matter.
 EnumNames names_of(Code code);
 EnumNames names_of(Element element);
-EnumNames names_of(Field field);  // without values: columns.hpp has the rows
+EnumNames names_of(Field field);  // has no values: the rows are in columns.hpp
 EnumNames names_of(Mode mode);
-EnumNames names_of(Outcome outcome);  // the bits
+EnumNames names_of(Outcome outcome);  // names of the bits
 EnumNames names_of(Policy policy);
 EnumNames names_of(Regime regime);
 EnumNames names_of(Strategy strategy);

@@ -7,7 +7,7 @@
 namespace shearbus::wire {
 namespace {
 
-// Field numbers of RequestHeader and ReplyHeader, which agree up to 8.
+// Field numbers of RequestHeader and ReplyHeader, which have the same fields up to number 8.
 constexpr std::uint32_t kFirstBody = 16;
 constexpr std::uint32_t kLastOnce = 47;  // no field up to this number may occur twice
 
@@ -64,7 +64,7 @@ void keep(const EncodedField& field, EnvelopeScan& scan) {
   }
 }
 
-// The fault of a field, given the fields before it; empty where it is sound.
+// The fault of a field, given the fields before it; empty if the field is sound.
 std::string fault_of(const EncodedField& field, std::size_t at, std::uint64_t seen, std::uint32_t body) {
   const auto expected = wire_type_of(field.number);
   if (expected && *expected != field.type)
@@ -84,7 +84,7 @@ EnvelopeScan scan_envelope(std::span<const std::byte> header) {
   if (header.empty()) scan.fault = "the header frame is empty";
   Decoder in(header);
   EncodedField field;
-  std::uint64_t seen = 0;  // bit n: field n
+  std::uint64_t seen = 0;  // bit n: field n was found
   for (std::size_t at = 0; in.next(field); at = in.position()) {
     scan.fault = fault_of(field, at, seen, scan.body);
     if (!scan.fault.empty()) return scan;

@@ -1,5 +1,5 @@
-// Scans the envelope of a header frame before its body is decoded, without allocating. By the rules of protobuf alone an
-// empty buffer would be a message of defaults, and two concatenated messages one message.
+// Scans the envelope of a header frame before its body is decoded, without allocating. The rules of protobuf alone
+// would accept an empty buffer as a message of defaults, and two concatenated messages as one message.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@ struct EnvelopeScan {
   std::span<const std::byte> session_id;
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
-  bool has_payload = false;  // declares a payload frame
+  bool has_payload = false;  // whether the header declares a payload frame
   std::uint32_t body = 0;    // field number of the body, 16 to 47; 0: none
   std::string fault;         // empty if the envelope is sound; the members above hold what precedes the fault
 };

@@ -1,4 +1,5 @@
-// Writes and reads any struct that has rows (field_rows.hpp). The rules for text, ids, enums and lists are here, once.
+// Writes and reads any struct that has rows (field_rows.hpp). The rules for texts, ids, enums and lists are written
+// only here.
 #pragma once
 
 #include <fmt/format.h>
@@ -20,7 +21,7 @@
 
 namespace shearbus::wire {
 
-// Where a field stands in a message: "downscale.wanted".
+// The path of a field in a message: "downscale.wanted".
 struct FieldPath {
   const FieldPath* parent = nullptr;
   const char* name = "";  // "" for the header itself
@@ -41,12 +42,12 @@ concept Varint = std::unsigned_integral<T> || std::is_enum_v<T>;
 
 // ---- writing ----
 
-// Text as a peer takes it: valid UTF-8 of at most `most` bytes. A longer text is cut, an invalid byte replaced.
+// Text that a peer accepts: valid UTF-8 of at most `most` bytes. A longer text is cut, an invalid byte is replaced.
 inline std::string sent_text(const std::string& text, std::size_t most = kMaxTextBytes) {
   return text.size() <= most && is_utf8(text) ? text : as_utf8(text, most);
 }
 
-// Writes the fields that differ from the default of proto3, which is zero or nothing. A struct is always written.
+// Writes the fields that differ from the default of proto3, which is zero or empty. A struct is always written.
 class FieldWriter {
  public:
   explicit FieldWriter(Encoder& out, const FieldPath& path = {}) : out_(out), path_(path) {}
@@ -135,7 +136,7 @@ class FieldWriter {
 template <HasRows T>
 void read_message(T& message, std::span<const std::byte> bytes, const FieldPath& path, bool strict);
 
-// An id of 16 bytes, or of none.
+// An id of 16 bytes; all zero if `bytes` is empty.
 inline Id read_id(std::span<const std::byte> bytes, const FieldPath& path) {
   Id id{};
   if (!bytes.empty() && bytes.size() != id.size())
@@ -144,7 +145,7 @@ inline Id read_id(std::span<const std::byte> bytes, const FieldPath& path) {
   return id;
 }
 
-// Sets every field to the default of proto3, which need not be that of the struct.
+// Sets every field to the default of proto3, which may differ from the default of the struct.
 struct FieldClearer {
   template <typename T>
   void operator()(std::uint32_t, const char*, T&& row) const {
@@ -155,7 +156,7 @@ struct FieldClearer {
   }
 };
 
-// Refuses a message without a field that is required.
+// Refuses a message that lacks a required field.
 struct RequiredFields {
   const FieldPath& path;
   std::uint64_t found;  // bit n: field n was in the message
@@ -178,7 +179,7 @@ struct RequiredFields {
   }
 };
 
-// Puts one field of a message into the member of its row.
+// Reads one field of a message into the member of its row.
 class FieldReader {
  public:
   FieldReader(const EncodedField& found, const FieldPath& path, bool strict)
@@ -257,7 +258,7 @@ class FieldReader {
   void read(const FieldPath& path, AtMost<T>& row) {
     read(path, row.value, row.most, row.fixed);
   }
-  // Numbers stand packed in one field, or each in a field of its own.
+  // A list of numbers is packed in one field, or each number has a field of its own.
   template <typename T>
   void read(const FieldPath& path, std::vector<T>& values, std::size_t most = kAnyCount, bool fixed = false) {
     constexpr bool kColumns = std::same_as<T, Field> || std::same_as<T, Column>;
@@ -296,7 +297,7 @@ class FieldReader {
   bool known_ = false;
 };
 
-// Unknown fields are refused (`strict`) or skipped.
+// Refuses an unknown field. A reader that is not `strict` skips unknown fields instead.
 inline void refuse_unknown(std::uint32_t number, const FieldPath& path) {
   throw Error(
       {.code = Code::kMalformed,

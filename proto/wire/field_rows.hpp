@@ -1,10 +1,11 @@
-// What the rows of a message's fields are made of. Each struct of a message names every field once,
+// The rows of the fields of a message. Each struct of a message names every field once,
 //
 //   static void fields(auto&& v, auto& m) { v(1, "dt_s", m.dt_s); ... }
 //
 // with the number and name of the .proto file, and field_codec.hpp writes and reads any such struct. The type of a
-// member says how it is encoded: bool, unsigned numbers and enums as varints, double as fixed64, text, an id of 16 bytes
-// (absent where it is all zero), a struct with rows, and vectors of these. The wrappers below say what a type does not.
+// member determines its encoding: bool, unsigned numbers and enums are varints, double is fixed64; texts, ids of 16
+// bytes (absent if all zero), structs with rows, and vectors of these are allowed too. The wrappers below add
+// properties that a type does not express.
 #pragma once
 
 #include <array>
@@ -13,7 +14,7 @@
 
 namespace shearbus::wire {
 
-using Id = std::array<std::uint8_t, 16>;  // random bytes; all zero: none
+using Id = std::array<std::uint8_t, 16>;  // random bytes; all zero: no id
 
 // A number that is encoded as fixed64.
 template <typename T>
@@ -25,7 +26,7 @@ Fixed<T> fixed(T& value) {
   return {value};
 }
 
-// A field that a message must have; of an enum, kUnspecified is refused too.
+// A field that a message must have; for an enum, kUnspecified is refused too.
 template <typename T>
 struct Required {
   T& value;
@@ -51,7 +52,7 @@ AtMost<T> at_most_fixed(std::size_t most, T& value) {
   return {value, most, true};
 }
 
-// Columns that a peer offers: those that this side does not know are left out.
+// Columns that a peer offers. Columns that this side does not know are left out.
 template <typename T>
 struct KnownOnly {
   T& value;
@@ -61,7 +62,7 @@ KnownOnly<T> known_only(T& value) {
   return {value};
 }
 
-// The text of a scene: required, longer than other texts may be, and never cut or mended.
+// The text of a scene: required, possibly longer than other texts, and never cut or changed.
 template <typename T>
 struct SceneText {
   using IsSceneText = void;
@@ -72,7 +73,7 @@ SceneText<T> scene_text(T& value) {
   return {value};
 }
 
-// A text that may be as long as that of a scene, because it lists the faults of one.
+// A text that may be as long as the text of a scene, because it lists the faults of a scene.
 template <typename T>
 struct LongText {
   T& value;

@@ -1,5 +1,6 @@
-// Fields of a run for ParaView and VisIt: FIELDS.xmf says how to read the HDF5 files below FIELDS/, one for each frame
-// (XDMF 3; opened by ParaView's Xdmf2 and Xdmf3 readers). Quadrilaterals in the plane z = 0. Layout in recording.md.
+// Fields of a run for ParaView and VisIt. FIELDS.xmf describes the HDF5 files below FIELDS/, one file for each frame
+// (XDMF 3; opened by ParaView's Xdmf2 and Xdmf3 readers). Quadrilaterals in the plane z = 0. recording.md describes the
+// layout.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +18,8 @@ namespace shearbus::wire {
 // opened.
 class FieldWriter {
  public:
-  // `quads` holds four nodes per zone; `sidecar` ends in .xmf. `times_s` are the times of frames of an earlier process
-  // that this one continues; if there are none, existing frames are removed.
+  // `quads` holds four nodes per zone; `sidecar` ends in .xmf. `times_s` are the times of the frames of an earlier
+  // process whose run continues; if there are none, existing frames are removed.
   FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,
               std::vector<Quantity> zone_quantities, const std::string& scene, std::vector<double> times_s = {});
   FieldWriter(FieldWriter&&) noexcept;
@@ -28,7 +29,7 @@ class FieldWriter {
   // Positions and velocities of the nodes as x, y, 0; one span of zone values for each quantity, in their order.
   void frame(double time_s, std::span<const double> place, std::span<const double> velocity,
              std::span<const std::span<const double>> zones);
-  const std::vector<double>& times_s() const;  // of the frames written
+  const std::vector<double>& times_s() const;  // times of the written frames
 
  private:
   struct Impl;

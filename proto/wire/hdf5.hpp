@@ -1,5 +1,5 @@
-// HDF5 handles that close themselves, and HDF5's own errors. The only wrapper of the library's ids: for the recordings,
-// and for the checkpoints of server/store.
+// HDF5 handles that close themselves, and the texts of HDF5's errors. Both the recordings and the checkpoints of
+// server/store use these handles; no other code wraps HDF5 ids.
 #pragma once
 
 #include <hdf5.h>
@@ -53,7 +53,7 @@ class Quiet {
   void* data_ = nullptr;
 };
 
-// The innermost entry of HDF5's error stack, which names the cause; the outer entries name the calls that passed it on.
+// The innermost entry of HDF5's error stack, which names the cause. The outer entries name only the calls around it.
 inline std::string reason() {
   std::string text;
   H5Ewalk2(

@@ -1,4 +1,5 @@
-// SIGINT and SIGTERM of a program that writes files: the program finishes the present step and removes its partial files.
+// Handles SIGINT and SIGTERM in programs that write files: the program finishes the present step and removes its
+// partial files.
 #pragma once
 
 #include <csignal>

@@ -15,7 +15,7 @@ inline constexpr std::size_t kKeyCharacters = 40;
 struct ServerAddress {
   std::string endpoint;    // tcp://host:port or ipc://path
   std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
-  std::string secret_key;  // of the client, with server_key
+  std::string secret_key;  // secret key of the client, with server_key
 };
 
 struct KeyLine {
@@ -25,7 +25,7 @@ struct KeyLine {
 
 bool is_key(const std::string& text);
 
-// All functions throw std::runtime_error whose text names file, line, the expected and the found.
+// All functions throw std::runtime_error whose text names the file, the line, the expected and the found text.
 std::vector<KeyLine> read_keys(const std::filesystem::path& file);
 std::string read_public_key(const std::filesystem::path& file);
 std::string read_secret_key(const std::filesystem::path& file);

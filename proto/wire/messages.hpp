@@ -49,7 +49,7 @@ struct Hello {
 struct OpenSession {
   static constexpr BodyRow kBody = {17, "open_session", true};
   std::string scene;       // TOML text
-  std::string scene_file;  // name of the text in messages about it
+  std::string scene_file;  // name of the text, for messages
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: none
@@ -225,8 +225,8 @@ struct SessionOpened {
   std::vector<std::string> warnings;
   Strategy strategy = Strategy::kUnspecified;
   std::uint32_t tangential_components = 1;
-  std::vector<Field> required_columns;    // of a step; node_id is always allowed
-  std::vector<Field> optional_columns;    // of a step
+  std::vector<Field> required_columns;    // required columns of a step; node_id is always allowed
+  std::vector<Field> optional_columns;    // optional columns of a step
   std::vector<Field> reply_columns;       // default columns of a reply
   std::vector<Field> columns_on_request;  // columns that a request must ask for
   std::string scene_name;

@@ -13,7 +13,8 @@
 
 namespace shearbus::wire {
 
-// "replay  [#########...........]  45 %  450/1000 steps  812/s  0.7 s left"
+// The text of a progress line:
+//   replay  [#########...........]  45 %  450/1000 steps  812/s  0.7 s left
 inline std::string progress_line(const std::string& what, std::size_t done, std::size_t total, double elapsed_s) {
   constexpr std::size_t kWidth = 20;
   const double fraction = total ? std::min(1.0, static_cast<double>(done) / static_cast<double>(total)) : 1.0;

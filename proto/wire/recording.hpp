@@ -1,10 +1,10 @@
-// Histories on disk: HDF5 files that a person opens with h5py. The layout is in recording.md beside this file.
+// Histories on disk: HDF5 files that h5py can open. recording.md in this directory describes the layout.
 //
-//   /time [T] s, /node_id [N], /<name> [T,N] with attribute `units`, /meta with attributes format, created, scene (TOML
-//   text), ...
+//   /time [T] s, /node_id [N], /<name> [T,N] with attribute `units`, /meta with attributes format, created, scene
+//   (TOML text), ...
 //
-// Everything throws wire::Error{kInvalidValue} with file and dataset in the text; a writer works on FILE.partial and
-// renames it when closed, so that an interrupted run leaves no file that looks whole.
+// All functions throw wire::Error{kInvalidValue} with file and dataset in the text. A writer works on FILE.partial and
+// renames it when closed, so that an interrupted run leaves no file that looks complete.
 #pragma once
 
 #include <cstdint>
@@ -34,8 +34,9 @@ Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std:
 
 class HistoryWriter {
  public:
-  // `meta` is written to /meta, with format, version, created and units_system: one line as an attribute, a longer text
-  // (the scene) as a scalar dataset. Rows are buffered to chunks of at most 512 KiB a dataset.
+  // `meta` is written to /meta, together with format, version, created and units_system: a text of one line as an
+  // attribute, a longer text (the scene) as a scalar dataset. Rows are buffered in chunks of at most 512 KiB per
+  // dataset.
   HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
                 const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;
@@ -72,7 +73,7 @@ class HistoryReader {
   double start_time_s() const;                 // attribute t0 of /time, 0 when absent
   const std::vector<double>& times_s() const;  // end of each step; strictly increasing, checked
   const std::vector<double>& dt_s()
-      const;  // of each step: /dt [T] when there (checked against /time), else differences
+      const;  // length of each step: /dt [T] if present (checked against /time), else differences
   const std::vector<std::uint64_t>& node_ids() const;  // unique, checked
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;                    // [N], finite, checked

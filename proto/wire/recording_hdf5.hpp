@@ -1,5 +1,5 @@
-// HDF5 errors as wire::Error, and files that appear under their name only once they are complete. Private to the
-// sources of this room that write and read HDF5.
+// HDF5 errors as wire::Error, and files that get their name only when they are complete. Private to the sources of this
+// directory that write and read HDF5.
 #pragma once
 
 #include <fcntl.h>
@@ -26,7 +26,7 @@ using namespace shearbus::hdf5;  // NOLINT(google-build-using-namespace)
                .field = dataset});
 }
 
-// Passes on what HDF5 returned; a negative value becomes an Error.
+// Returns the value that HDF5 returned; throws Error for a negative value.
 template <typename T>
 T checked(T returned, const std::filesystem::path& file, const char* what) {
   if (returned < 0) refuse(file, fmt::format("{}: {}", what, reason()));
@@ -34,14 +34,14 @@ T checked(T returned, const std::filesystem::path& file, const char* what) {
 }
 
 // A new file in the 1.10 format, which checksums its metadata: a flipped bit is an error instead of another number.
-// Errors speak of it as `named`.
+// Errors name the file as `named`.
 inline File create_file(const std::filesystem::path& file, const std::filesystem::path& named) {
   const Properties access(checked(H5Pcreate(H5P_FILE_ACCESS), named, "cannot prepare"));
   checked(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), named, "cannot ask for the 1.10 format");
   return File(checked(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), named, "cannot create"));
 }
 
-// HDF5 issues no fsync of its own, on flush or on close.
+// Calls fsync, which HDF5 itself never does, neither on flush nor on close.
 inline void sync_to_disk(const std::filesystem::path& path, const std::filesystem::path& named) {
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
@@ -50,7 +50,7 @@ inline void sync_to_disk(const std::filesystem::path& path, const std::filesyste
   if (!synced) refuse(named, fmt::format("cannot sync to disk: {}", std::generic_category().message(error)));
 }
 
-// A finished file gets its name, which survives a loss of power when this returns.
+// Gives a finished file its name. The name survives a loss of power when the function has returned.
 inline void publish(const std::filesystem::path& partial, const std::filesystem::path& file) {
   sync_to_disk(partial, file);
   std::error_code error;

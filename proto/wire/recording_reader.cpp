@@ -56,7 +56,7 @@ std::vector<hsize_t> shape_of(hid_t space) {
 }  // namespace
 
 struct HistoryReader::Impl {
-  // A [T,N] dataset and the rows of it that are in memory.
+  // A [T,N] dataset and those of its rows that are in memory.
   struct Series {
     Dataset dataset;
     std::size_t rows_per_read = 1;
@@ -196,7 +196,7 @@ void HistoryReader::Impl::read_dts() {
   if (given.size() != times.size()) fail("dt", fmt::format("has {} values, /time {}", given.size(), times.size()), "");
   read_all("dt", dataset, H5T_NATIVE_DOUBLE, given.data());
   for (std::size_t i = 0; i < times.size(); ++i) {
-    // Rounding of a sum of steps, also of a host with its time in single precision.
+    // Allows the rounding error of a sum of steps, also of a host that keeps its time in single precision.
     const double allowed = 1e-6 * (dts[i] + std::abs(times[i]));
     if (!(given[i] > 0 && std::abs(given[i] - dts[i]) <= allowed))
       fail("dt",

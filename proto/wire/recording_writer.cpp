@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 using namespace hdf5;
 
 constexpr std::size_t kChunkElements = 65'536;     // 512 KiB of doubles
-constexpr std::size_t kMaxRowsPerChunk = 8'192;    // 64 KiB of doubles where there is one node
+constexpr std::size_t kMaxRowsPerChunk = 8'192;    // 64 KiB of doubles for one node
 constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
 
 constexpr std::array kRegimes = {std::pair{"OPEN", Regime::kOpen}, std::pair{"STICK", Regime::kStick},
@@ -39,18 +39,18 @@ struct HistoryWriter::Impl {
   struct Series {
     Quantity quantity;
     bool bytes = false;
-    Type type;  // in the file
+    Type type;  // type in the file
     Dataset dataset;
-    std::vector<double> numbers;  // buffered rows, of `bytes` or not
+    std::vector<double> numbers;  // buffered rows, unless `bytes`
     std::vector<std::uint8_t> codes;
-    bool set = false;  // in the open row
+    bool set = false;  // whether the open row has its values
   };
 
   fs::path file;
   fs::path partial;
   File handle;
   Dataset time;
-  Dataset dt;  // only where the rows have it
+  Dataset dt;  // only if the rows have a dt
   std::vector<Series> series;
   std::size_t nodes = 0;
   std::size_t rows_per_chunk = 1;

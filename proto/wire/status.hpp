@@ -10,8 +10,8 @@
 
 namespace shearbus::wire {
 
-// Stable numbers, the same as shearbus.v1.Code. Hundreds are classes: 1 the message, 2 the session, 3 the content, 4
-// the server; 5 exist on the client's side only.
+// Stable numbers, the same as shearbus.v1.Code. The hundreds are classes: 1xx the message, 2xx the session, 3xx the
+// content, 4xx the server; 5xx exist on the client's side only.
 enum class Code : std::uint16_t {
   kUnspecified = 0,
   kOk = 1,
@@ -49,7 +49,7 @@ enum class Code : std::uint16_t {
   kUnreachable = 500,      // no connection to the endpoint before the deadline
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request
-  kAuth = 503,             // the server refuses this client, or has another key than expected
+  kAuth = 503,             // the server refuses this client, or its key is not the expected key
 };
 
 // The name users see, e.g. "SEQUENCE_GAP".
@@ -60,7 +60,7 @@ inline constexpr std::size_t kMaxNodesNamed = 16;
 struct Status {
   Code code = Code::kOk;
   std::string text;                     // expected and found
-  std::string remedy;                   // what to do about it
+  std::string remedy;                   // proposed action
   std::string field;                    // scene field ("layer.cells") or column ("pressure_pa") at fault
   std::vector<std::uint64_t> node_ids;  // nodes at fault, at most kMaxNodesNamed
   std::uint64_t last_sequence = 0;      // set with the sequence codes

@@ -42,12 +42,12 @@ std::string as_utf8(std::string_view text, std::size_t max_bytes) {
   }
   if (text.size() <= max_bytes) return out;
   const auto room = out.begin() + static_cast<std::ptrdiff_t>(max_bytes - std::min(max_bytes, kCut.size()));
-  out.erase(utf8::find_invalid(out.begin(), room), out.end());  // where a character would be cut, before it
+  out.erase(utf8::find_invalid(out.begin(), room), out.end());  // cut before a character, never inside
   return out.append(kCut.substr(0, max_bytes - out.size()));
 }
 
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates) {
-  constexpr std::size_t kLongestWord = 128;  // longer ones are no slip of the finger
+  constexpr std::size_t kLongestWord = 128;  // a longer word is not a typing error
   if (word.size() > kLongestWord) return {};
   std::string_view best;
   std::size_t best_distance = SIZE_MAX;

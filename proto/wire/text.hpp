@@ -1,4 +1,4 @@
-// Text as the wire carries it: valid UTF-8 of bounded length; and the nearest known word to a mistyped one.
+// Text of the wire, which is valid UTF-8 of bounded length, and the known word nearest to a mistyped word.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +14,8 @@ bool is_utf8(std::string_view text);
 // cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
 
-// The candidate nearest to a mistyped word: smallest edit distance (a swap of neighbours counts once), at most a third of
-// the longer word, with at least one common letter; empty if there is none.
+// The candidate nearest to a mistyped word: the smallest edit distance (a swap of neighbours counts once), at most a
+// third of the longer word, with at least one common letter; empty if there is none.
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);
 
 }  // namespace shearbus::wire

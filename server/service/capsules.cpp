@@ -11,7 +11,7 @@ namespace shearbus::service {
 
 namespace {
 
-// The values of a row; numbers of every element type as doubles.
+// The values of a row. Numbers of every element type become doubles.
 std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t row) {
   std::vector<store::CapsuleValue> values;
   for (const wire::Column& column : batch.columns()) {
@@ -25,7 +25,7 @@ std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t
 
 }  // namespace
 
-// Errors are logged only: the step is answered without a capsule.
+// Writes a capsule for each node without an answer. Errors are logged only: the step is answered without a capsule.
 void Service::leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
                              const shard::Rows& rows, const FailedStep& failed) noexcept try {
   if (store_ == nullptr || replaying_) return;

@@ -13,8 +13,8 @@ using physics::TileInputs;
 using physics::TileOutputs;
 using wire::Field;
 
-// Regimes and outcome bits leave the solver as the bytes of a reply. The switch has no default: a regime that physics
-// gains does not compile here until the wire has it.
+// Regimes and outcome bits of the solver are the bytes of a reply. The switch has no default, so that a new regime of
+// the physics does not compile until the wire has it.
 namespace {
 
 constexpr wire::Regime on_the_wire(physics::Regime regime) {
@@ -45,7 +45,7 @@ static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
 // ---- columns and members of a tile ----
 
-// A second component is the member of the same name with `second_`.
+// The member of a second component has the name of the first component after `second_`.
 #define SECOND_Scalar(rows, enumerator, quantity)
 #define SECOND_Tangential(rows, enumerator, quantity) rows(enumerator, 1, second_##quantity)
 

@@ -1,4 +1,5 @@
-// The columns of a session's steps: those that a model has, and those of a request and its reply as a shard moves them.
+// The columns of a session's steps: the columns that a model has, and the columns of a request and its reply, between
+// which and the tiles a shard moves values.
 #pragma once
 
 #include <string>
@@ -16,16 +17,16 @@ std::string name_of(const wire::Column& column);
 
 wire::Strategy strategy_of(const physics::ModelOptions& options);
 
-// Why a model lacks a column of its strategy.
+// The condition under which a model has a column of its strategy, and the refusal if it lacks the column.
 struct ColumnCondition {
-  wire::Field field;  // kUnspecified: every column of the kind
+  wire::Field field;  // kUnspecified: all columns of the kind
   wire::Kind kind;
   bool (*holds)(const physics::ModelOptions&);  // the model has the column
   wire::Code code;
-  const char* fault;  // behind the column's name
+  const char* fault;  // fault text that follows the column's name
   const char* remedy;
 };
-// Null where the model has the column, or no model of its strategy has it.
+// The condition that the model does not meet. Null if the model has the column, or if no model of its strategy has it.
 const ColumnCondition* unmet_condition(wire::Field field, const physics::ModelOptions& options);
 
 // The columns of the model's strategy whose conditions the model meets.
@@ -37,7 +38,7 @@ struct ModelColumns {
 };
 ModelColumns columns_of(const physics::ModelOptions& options);
 
-// The columns that a request holds and a reply has room for. The batches must outlive them.
+// The columns that the request holds and the columns that the reply has room for. The batches must outlive the result.
 shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply);
 
 }  // namespace shearbus::service

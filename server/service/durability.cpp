@@ -95,7 +95,7 @@ void Service::recover() {
   replaying_ = false;
   epoch_ = options_.epoch;
   times_ = {};
-  metrics_.node_steps = metrics_.solver_ns = 0;  // the server that ran the requests first has counted them
+  metrics_.node_steps = metrics_.solver_ns = 0;  // counted by the server that ran the requests first
 }
 
 void Service::clear() {
@@ -226,7 +226,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
   if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // claims count from the start of the server
+    if (request.epoch != epoch_)  // the count of claims begins with the start of the server
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});

@@ -12,15 +12,15 @@ namespace shearbus::service {
 struct Service::Member {
   wire::SessionId id{};
   std::string identity;              // the opener, the only identity that may use the session
-  wire::ResumeToken resume_token{};  // all zero: nobody may resume the session
+  wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
   std::uint64_t claim = 0;           // the last granted claim
   std::uint64_t claimant = 0;
-  std::uint64_t epoch = 0;  // epoch of the session's requests since that claim; 0: that of the server
+  std::uint64_t epoch = 0;  // epoch of the session's requests since that claim; 0: the server's
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null once closed
   std::string domain;                   // empty: none
   std::string scene_name;
-  std::string scene;            // effective, as canonical text
+  std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
   std::vector<store::MarkImage> marks;  // oldest first
@@ -35,7 +35,7 @@ struct Service::Arrival {
   Frames frames;
   Caller caller;
   wire::Request request;
-  std::uint64_t hash = 0;  // of the frames
+  std::uint64_t hash = 0;  // hash of the frames
   std::uint64_t started_ns = 0;
 };
 

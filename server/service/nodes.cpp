@@ -1,8 +1,8 @@
 // The set of a session's nodes: registering and retiring nodes, moving nodes between sessions, and marks.
 //
-// A node belongs to one session of its domain, or to one transfer. offer_nodes moves nodes from a session to a transfer,
-// accept_nodes from a transfer to a session. Each is one request of one session, journaled and answered like any other,
-// so a crash between the two leaves the nodes in the transfer.
+// A node belongs to one session of its domain, or to one transfer. offer_nodes moves nodes from a session to a
+// transfer, accept_nodes moves them from a transfer to a session. Each of the two is one request of one session,
+// journaled and answered like any other request, so a crash between them leaves the nodes in the transfer.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -85,8 +85,8 @@ std::uint64_t Service::Member::held_bytes() const {
   return bytes;
 }
 
-// Throws NODE_OWNED if a session other than `self` or a waiting offer has one of the nodes, except offers of `self` after
-// this sequence, which the request withdraws.
+// Throws NODE_OWNED if a session other than `self` or a waiting offer has one of the nodes. Offers of `self` after the
+// sequence `withdrawn_after` do not count, because the request withdraws them.
 void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                            std::span<const std::uint64_t> node_ids) const {
   if (domain.name.empty()) return;
@@ -287,8 +287,8 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
   reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
 }
 
-// Restores the nodes of the mark with their states. Nodes registered since leave; nodes retired since return, and so do
-// nodes of offers made since that wait.
+// Restores the nodes of the mark with their states. Nodes registered since the mark leave the session. Nodes retired
+// since, and nodes of offers that were made since and still wait, return to it.
 void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
   const shard::Shard& before = *member.shard;
   std::unique_ptr<shard::Shard> other_nodes;

@@ -20,7 +20,7 @@
 namespace shearbus::service {
 namespace {
 
-// Thrown by the conversion: faults by their keys, which the caller places in the text.
+// The exception of the conversion: faults with their keys, whose places in the text the caller finds.
 struct Refused {
   std::vector<scene::Fault> faults;
   std::string remedy;
@@ -40,16 +40,6 @@ physics::Material material_of(const v1::Body& body, const std::string& table) {
     made.material.melting_curve = physics::MeltingCurve::kLindemann;
   if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
-  // A pressure term that the flow law does not have is refused by the table of parts, whatever constants are missing.
-  const bool term_exists = body.pressure_term() != v1::PRESSURE_TERM_COMPRESSED ||
-                           physics::has_constant(made.material.flow_law, &physics::Material::pressure_coefficient);
-  if (const std::string_view missing = physics::constant_missing_for_options(made.material);
-      term_exists && !missing.empty())
-    refuse(fmt::format("{}.{}", table, missing),
-           fmt::format("{}.{} is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
-                       "compression at a pressure",
-                       table, missing),
-           "Give it, or leave both options at their defaults.");
   return made.material;
 }
 
@@ -57,8 +47,8 @@ physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
   return boundary == v1::FAR_BOUNDARY_HALF_SPACE ? physics::FarBoundary::kHalfSpace : physics::FarBoundary::kInsulated;
 }
 
-// A key that [hard_layer] lacks is as in [layer] (with a tolerance the server chooses the cells), its thickness scaled to the depth that heat
-// reaches in the hard body.
+// Fills in the absent keys of [hard_layer] from [layer] (with a tolerance the server chooses the cells). The thickness
+// is scaled to the depth that heat reaches in the hard body.
 void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
   const v1::Layer& layer = scene.layer();
   v1::HardLayer& hard = *scene.mutable_hard_layer();
@@ -69,7 +59,8 @@ void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
   if (hard.far_boundary() == v1::FAR_BOUNDARY_UNSPECIFIED) hard.set_far_boundary(layer.far_boundary());
 }
 
-// Junctions are of the soft metal unless [junctions] says otherwise; fresh, they yield as the interface does.
+// Fills in the absent constants of [junctions] from the soft metal. Junctions without strain yield at the yield
+// strength of the interface.
 void fill_junctions(v1::Junctions& junctions, const physics::Material& soft) {
   const bool soft_hardens_as_junctions =
       physics::has_constant(soft.flow_law, &physics::Material::hardening_coefficient);
@@ -96,7 +87,7 @@ physics::JunctionOptions junctions_of(const v1::Junctions& junctions, const phys
   return {.contact_fraction = junctions.contact_fraction(), .height = junctions.height_m(), .metal = metal};
 }
 
-// Without cells of its own (a tolerance) one cell of grading 1 stands until the server has chosen.
+// With a tolerance a scene gives no cells; one cell of grading 1 then stands until the server has chosen the grid.
 template <typename Table>
 physics::GridOptions grid_of(const Table& table) {
   return {.thickness = table.thickness_m(),
@@ -128,7 +119,7 @@ void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
                                           .longest_time = layer.modes().longest_time_s()};
 }
 
-// By the table of server/physics/solver/parts.cpp.
+// Refuses options that exclude each other by the table of server/physics/solver/parts.cpp.
 void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   std::vector<scene::Fault> faults;
   for (physics::Refusal& refusal : physics::refusals(options))
@@ -136,7 +127,7 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   if (!faults.empty()) throw Refused{std::move(faults), "Leave out one of the two."};
 }
 
-// A checked scene with its defaults. Fills in the constants that the scene leaves to the server.
+// Converts a checked scene that has its defaults. Fills in the constants that the scene leaves to the server.
 SceneModel convert(v1::Scene& scene) {
   SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
   physics::ModelOptions& options = made.options;

@@ -65,7 +65,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
                      .text = fmt::format("the server could not run the request: {}", fault.what()),
                      .remedy = "Nothing was changed. Tell the maintainers of the server."};
   }
-  if (kept_) failed_ = true;  // in the journal, but not run: states and journal differ
+  if (kept_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
   if (failed()) {
     log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
     return std::nullopt;
@@ -107,7 +107,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   try {
     wire::decode(frames, request);
   } catch (const Error&) {
-    address();  // with the ids that could be read
+    address();  // the refusal has the ids that could be read
     throw;
   }
   address();
@@ -148,7 +148,8 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   return answer_in_session(arrival, reply);
 }
 
-// `member` is null if the request's session is unknown. Replayed requests were checked when they ran first.
+// Checks the epoch of a request; `member` is null if the session of the request is unknown. Requests that are replayed
+// were checked when they ran first.
 void Service::check_epoch(const wire::Request& request, const Member* member) const {
   const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
   if (request.epoch == 0 || request.epoch == expected || replaying_) return;
@@ -170,7 +171,8 @@ Service::ReplyPtr Service::repeat(const Member& member) {
   return member.conversation.kept_reply();
 }
 
-// A session id and a resume token may leak; a key or a uid is authenticated.
+// Checks that the caller may act in the session. A session id and a resume token may leak; the identity of the caller
+// (a key or a uid) is authenticated.
 void Service::check_identity(const Member& member, const Caller& caller) const {
   if (caller.identity == member.identity || caller.is_operator || replaying_) return;
   log(fmt::format("REFUSED: {} asked for session {} of {}", caller.identity, short_name(member.id), member.identity));
@@ -417,7 +419,7 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
                             wire::Reply& reply) {
   keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
-  ++totals.requests;  // close_session itself
+  ++totals.requests;  // counts close_session itself
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));

@@ -1,5 +1,5 @@
-// The server without its socket: frames in, frames out. One thread at a time. Equal requests, clocks and epochs give
-// equal bytes.
+// The server without its socket: frames in, frames out. One thread at a time may call it. Equal requests, clocks and
+// epochs give equal bytes.
 #pragma once
 
 #include <cstddef>
@@ -54,7 +54,8 @@ struct ServiceOptions {
 
 class Service : private store::Recovery {
  public:
-  // A store keeps requests beyond the end of the server, as its durability says; without a store nothing is kept.
+  // With a store, requests survive the end of the server as far as the durability of the store promises; without a
+  // store nothing survives.
   Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store = nullptr);
   ~Service() override;
 
@@ -72,7 +73,7 @@ class Service : private store::Recovery {
   // Writes the states of all sessions to the store. False without a store, or if writing failed.
   bool checkpoint();
 
-  // An operator asked the server to end after the last session, and no session is open.
+  // Whether an operator asked the server to end after the last session, and no session is open.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
   // Refuses every later request with SHUTTING_DOWN.
@@ -156,7 +157,7 @@ class Service : private store::Recovery {
   shard::TaskPool& pool_;
   store::Store* store_;
   std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that answered
-  std::uint64_t claims_ = 0;  // number of granted claims; each has an epoch, counted from that of the server
+  std::uint64_t claims_ = 0;  // number of granted claims; claim i has the epoch epoch_ + i
   bool replaying_ = false;    // during recovery
   bool kept_ = false;         // the present request is in the journal and has not run
   bool failed_ = false;

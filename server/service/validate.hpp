@@ -1,5 +1,5 @@
-// Checks of a request before physics uses its numbers. Every check throws wire::Error, whose text names column, nodes and
-// value.
+// Checks of a request before physics uses its numbers. Every check throws wire::Error, whose text names column, nodes
+// and value.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,16 @@
 
 namespace shearbus::service {
 
-// The node ids of an opening: unique and not too many. Only a session of a domain may have none.
+// The node ids of an opening: unique and not too many. They may be absent only if the session has a domain.
 std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain);
 
-// The ids of nodes to register: unique, at least one, and none of the session's nodes.
+// The ids of nodes to register: unique, at least one, and none of them in the session.
 std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// The rows of nodes to retire or offer: unique, at least one, and all of the session.
+// The rows of nodes to retire or offer: unique, at least one, and all of them in the session.
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// Refuses a session of too many nodes.
+// Refuses a session that would have too many nodes.
 void check_session_size(std::size_t nodes);
 
 // Refuses a name of a mark or a domain that is empty or too long.

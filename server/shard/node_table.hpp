@@ -1,7 +1,7 @@
-// The nodes of a shard in the order of their registration, and the slot that holds the state of each.
+// The nodes of a shard in the order of their registration, and the slot that holds the state of each node.
 //
-// Slots are dense: n nodes occupy the slots 0 to n - 1. New nodes get the next slots; when nodes leave, the nodes of the
-// last slots move into the free slots. The order of the rows does not change: it is the order of registration.
+// Slots are dense: n nodes occupy the slots 0 to n - 1. New nodes get the next slots; when nodes leave, the nodes of
+// the last slots move into the free slots. The rows always stay in the order of registration.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// A shard owns the committed and trial states of one session's nodes and steps them. It knows node ids and slots, but no
-// messages, sessions or clock.
+// A shard owns the committed and trial states of the nodes of one session and steps them. It knows node ids and slots,
+// but no messages, sessions or clock.
 #pragma once
 
 #include <cstddef>
@@ -44,8 +44,9 @@ class Shard {
   Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
         TaskPool& pool, const ShardOptions& options = {});
 
-  // Memory in bytes: of the state of one node, as marks and files store it; of one node in a shard, which has a committed
-  // state, a trial state and an entry in the index; and of a number of nodes, in whole tiles.
+  // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
+  // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
+  // in whole tiles.
   static std::uint64_t bytes_of_state(const physics::Model& model);
   static std::uint64_t bytes_per_node(const physics::Model& model);
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes);
@@ -59,12 +60,12 @@ class Shard {
   // operators of the last kOperatorsKept lengths.
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
-  // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier trial.
-  // Nodes outside of `rows` and nodes without an answer keep their states. Throws nothing.
+  // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
+  // trial. Nodes outside of `rows` and nodes without an answer keep their states. Throws nothing.
   StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
-  // Makes the same step without changing the shard, from the standing trial if `from_trial`. adopt() makes the attempt
-  // the trial and cannot fail; a trial that the attempt started from must have been committed before.
+  // attempt() computes the step without changing the shard, from the standing trial if `from_trial`. adopt() makes the
+  // attempt the trial and cannot fail; a trial that the attempt started from must have been committed before.
   class Attempt;
   Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                   bool from_trial);
@@ -79,9 +80,9 @@ class Shard {
   // Committed states of one node's tile, for tests: [TileLayout::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;
 
-  // A change of the set of nodes is prepared without changing the shard; apply() cannot fail. No trial may stand.
-  // New nodes follow the present nodes. They start from a uniform temperature [K], or from states of another shard, row i
-  // of which belongs to node_ids[i]. The ids must be unique, and the shard must have none of them. Throws
+  // A change of the set of nodes is prepared without changing the shard; apply() cannot fail. No trial may stand. New
+  // nodes follow the present nodes. They start from a uniform temperature [K], or from states of another shard, in
+  // which row i belongs to node_ids[i]. The ids must be unique, and the shard must have none of them. Throws
   // std::invalid_argument if the states are not of this model.
   class NodeChange;
   NodeChange adding(std::span<const std::uint64_t> node_ids, std::span<const double> temperature,
@@ -89,12 +90,12 @@ class Shard {
   NodeChange removing(std::span<const std::uint32_t> slots) const;
   void apply(NodeChange&& change);
 
-  States committed_states() const;  // of every node
+  States committed_states() const;  // states of every node
   // States of the nodes in these slots, as rows 0, 1, ...; if `of_trial`, the trial states of nodes that have one.
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
-  States trial_states() const;  // of the nodes in tiles that the trial changed; empty without a trial
-  // Restores results of committed_states() and trial_states() to the last bit; without `trial` no trial stands. Throws
-  // std::invalid_argument if the states are not of this shard's model and nodes.
+  States trial_states() const;  // trial states of the nodes in tiles that the trial changed; empty without a trial
+  // Restores the results of committed_states() and trial_states() to the last bit; without `trial` there is no trial.
+  // Throws std::invalid_argument if the states are not of the model and nodes of this shard.
   void restore(const States& committed_states, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
@@ -136,8 +137,8 @@ class Shard {
   // tiles it needs.
   std::size_t tiles_per_block_;
   std::vector<Block> blocks_;
-  std::vector<std::uint8_t> committed_;     // for each tile, the one of its two buffers that holds the committed states
-  std::vector<std::uint32_t> touched_;      // tiles of the trial, ascending
+  std::vector<std::uint8_t> committed_;  // for each tile, the number (0 or 1) of the buffer with the committed states
+  std::vector<std::uint32_t> touched_;   // tiles of the trial, ascending
   std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;

@@ -14,7 +14,7 @@ namespace shearbus::shard {
 
 // One state of the nodes: `width` values per node, [node][width].
 struct StateColumn {
-  std::string name;   // "temperature_k"
+  std::string name;   // name with unit: "temperature_k"
   std::string units;  // "K"
   std::size_t width = 0;
   std::vector<double> values;
@@ -25,8 +25,8 @@ struct States {
   std::vector<StateColumn> columns;
 };
 
-// Writes the rows of `states`, whose columns are the states of this model; `state_of(i)` points at the lane of row i in its
-// tile.
+// Writes the rows of `states`, whose columns are the states of this model; `state_of(i)` points at the lane of row i in
+// its tile.
 template <typename StateOf>
 void write_states(const States& states, const physics::Model& model, const StateOf& state_of) {
   const std::span<const physics::State> known = model.layout().states();

@@ -1,5 +1,5 @@
-// The columns of a step: each names the member of a tile that it fills, or is filled from. A shard moves the values and
-// knows no quantity by name.
+// The columns of a step. Each input column fills a member of a tile, each answer column is filled from a member. A
+// shard moves the values and knows no quantity by name.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace shearbus::shard {
 
-// Values of a request, one per row. Members without a column are 0.
+// Values of a request, one per row. A member without a column is 0.
 struct InputColumn {
   double (physics::TileInputs::*member)[physics::kLanes];
   std::span<const double> values;

@@ -17,7 +17,7 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
 // Checks footer, lengths and hashes of the file and returns the bytes of its image. Throws DamagedFile.
 Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generation);
 
-// Convert a capsule to an HDF5 file and back. Reading throws DamagedFile.
+// Converts a capsule to an HDF5 file and back. Reading throws DamagedFile.
 std::vector<std::byte> capsule_bytes(const Capsule& capsule);
 Capsule read_capsule(Bytes file, const std::string& name);
 

@@ -29,7 +29,7 @@ Snapshot read(const std::filesystem::path& path) {
 
 std::string number(double value) {
   std::array<char, 32> text{};
-  // The shortest text that reads back to the same bits.
+  // Returns the shortest text that reads back to the same bits.
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 std::string number(std::uint64_t value) {

@@ -28,7 +28,7 @@ hdf5::Type text_type(std::size_t size) {
   return type;
 }
 
-// Requires a space of one value: HDF5 reads as many values as the file declares into the buffer of one.
+// Requires a space of one value: HDF5 reads as many values as the file declares, and the buffer has room for one.
 void check_single(hid_t space, const std::string& name) {
   if (H5Sget_simple_extent_npoints(space) != 1) throw Hdf5Error("read one value from " + name);
 }

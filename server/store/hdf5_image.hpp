@@ -20,8 +20,8 @@ class Hdf5Error : public std::runtime_error {
   explicit Hdf5Error(const std::string& doing) : std::runtime_error("HDF5 could not " + doing) {}
 };
 
-// The id, or an Hdf5Error. The words are joined only for an error: with a good id nothing may fail before a handle owns
-// it.
+// Returns the id, or throws an Hdf5Error for a negative id. The words of its text are joined only in that case: with a
+// good id nothing may fail before a handle owns it.
 hid_t checked(hid_t id, std::string_view doing, std::string_view what = {});
 
 template <typename Number>

@@ -34,7 +34,7 @@ class JournalWriter {
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
   // failure the journal must not be used.
   void append(const Record& record);
-  void sync();  // as File::sync, if anything was appended since the last call
+  void sync();  // calls File::sync if anything was appended since the last call
 
   std::uint64_t number() const { return number_; }
   std::uint64_t next_index() const { return next_index_; }

@@ -20,7 +20,7 @@ struct MarkImage {
   shard::States states;
 };
 
-// Nodes that one session has offered and no other has accepted yet.
+// Nodes that one session has offered and no other session has accepted yet.
 struct TransferImage {
   SessionKey id{};
   SessionKey giver{};
@@ -36,7 +36,7 @@ struct SessionImage {
   SessionKey id{};
   bool open = true;           // a closed session keeps only its last request and reply
   std::string identity;       // owner of the session
-  SessionKey resume_token{};  // all zero: none
+  SessionKey resume_token{};  // all zero: no token
   std::string domain;         // empty: none
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes

@@ -1,4 +1,4 @@
-// What the store needs of a disk: one flat directory of append-only files. It is an interface so that tests can
+// The disk as the store uses it: one flat directory of append-only files. It is an interface so that tests can
 // substitute a disk that fails or loses power at any call.
 #pragma once
 

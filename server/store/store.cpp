@@ -277,9 +277,9 @@ std::string Store::leave_capsule(const Capsule& capsule) {
   return file;
 }
 
-// Keeps the newest checkpoints and every segment with a record later than the oldest of them. All other checkpoints,
-// damaged ones and those of attempts that failed after the rename, are removed before the segments and durably: without
-// the segments an older checkpoint cannot be used.
+// Keeps the newest checkpoints and every segment with a record later than the oldest of these checkpoints. All other
+// checkpoints, including damaged ones and those of attempts that failed after the rename, are removed before the
+// segments and durably: without the segments an older checkpoint cannot be used.
 void Store::prune() {
   if (checkpoints_.size() > kGenerationsKept)
     checkpoints_.erase(checkpoints_.begin(), checkpoints_.end() - kGenerationsKept);

@@ -73,8 +73,8 @@ class Store {
   // Returns false if it could not be written; the older checkpoints and the journal then still hold everything.
   bool checkpoint(Snapshot snapshot);
 
-  // The number of failure capsules that may still be written, and the writing of one, which returns its file name. Both
-  // throw StorageError; the answers do not depend on capsules.
+  // capsule_room() is the number of failure capsules that may still be written; leave_capsule() writes one and returns
+  // its file name. Both throw StorageError; the answers do not depend on capsules.
   std::size_t capsule_room();
   std::string leave_capsule(const Capsule& capsule);
 

@@ -47,7 +47,7 @@ std::optional<std::uint32_t> uid_in(std::string_view address) {
   return uid;
 }
 
-// Returns nothing for a request that no guarded socket of this server makes.
+// Returns no peer for a request that no guarded socket of this server makes.
 std::optional<Peer> peer_of(const std::vector<zmq::message_t>& request) {
   if (request.size() < kFixedFrames || request[0].to_string_view() != "1.0") return std::nullopt;
   const std::string_view domain = request[2].to_string_view();

@@ -1,6 +1,6 @@
-// Decides who may connect: a ZAP handler (ZeroMQ RFC 27) on its own thread, which calls a function of the caller. It
-// fails closed: if the function throws, blocks, or the thread has died, new connections are refused; existing
-// connections stay.
+// Decides which peers may connect: a ZAP handler (ZeroMQ RFC 27) on its own thread, which calls a function of the
+// caller. It fails closed: if the function throws or blocks, or the thread has died, new connections are refused;
+// existing connections stay.
 #pragma once
 
 #include <atomic>

@@ -26,7 +26,8 @@ struct OutFrame {
 };
 
 using Frames = std::span<const std::span<const std::byte>>;
-// `user` is the name that the access handler gave the peer, empty for a peer inside this process. No frames: no answer.
+// Answers a message. `user` is the name that the access handler gave the peer; it is empty for a peer inside this
+// process. A result without frames means no answer.
 using Handler = std::function<std::vector<OutFrame>(Frames, std::string_view user)>;
 
 // Work of a router between requests.
@@ -37,13 +38,13 @@ struct Pulse {
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;             // a peer has one request in flight; the rest is slack for repeats
-  Authorise authorise;                          // decides who may connect by ipc and tcp
-  bool ipc_for_others = false;                  // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;                 // Z85; tcp peers must have keys. Empty: they have none, and
-  bool insecure_plaintext = false;              // tcp is refused unless this is set
-  std::function<void(const std::string&)> log;  // a line per undeliverable answer; may be empty
-  std::function<void(const std::string&)> log_access;  // a line per refused connection; called from another thread
+  int queued_messages_per_peer = 4;                     // a peer has one request in flight; the others are repeats
+  Authorise authorise;                                  // decides who may connect by ipc and tcp
+  bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
+  std::string curve_secret_key;                         // Z85; with it tcp peers must have keys; empty: no keys
+  bool insecure_plaintext = false;                      // allows tcp without keys, which is refused otherwise
+  std::function<void(const std::string&)> log;          // a line per undeliverable answer; may be empty
+  std::function<void(const std::string&)> log_access;   // a line per refused connection; called from another thread
 };
 
 struct RouterCounters {

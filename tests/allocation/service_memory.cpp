@@ -1,7 +1,8 @@
-// Memory: what a request may cost, and what happens where there is none. Every single allocation of a request fails
-// once. The request is refused with nothing changed, or it was run and its answer alone found no memory; either way the
-// same request again is answered as by a service that never ran short (P2, P3). Of a server on a disk the journal may
-// have got ahead of the states: it ends, and the next one recovers (P1).
+// Memory of the service: how much a request may cost, and how the service behaves when memory runs out. Each allocation
+// of a request is made to fail once. The request is then either refused with nothing changed, or it was executed and
+// only its reply is lost. In both cases the same request sent again gets the reply of a service that never ran short
+// (P2, P3). A server with a journal on disk may have written the journal without updating its states: it ends, and the
+// next server recovers (P1).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +15,8 @@
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 
-// What protobuf and HDF5 lose where an allocation inside of them fails is lost on purpose: proto/scene/with_message.hpp.
+// protobuf and HDF5 leak when an allocation inside them fails. These leaks are accepted; proto/scene/with_message.hpp
+// says why for protobuf.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:with_message\nleak:shearbus::v1::\nleak:libhdf5\n";
@@ -22,8 +24,8 @@ extern "C" const char* __lsan_default_suppressions() {
 
 namespace {
 
-std::atomic<long> allocations_left{-1};       // until one fails; below 0: none does
-std::atomic<std::size_t> bytes_allocated{0};  // since it was set to 0
+std::atomic<long> allocations_left{-1};       // allocations until one fails; below 0: none fails
+std::atomic<std::size_t> bytes_allocated{0};  // bytes since the last reset
 
 void* allocate(std::size_t size, std::size_t alignment = alignof(std::max_align_t)) {
   bytes_allocated += size;
@@ -98,15 +100,15 @@ struct Tally {
   long failures = 0, refused = 0, unanswered = 0, recovered = 0;
 };
 
-// The service that runs short, on a disk or not, and a twin that never does.
+// The service under test, with or without a journal, and a twin of it whose allocations never fail.
 class Pair {
  public:
   explicit Pair(bool durable) {
     if (durable) start();
   }
 
-  // The same request with the n-th allocation failing, n = 1, 2, 3, ... as long as one does: `make(i)` is asked for a
-  // fresh request whenever the one before has been run.
+  // Sends a request with its n-th allocation failing, for n = 1, 2, 3, ... until none fails. `make()` returns a new
+  // request after the previous one has been executed.
   template <typename Make>
   void fail_every_allocation(const Make& make, const char* what) {
     wire::Request request = make();
@@ -145,7 +147,7 @@ class Pair {
     FAIL() << what << ": it never ends";
   }
 
-  // What a checkpoint cannot hold stays in the journal.
+  // A checkpoint that runs out of memory loses nothing: its records are still in the journal.
   void fail_every_allocation_of_a_checkpoint() {
     for (long n = 1; n < 100'000; ++n) {
       allocations_left = n - 1;
@@ -202,7 +204,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   scene.mutable_layer()->set_cells(6);
   scene.mutable_hard_layer();
 
-  unsigned session = 0;  // a new one each time
+  unsigned session = 0;  // changes with every request
   const auto next_id = [&] {
     ++session;
     wire::SessionId id{};
@@ -237,7 +239,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   };
   pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance); }, "advance");
   pair.fail_every_allocation([&] { return step(wire::Mode::kTrial); }, "trial");
-  double dt_s = 1e-9;  // a new one each time: its operators are made anew
+  double dt_s = 1e-9;  // changes with every step, so that new operators are built
   pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance, dt_s *= 1.001); }, "advance with a new dt");
   pair.fail_every_allocation([&] { return ServiceHarness::in_session(wire::Rollback{}, ++sequence); }, "rollback");
   pair.fail_every_allocation(
@@ -261,7 +263,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
             << "), states changed: " << (HasFailure() ? "SOME" : "0") << "\n";
 }
 
-// Operators of substeps are made in the middle of a step, when one first asks for them.
+// The operators of substeps are built during the step that first needs them, so allocations fail there too.
 TEST(OutOfMemory, InAStepThatIsCutForItsToleranceChangesNothing) {
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Pair pair(false);
@@ -314,7 +316,7 @@ TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
     while (all.size() + part.size() <= bytes) all += part;
     return all;
   };
-  const auto field = [](char tag, const std::string& content) {  // length-delimited, length in three bytes
+  const auto field = [](char tag, const std::string& content) {  // length-delimited field; its length takes three bytes
     const std::size_t n = content.size();
     return std::string{tag, static_cast<char>(0x80 | (n & 0x7f)), static_cast<char>(0x80 | (n >> 7 & 0x7f)),
                        static_cast<char>(n >> 14)} +
@@ -331,7 +333,7 @@ TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
       {"a length beyond the end", sound + "\x42\xff\xff\xff\xff\x07"},
   };
   ServiceHarness server;
-  server.ask(ServiceHarness::in_session(wire::Hello{}, 0));  // what is made once is made
+  server.ask(ServiceHarness::in_session(wire::Hello{}, 0));  // creates everything that is created only once
   const auto cost_of = [&](const std::string& header) {
     const std::span<const std::byte> frame = std::as_bytes(std::span(header));
     bytes_allocated = 0;

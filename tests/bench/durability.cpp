@@ -1,11 +1,11 @@
-// shearbus-bench-durability: what it costs that sessions outlive the server. Round trips of a step over ipc, one server
-// per durability, in turns, so that what else the machine does falls on all alike:
+// shearbus-bench-durability measures the cost of sessions that outlive the server: round trips of a step over ipc, with
+// one server per durability. The servers take turns, so that other load of the machine affects all of them alike:
 //
 //   volatile  no state directory
-//   process   in the journal before it is answered
-//   power     and on the disk
+//   process   a step is in the journal before it is answered
+//   power     the journal is also synced to the disk before the answer
 //
-// Medians, and their ratio to the first. One line per strategy and number of nodes.
+// Prints medians and their ratio to the first median, one line per strategy and number of nodes.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

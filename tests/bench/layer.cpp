@@ -1,8 +1,8 @@
 // Cost of the layer solvers under the paper's conditions (100 m/s, 11.2 GPa, dt 1 ns), averaged over the first 1 us.
 // per_node_step is the CPU time of a tile's step divided by its lanes. grid:0 is the paper's 500 uniform cells, grid:1
-// 60 cells graded 1.08, grid:2 those with a half-space behind. BM_Conduct is the conduction of one step alone, per
-// node, of a layer that has been heated for so many steps. BM_Operators is what a new step length costs, once; grid:3:
-// of heat by modes.
+// has 60 cells graded 1.08, grid:2 has the cells of grid:1 with a half-space behind. BM_Conduct measures the conduction
+// of one step alone, per node, in a layer that was heated for `steps` steps before. BM_Operators measures the cost of a
+// new step length; its grid:3 is heat by modes.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ void run(benchmark::State& state, const ModelOptions& options, const Step& step)
   for (auto _ : state) {
     rig.committed = start;
     for (int n = 0; n < kStepsPerRun; ++n) {
-      // Lanes differ a little, as nodes of one interface do.
+      // Lanes differ slightly, as the nodes of one interface do.
       for (int l = 0; l < kLanes; ++l) rig.inputs.velocity_jump[l] = 100.0 + l;
       step(rig, n);
     }
@@ -59,7 +59,7 @@ void BM_ForceDriven(benchmark::State& state) {
   run(state, grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
 }
 
-// The interface yields at the layer's own strength (flows:0) or above it, when the layer flows (flows:1).
+// The interface yields at the layer's own strength (flows:0) or above it, so that the layer flows (flows:1).
 void BM_PlasticLayer(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
   options.plastic_layer = true;
@@ -113,7 +113,7 @@ void BM_Sdirk2(benchmark::State& state) {
   run(state, options);
 }
 
-// No profile: 1 ns to 1 us, to 1e-3 and 1e-6 of the kernel.
+// Heat by modes without a profile: from 1 ns to 1 us, to 1e-3 and 1e-6 of the kernel.
 void BM_Modes(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, 2);
   options.modes = {.accuracy = state.range(0) == 3 ? 1e-3 : 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};
@@ -127,7 +127,8 @@ void BM_Inertia(benchmark::State& state) {
   run(state, options);
 }
 
-// Slip with two components, of which the second is a third of the first and turns; forced:1 is force-driven.
+// Slip with two components. The second starts at a third of the first and decreases by half, so that the direction of
+// the slip turns; forced:1 is force-driven.
 void BM_TwoComponents(benchmark::State& state) {
   const bool forced = state.range(1) != 0;
   ModelOptions options =
@@ -161,7 +162,7 @@ BENCHMARK(BM_PlasticLayer)
     ->ArgsProduct({{0, 1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
 
-// What the energy ledger of a step adds, for those who ask.
+// Cost of the energy ledger of a step, which is recorded only on request.
 void BM_Ledger(benchmark::State& state) {
   Rig rig(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
   rig.set_all(100.0, 11.2e9);

@@ -1,17 +1,18 @@
-// shearbus-bench-leave-out: what leaving out saves on a cone. The coarse cone is run once and what it asks of its
-// layers recorded; the requests then go through the model alone, with
+// shearbus-bench-leave-out measures the time saved by leaving out options, on a cone. The coarse cone runs once, and
+// the inputs of its layers are recorded; the model alone then replays them with
 //
-//   everything      parts that are paid for and change no bit of the answer: contact through junctions that are
-//                   everywhere and do not harden, a second direction without slip, the energy ledger
-//   scene           the scene, with a profile by backward Euler where the shipped one does without
-//   sleep           the same, and nodes at rest sleep
-//   plastic layer   the scene with a layer that flows, in a run of its own, without and with sleep
+//   everything      all options that change no bit of the answer: contact through junctions that are everywhere and do
+//                   not harden, a second direction without slip, the energy ledger
+//   scene           the scene, with a profile by backward Euler in place of the shipped modes
+//   sleep           the same, where nodes at rest sleep
+//   plastic layer   the scene with a layer that flows, from a run of its own, without and with sleep
 //
-// and a tile that is stuck under a steady pull after it has slid, which a cone's nodes are not for long, is timed
-// alone.
+// A tile that is stuck under a steady pull after sliding is timed separately, because the nodes of a cone are not in
+// this state for long.
 //
-// Times are sums over the run of each tile's step, the shortest of some runs; step lengths, nearly all of a cone's
-// steps have one of their own, apart. T0 and s are compared with those of the same layer solved in full.
+// Times are sums over the run of each tile's step, each the shortest of kRuns runs. The time for new step lengths is
+// listed separately, because nearly all steps of a cone have different lengths. T0 and s are compared with those of the
+// first variant of each table.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -37,7 +38,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kRuns = 15;
 
-// Keeps what the host asks.
+// Records the inputs of the host's steps.
 class Recorder : public hydro::InterfaceLaw {
  public:
   explicit Recorder(hydro::InterfaceLaw& law) : law_(law) {}
@@ -58,10 +59,10 @@ class Recorder : public hydro::InterfaceLaw {
 };
 
 struct Replayed {
-  std::size_t state_doubles = 0;  // of a node
+  std::size_t state_doubles = 0;  // per node
   double layers_s = 0.0, step_lengths_s = 0.0;
   double asleep = 0.0, stuck = 0.0;         // shares of node-steps: asleep, asleep in a closed contact
-  std::vector<double> temperature, stress;  // of every node-step
+  std::vector<double> temperature, stress;  // [K] and [Pa], one value per node-step
 };
 
 double since(Clock::time_point start) {
@@ -134,7 +135,7 @@ double apart(const std::vector<double>& a, const std::vector<double>& b) {
   return most;
 }
 
-// What the cone asks of the layers of a scene.
+// Runs the cone of a scene and returns the inputs of its layers.
 std::vector<hydro::InterfaceInputs> recorded(const guest::HydroScene& scene) {
   const hydro::ConeTarget cone = hydro::make_cone_target(scene);
   lagrange::Bodies bodies = hydro::make_bodies(cone);
@@ -154,7 +155,7 @@ struct Variant {
   bool ledger;
 };
 
-// The first of the variants is what the others are compared with.
+// Prints a table in which the other variants are compared with the first.
 void print_table(const std::vector<hydro::InterfaceInputs>& asked, const std::vector<Variant>& variants) {
   std::printf("%zu nodes, %zu steps\n%-24s %10s %10s %12s %9s %9s %12s %12s\n", asked.front().pressure.size(),
               asked.size(), "", "B of state", "layers ms", "lengths ms", "asleep %", "stuck %", "T0 apart K",
@@ -169,7 +170,7 @@ void print_table(const std::vector<hydro::InterfaceInputs>& asked, const std::ve
   }
 }
 
-// Microseconds per node-step of a tile whose nodes have slid and are now stuck, the least of some runs.
+// Returns the time per node-step  [us] of a tile whose nodes have slid and are now stuck, the shortest of kRuns runs.
 double stuck_tile(const physics::ModelOptions& options) {
   constexpr int kSlides = 100, kLoads = 20, kSettles = 100, kTimed = 200;
   constexpr double kStep = 2e-9, kPull = 20e6;
@@ -189,7 +190,8 @@ double stuck_tile(const physics::ModelOptions& options) {
       if (n == kSlides + kSettles) started = Clock::now();
       for (int l = 0; l < kLanes; ++l) {
         inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
-        inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;  // opens for a moment: what stress there was is gone
+        // The contact opens for one step, which removes the stress of the sliding.
+        inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;
         inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
         inputs.stress_soft[l] = inputs.stress_hard[l] = kPull;
       }

@@ -1,10 +1,9 @@
-// shearbus-bench-roundtrip: what the bus costs. For each number of nodes, over ipc and in turns:
+// shearbus-bench-roundtrip measures the cost of the bus. For each number of nodes two round trips over ipc alternate:
 //
-//   bare     bare ZeroMQ: two frames of the request's sizes there, two of the reply's sizes back, nothing looked at
-//   shearbus a step through client and server, less the time in the layers: codec, checksums, validation, gather and
-//   scatter
+//   bare     bare ZeroMQ: two frames of the request's sizes one way, two of the reply's sizes back, contents ignored
+//   shearbus a step through client and server without the solver's time: codec, checksums, validation, gather, scatter
 //
-// Medians, and their ratio. Run it on an idle machine; the ratio is what to compare between machines.
+// Prints medians and their ratio. Run it on an idle machine; only the ratio is comparable between machines.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -72,7 +71,7 @@ void measure(std::size_t nodes) {
   Client client = server.client();
   Session session = client.open(support::text_of(support::force_scene(1)), "scene", ids);
   const auto& first = session.advance(request, {.dt_s = kDt});
-  const Sizes asked = {120, request.bytes().size()};  // headers of a step are about this long
+  const Sizes asked = {120, request.bytes().size()};  // a step's headers have about this length
   const Sizes answered = {160, first.outcome().size() * 2 + first.shear_stress_pa().size() * 5 * sizeof(double)};
 
   const support::ScratchDirectory scratch;

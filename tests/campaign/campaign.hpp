@@ -1,6 +1,6 @@
-// The stability campaign: each row pushes one quantity to its extreme and runs on every physics of the solvers; every
-// step is held to the invariants of tests/support/invariants.hpp. Rows and physics are tables, shared by shearbus-study
-// and the tests of the label "stability".
+// The stability campaign: each row takes one quantity to its extremes and runs on every physics of the solvers; every
+// step is checked against the invariants of tests/support/invariants.hpp. Rows and physics are tables, shared by
+// shearbus-study and the tests of the label "stability".
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@ using testing::ModelOptions;
 using testing::Rig;
 using testing::SearchEffort;
 
-// The host before a row changes it: that of the paper, unless a scene describes another.
+// The host before a row changes it: the paper's host, unless a scene describes another.
 struct Host {
   double pressure = 11.2e9;        // [Pa]
   double half_zone_soft = 2.5e-6;  // half a zone at the interface, which sets the mass of (61)  [m]
@@ -44,10 +44,10 @@ struct SeveralAnswers {
   double below;        // [K]
   double slip;         // [v] without friction      [m/s]
 };
-// Finds such a step near melting, at the host's step length or longer ones; nothing if there is none up to 10 us.
+// Finds such a step near melting, of the host's step length or longer; returns nothing if there is none up to 10 us.
 std::optional<SeveralAnswers> several_answers(const Physics& physics);
 
-// The course of one scene of a row. Before the first step all inputs are those of the host.
+// The course of one scene of a row. Before the first step all inputs have the host's values.
 struct Course {
   Course(Rig& on, const Host& of, int scene_number);
 
@@ -60,10 +60,10 @@ struct Course {
   std::optional<SeveralAnswers> several;  // set for the row of several answers
 
   bool forced() const;
-  void impose(int lane, double jump);  // two components: along a slowly turning direction of the lane
+  void impose(int lane, double jump);  // with two components: along a slowly turning direction of the lane
   void impose_all(const std::array<double, kLanes>& jumps);
-  void push(int lane, double soft, double hard);  // far stresses, in the same direction
-  void go_on(int lane);                           // force-driven: continues with the last step's final jump
+  void push(int lane, double soft, double hard);  // sets the far stresses, in the same direction
+  void go_on(int lane);                           // force-driven: sets the jump to the final jump of the last step
 };
 
 struct Row {
@@ -74,35 +74,36 @@ struct Row {
   std::function<std::vector<ModelOptions>(const Physics&)> scenes;
   std::function<void(Course&)> start;        // called once, before the first step; may be empty
   std::function<void(Course&)> before_step;  // sets inputs and dt
-  bool steady;                               // constant inputs: an alternating answer is an error of the solver
+  bool steady;  // constant inputs, under which an alternating answer is an error of the solver
   // Checks that the row has reached the regime it is meant for; returns the reason if not. May be empty.
   std::function<std::string(const Figures&)> missed;
 };
 std::vector<Row> all_rows();
 
-// Not met: all invariants hold, but the row did not reach the regime it is meant for.
+// Not met: all invariants held, but the row did not reach the regime for which it is meant.
 enum class Verdict { kHeld, kNotMet, kBroken, kNotAsked };
 
 // The result of a row on a physics.
 struct Outcome {
   Verdict verdict = Verdict::kNotAsked;
-  std::string reason;  // broken: the invariant and the place; not met: the reason
+  std::string reason;  // of a broken row the invariant and the place, of a row not met the reason
   Figures figures;
   SearchEffort most;         // largest effort of one step of eight lanes
-  double bound_share = 0.0;  // largest heat relative to that of a molten interface
+  double bound_share = 0.0;  // largest heat, relative to the heat of a molten interface
   double seconds = 0.0;
 };
 Outcome run(const Row& row, const Physics& physics, int most_steps = std::numeric_limits<int>::max());
 
-// Upper bound of the effort of one step of eight lanes. A larger effort means that a search degenerates to bisection.
+// Returns the upper bound of the effort of one step of eight lanes. A larger effort shows that a search degenerates to
+// bisection.
 SearchEffort effort_bound(const ModelOptions& options, bool divided);
 void require_effort(const SearchEffort& step, const Rig& rig);
 void take_most(SearchEffort& most, const SearchEffort& step);
 
-// Detects a value that alternates: many reversals in a row, none much smaller than the one before.
+// Detects a value that alternates: many reversals in a row, of which none is much smaller than the reversal before.
 class Ringing {
  public:
-  // `size`: scale of the value.
+  // `size` is the scale of the value.
   void see(double value, double size);
   bool rings() const { return turns_ >= kTurns; }
 
@@ -114,8 +115,8 @@ class Ringing {
   int seen_ = 0, turns_ = 0;
 };
 
-// Heat of a layer whose interface is at melting from the first step on. By a comparison principle no history of the
-// same steps takes more heat, so this bounds the friction work of all of them.
+// Heat of a layer whose interface is at melting from the first step on. By a comparison principle no other history of
+// the same steps has more heat, so this bounds the friction work of all histories.
 class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);

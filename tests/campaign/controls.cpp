@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kPressure = 11.2e9;  // [Pa]
 
-// A solver of lane 0 that replaces the model's step of the rig.
+// A solver of lane 0 that replaces the step of the rig's model.
 using Solver = std::function<void(Rig&, double dt)>;
 
 struct ControlCase {
@@ -27,13 +27,14 @@ struct ControlCase {
   int steps = 0;
   double jump = 0.0;         // [m/s]
   bool pulse = false;        // the jump is 0 from the second step on
-  bool closed_loop = false;  // force-driven: the next jump is the last answer
-  double stress_soft = 0.0;  // far stress and its relative growth per step  [Pa]
+  bool closed_loop = false;  // force-driven: the next jump is the answered jump
+  double stress_soft = 0.0;  // far stress  [Pa]; stress_growth is its relative growth per step
   double stress_growth = 0.0;
-  double mass = 1.0;     // of each side  [kg/m2]
-  double start = 300.0;  // [K]
+  double mass = 1.0;     // mass of each side  [kg/m2]
+  double start = 300.0;  // initial temperature  [K]
   bool must_ring = false;
-  std::function<double(const Answered&)> ringing_of;  // and its scale; changes above 1e-3 of it count
+  // Quantity watched for ringing; `size` is its scale, and changes above 1e-3 of the scale count.
+  std::function<double(const Answered&)> ringing_of;
   double size = 1.0;
   Solver solver;
 };
@@ -45,7 +46,7 @@ struct WrongAnswer {
   Regime regime = Regime::kTresca;
 };
 
-// Answers from the state before, in `trial`, with temperatures after conduction.
+// Writes the answer. rig.trial holds the state before the step, rig.committed the temperatures after conduction.
 void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   const TileLayout& layout = rig.model.layout();
   rig.committed[layout.shear_stress] = answer.stress;
@@ -59,7 +60,7 @@ void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   rig.outputs.outcome[0] = 0;
 }
 
-// Copies the state before to `trial` and conducts heat for dt.
+// Copies the state before the step to rig.trial and conducts heat for dt.
 const HeatOperator& begin(Rig& rig, double dt) {
   if (!rig.operators || rig.operators->dt() != dt) rig.operators = rig.model.operators(dt);
   rig.trial = rig.committed;
@@ -80,7 +81,7 @@ double limit_at(const Rig& rig, double T0) {
                   o.interface.yield_strength * softening(o.soft, kPressure, T0).g / kSqrt3);
 }
 
-struct Body {  // DLP (61) of lane 0
+struct Body {  // DLP (61) of lane 0: [V]new = [V]old + driven - per_stress * s
   double driven, per_stress;
 };
 Body body_of(const Rig& rig, double dt) {
@@ -90,7 +91,7 @@ Body body_of(const Rig& rig, double dt) {
 
 // ---- Wrong solvers ----
 
-// Sticking as [V]mid = 0, as printed: [V]new = -[V]old.
+// Sticking as [V]mid = 0, as printed in the paper: it gives [V]new = -[V]old.
 void midpoint_stick(Rig& rig, double dt) {
   begin(rig, dt);
   const Body body = body_of(rig, dt);
@@ -98,7 +99,7 @@ void midpoint_stick(Rig& rig, double dt) {
   finish(rig, dt, {(2.0 * jump + body.driven) / body.per_stress, 0.0, -jump, 0.0, Regime::kStick});
 }
 
-// DLP (56) by the plain secant method: no bracket, no safeguard, the last iterate is the answer.
+// Solves DLP (56) by the plain secant method: without bracket or safeguard, the last iterate is the answer.
 void plain_secant(Rig& rig, double dt) {
   const HeatOperator& heat = begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -108,7 +109,8 @@ void plain_secant(Rig& rig, double dt) {
   const double share = heat_partition(o.soft, o.hard);
   const auto strain_of = [&](int i, double s) {
     const double T = rig.T(i) + share * std::max(0.0, s * jump) * heat.layer_response()[i];
-    if (T >= o.soft.melting_temperature) return s > 0.0 ? 1e6 : 0.0;  // anything large: the printed (48) has no value
+    // A large value, because the printed (48) has no value above melting.
+    if (T >= o.soft.melting_temperature) return s > 0.0 ? 1e6 : 0.0;
     return reference::strain_increment(o.soft, std::max(0.0, s), kPressure, T, rig.ep(i), dt);
   };
   const auto flow = [&](double s) {
@@ -139,7 +141,7 @@ void plain_secant(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// Friction at the temperature before the step.
+// Takes the friction limit at the temperature before the step.
 void explicit_flux(Rig& rig, double dt) {
   const double T_old = rig.T(0);
   const HeatOperator& heat = begin(rig, dt);
@@ -153,7 +155,7 @@ void explicit_flux(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// (64) with the layer's flow of the last step; the strain of this step follows afterwards.
+// Solves (64) with the layer's flow of the last step; the strain of this step is computed afterwards.
 Solver lagged_strain() {
   return [flow = 0.0](Rig& rig, double dt) mutable {
     const HeatOperator& heat = begin(rig, dt);
@@ -182,7 +184,7 @@ Solver lagged_strain() {
   };
 }
 
-// Tries an elastic step at T_ad without heat first, and takes the model's step if anything yields.
+// First tries an elastic step without heat, and uses the model's step if any vertex yields.
 void elastic_first(Rig& rig, double dt) {
   begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -197,7 +199,7 @@ void elastic_first(Rig& rig, double dt) {
   rig.step(dt);
 }
 
-// Crank-Nicolson conduction: half a step of forward Euler, which repeats the second half of the step before with the
+// Conducts by Crank-Nicolson: half a step of forward Euler, which repeats the second half of the previous step with the
 // new flux, then half a step of backward Euler.
 Solver crank_nicolson() {
   return [midway = std::vector<double>(), last_flux = 0.0](Rig& rig, double dt) mutable {

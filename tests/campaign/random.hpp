@@ -1,5 +1,5 @@
-// Random histories under the invariants: scenes, states and inputs drawn from a seed, for every solver. The property
-// tests run them for a second, shearbus-study stability as long as asked.
+// Random histories under the invariants: scenes, states and inputs are drawn from a seed, for every solver. The
+// property tests run them for about a second, shearbus-study stability for as many node-steps as requested.
 #pragma once
 
 #include <cstdint>
@@ -30,12 +30,12 @@ struct RandomOutcome {
   std::vector<Fault> faults;
 };
 
-// Runs histories of one kind, a seed each from `first_seed` on, for at least so many node-steps. Half of them start
-// from a drawn state.
+// Runs histories of one kind, each with its own seed from `first_seed` on, until there are at least `node_steps`
+// node-steps. Half of the histories start from a random state.
 RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, std::uint64_t first_seed);
-// Likewise all kinds in turn, usual and extreme scenes.
+// Runs all kinds in turn in the same way, with usual and extreme scenes.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed);
-// Likewise one physics, with drawn states and inputs.
+// Runs one physics in the same way, with random states and inputs.
 RandomOutcome run_random(const Physics& physics, long node_steps, std::uint64_t first_seed);
 
 }  // namespace shearbus::study::stability

@@ -26,7 +26,7 @@ namespace {
 
 struct Campaign {
   std::optional<UserScene> scene;  // replaces the list of physics
-  bool cut_short = false;          // rows with fewer steps
+  bool cut_short = false;          // the option --steps limits the steps of every row
   std::vector<Physics> physics;
   std::vector<Row> rows;
   std::vector<std::vector<Outcome>> outcomes;  // [row][physics]
@@ -49,7 +49,7 @@ const char* name_of(Verdict verdict) {
   return "not asked";
 }
 
-// Combines outcomes: the largest value of every figure.
+// Combines outcomes: the worst verdict and the largest value of every figure.
 Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
   Outcome worst;
   for (const Outcome* one : outcomes) {

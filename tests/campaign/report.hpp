@@ -10,9 +10,10 @@
 
 namespace shearbus::study {
 
-// A scene replaces the list of physics; refusals and controls do not depend on it and are not run again.
+// Options of the command. With a scene its physics replaces the list; refusals and controls do not depend on a scene
+// and do not run.
 struct StabilityOptions : CommandOptions {
-  std::string row;           // run this row only; empty: all rows, refusals and controls
+  std::string row;           // only this row; empty: all rows, refusals and controls
   std::optional<int> steps;  // upper bound of the steps of a row
   long random_steps = 200000;
   std::uint64_t seed = 1;
@@ -24,7 +25,7 @@ struct StabilityOptions : CommandOptions {
 CLI::App* add_stability(CLI::App& program, StabilityOptions& options);
 
 // Returns 0 if all invariants held, all invalid requests were refused and all wrong solvers failed, otherwise 1. A row
-// that does not reach its regime counts as a fault of the campaign, but not for a scene of the user or with fewer
+// that does not reach its regime counts as a fault of the campaign, except with a scene of the user or with fewer
 // steps.
 int run_stability(const StabilityOptions& options);
 

@@ -1,4 +1,4 @@
-// Finds steps with several solutions of a physics.
+// Finds force-driven steps of a physics that have several solutions.
 #include <algorithm>
 #include <cmath>
 
@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kLongestStep = 1e-5;  // longest step of the campaign  [s]
 constexpr double kStickShare = 0.9;    // stress of the sticking solution relative to the limit
-constexpr double kClearly = 0.8;       // limit at the stress of largest heating, relative to that stress
+constexpr double kClearly = 0.8;       // largest ratio of the limit at the stress of largest heating to that stress
 
 // Returns the stress limit of the interface at rest  [Pa].
 double limit_at(const ModelOptions& o, double pressure, const Material& soft, double T) {
@@ -24,8 +24,8 @@ double limit_at(const ModelOptions& o, double pressure, const Material& soft, do
 }  // namespace
 
 // With [v] = c - b s an interface can stick at s = c/b, and half of that stress gives the largest heat, heating * b
-// s^2/4. If the limit at that heat is below c/2b, two slipping solutions exist in addition, one with more and one with
-// less slip.
+// s^2/4. If the limit at the temperature of that heat is below c/2b, two slipping solutions exist in addition to
+// sticking, one with more and one with less slip.
 std::optional<SeveralAnswers> several_answers(const Physics& physics) {
   const ModelOptions& o = physics.options;
   const Host& host = physics.host;

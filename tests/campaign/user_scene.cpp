@@ -30,7 +30,7 @@ namespace {
                      .field = std::move(field)});
 }
 
-// The problems of shearbus-hydro in which bodies slide on each other.
+// Returns true for the problems of shearbus-hydro in which bodies slide on each other.
 bool has_interface(const guest::Hydro& hydro) {
   return hydro.has_shear_column() || hydro.has_cone_target() || hydro.has_sliding_plates();
 }
@@ -49,7 +49,7 @@ void require_layer(const guest::HydroScene& scene) {
            "Set strategy = \"velocity_driven\" or \"force_driven\".");
 }
 
-// Opens a session in a server of this process and throws what it refuses.
+// Opens a session in a server of this process; throws the server's refusal.
 void require_opened(const hydro::SceneFile& file) {
   support::ServiceHarness host;
   wire::Request opening = support::ServiceHarness::opening(file.server_text(), support::node_ids(1));
@@ -65,8 +65,8 @@ struct Told {
   std::string by;
 };
 
-// Of shear_column its own mesh and step; of the problems in two dimensions zones of one width, and the step that a wave
-// in the stiffer metal allows.
+// Takes the host from the scene's problem. A shear_column has its own mesh and step. The problems in two dimensions
+// have zones of one width, and the step is the Courant limit of a longitudinal wave in the faster metal.
 Told host_of(const guest::HydroScene& scene) {
   Told told{.host = {}, .by = "not in the scene: the paper's"};
   if (!scene.has_hydro()) return told;
@@ -89,7 +89,8 @@ Told host_of(const guest::HydroScene& scene) {
   } else if (scene.hydro().has_cone_target()) {
     const hydro::ConeTarget cone = hydro::make_cone_target(scene);
     in_two_dimensions(cone.scene.zone_width_m(), cone.scene.courant(), cone.soft, cone.hard);
-    // The flyer is of the metal it strikes: half its speed, along the Hugoniot.
+    // The flyer has the metal of the confinement that it strikes, so the pressure is that of half its speed on the
+    // Hugoniot.
     const double u = 0.5 * cone.scene.flyer_speed_m_per_s();
     host.pressure = cone.hard.eos.density * (cone.hard.eos.sound_speed + cone.hard.eos.s1 * u) * u;
     told.by = "[hydro.cone_target]";
@@ -125,7 +126,7 @@ Told host_of(const guest::HydroScene& scene, const HostGiven& given) {
   return told;
 }
 
-// ---- What the physics is, in words ----
+// ---- Description of the physics in words ----
 
 std::string body(const v1::Body& body, const physics::Material& metal) {
   std::string text = body.material().empty() ? "a metal of its own" : body.material();
@@ -172,7 +173,7 @@ std::string describe(const v1::Scene& scene, const ModelOptions& o) {
                      body(scene.hard(), o.hard), law(o), layer(o), o.initial_temperature, o.soft.melting_temperature);
 }
 
-// Faults of a scene with their place in the file.
+// Runs `work` and adds to a fault of the scene its place in the file.
 template <class Work>
 auto placed(const hydro::SceneFile& file, const Work& work) {
   try {

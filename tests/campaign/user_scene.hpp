@@ -10,14 +10,15 @@
 
 namespace shearbus::study {
 
-// Reads a scene with a shear layer that a server would open. Throws with expected and found value, remedy and place in
-// the file.
+// Reads a scene with a shear layer and requires that a server would open it. Throws with the expected and the found
+// value, a remedy and the place in the file.
 hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
-// Properties of the host from the command line; absent ones come from the scene's problem, or else from the paper.
+// Properties of the host from the command line. Absent properties come from the scene's problem, or from the paper if
+// the scene has none.
 struct HostGiven {
   std::optional<double> pressure;    // [Pa]
-  std::optional<double> zone_width;  // of either body  [m]
+  std::optional<double> zone_width;  // zone width of both bodies  [m]
   std::optional<double> dt;          // [s]
 };
 

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""Holds shearbus/v1/*.proto to what was agreed: against the descriptors kept in tests/golden, no message, field, enum or enum
-value may be gone, renumbered, retyped, or moved in or out of a oneof. Additions are free.
+"""Checks shearbus/v1/*.proto against the agreed schema: compared with the descriptors in tests/golden no message, field, enum or enum value
+may be removed, renumbered, retyped, or moved in or out of a oneof. Additions are allowed.
 
-check_schema.py --protos DIR --golden FILE [--update]   compares, or keeps the present schema as the agreed one
-check_schema.py --protos DIR --self-test                shows each rule fail on a schema changed for it"""
+check_schema.py --protos DIR --golden FILE [--update]   compares; --update stores the present schema as the agreed one
+check_schema.py --protos DIR --self-test                shows that each rule fails on a schema changed for it"""
 import argparse
 import pathlib
 import subprocess
@@ -20,7 +20,7 @@ def compile_protos(protoc, protos, target):
 
 
 def flatten(schema):
-    """("field", message, name) -> everything about it that bytes or callers depend on; likewise for enum values."""
+    """Returns ("field", message, name) -> all properties that bytes or callers depend on, and the same for enum values."""
     parts = {}
 
     def enum(scope, e):

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""A client written from proto/WIRE.md and the .proto files alone, and what it holds a server to. It shares no code with the
-C++ client: if the page is wrong or incomplete, this fails.
+"""A client written from proto/WIRE.md and the .proto files alone, with its tests of a server. It shares no code with the C++ client, so it
+fails if the page is wrong or incomplete.
 
 outsider.py --endpoint ENDPOINT --protos DIR --work DIR   (DIR of .proto files; a directory for the generated modules)
-    [--server-key FILE --key FILE]                          (by tcp: the server's public key, and one's own secret one)"""
+    [--server-key FILE --key FILE]                          (for tcp: the server's public key and the client's secret key)"""
 import argparse
 import ctypes
 import math
@@ -25,7 +25,7 @@ downscale_pb = None
 
 
 def generate(protoc, protos, work):
-    """Python modules of the messages, made by protoc now: the .proto files are the only source."""
+    """Generates the Python modules of the messages with protoc, so that the .proto files are the only source."""
     global pb, downscale_pb
     work.mkdir(parents=True, exist_ok=True)
     files = sorted(str(p) for p in (protos / "shearbus/v1").glob("*.proto"))
@@ -56,7 +56,7 @@ def element_of(field):
 
 
 def pack(columns):
-    """{field: values} -> (Payload, frame)."""
+    """Packs {field: values} into (Payload, frame)."""
     frame, payload = b"", pb.Payload()
     for field, values in columns.items():
         element = element_of(field)
@@ -88,7 +88,8 @@ class Reply:
 
 
 def key_in(file):
-    """WIRE.md, "Transport and frames": 40 characters of Z85 and words behind; lines that begin with "# " are comments."""
+    """Returns the key in a file as WIRE.md, "Transport and frames" defines it: 40 characters of Z85, then words; lines that begin with "# "
+    are comments."""
     lines = [line for line in pathlib.Path(file).read_text().splitlines() if line and not line.startswith("# ")]
     return lines[0].split()[0].encode()
 
@@ -132,7 +133,7 @@ class Connection:
 
 
 class Session:
-    """Opens, then numbers its requests; a refused one leaves the number free."""
+    """A session that numbers its requests; a refused request does not use up its number."""
 
     def __init__(self, connection, scene, node_ids, temperatures=None, domain=""):
         self.connection, self.id, self.sequence = connection, os.urandom(16), 0
@@ -202,7 +203,7 @@ class Outsider(unittest.TestCase):
         self.addCleanup(lambda: session.call(close_session={"reason": "test over"}))
         return session
 
-    # -- saying hello --
+    # -- hello --
 
     def test_hello_tells_version_limits_and_epoch(self):
         reply = self.bus.call(hello={"oldest_major": 1, "newest_major": 1, "client_name": "outsider"})
@@ -234,7 +235,7 @@ class Outsider(unittest.TestCase):
         for _ in range(10):
             reply = session.step(drive([100.0]))
             self.assertEqual(reply.code, pb.CODE_OK, reply.header.status.text)
-        # At N = 500, dt = 1 ns, backward Euler, the discrete problem has this answer to rounding.
+        # At N = 500, dt = 1 ns, backward Euler, this is the answer of the discrete problem to rounding.
         self.assertTrue(math.isclose(reply.columns[TEMPERATURE][0], 398.146970801, rel_tol=1e-8), reply.columns)
         self.assertTrue(math.isclose(reply.columns[STRESS][0], 229.2063259e6, rel_tol=1e-8), reply.columns)
         self.assertEqual(reply.columns[REGIME], (3,))
@@ -259,7 +260,7 @@ class Outsider(unittest.TestCase):
                                   MASS_SOFT: [2703 * 0.5e-5], MASS_HARD: [7900 * 0.5e-5]})
             self.assertEqual(reply.code, pb.CODE_OK, reply.header.status.text)
             self.assertEqual(set(reply.columns), {STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME})
-            # The interface pulls each half zone with s: [V] changes by -dt s (1/m_soft + 1/m_hard).
+            # The interface pulls each half zone with the stress s, so [V] changes by -dt s (1/m_soft + 1/m_hard).
             stress = reply.columns[STRESS][0]
             expected = jump - 1e-9 * stress * (1 / (2703 * 0.5e-5) + 1 / (7900 * 0.5e-5))
             self.assertTrue(math.isclose(reply.columns[JUMP_NEW][0], expected, rel_tol=1e-12), (reply.columns, expected))
@@ -297,7 +298,7 @@ class Outsider(unittest.TestCase):
         self.assertEqual(again.opened.header.session_opened.effective_scene, opened.effective_scene)
 
     def test_an_opening_names_the_columns_of_its_steps(self):
-        """What a client without a TOML reader needs to know of its scene."""
+        """Checks that an opening tells a client without a TOML reader all that it needs to know of its scene."""
         def facts(session):
             opened = session.opened.header.session_opened
             return (opened.strategy, opened.tangential_components, list(opened.required_columns), list(opened.optional_columns),
@@ -325,7 +326,7 @@ class Outsider(unittest.TestCase):
         plain.step(drive([100.0]))
         self.assertEqual(rode_along.columns, plain.step(drive([100.0])).columns)
 
-    # -- nodes come, leave and move --
+    # -- nodes are registered, retired and moved --
 
     def test_nodes_move_between_sessions_of_a_domain_with_their_states(self):
         domain = os.urandom(8).hex()
@@ -366,7 +367,7 @@ class Outsider(unittest.TestCase):
         again = session.send(frames)
         self.assertEqual((first.header.replayed, again.header.replayed), (False, True))
         self.assertEqual(first.frames[1], again.frames[1])
-        first.header.upscale.ClearField("solver_ns")  # a repeat takes no time
+        first.header.upscale.ClearField("solver_ns")  # a repeated reply reports no time
         first.header.upscale.ClearField("service_ns")
         self.assertEqual(first.header.upscale, again.header.upscale)
         plain.step(drive([100.0]))
@@ -430,7 +431,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(self.bus.exchange([b"GET / HTTP/1.1\r\n\r\n"]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([b""]), pb.CODE_MALFORMED)
         self.assert_refused(self.bus.exchange([bytes(512 * 1024 + 1)]), pb.CODE_LIMIT)
-        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x02\x00"  # body 47
+        later = self.bus.header(session_id=session.id, sequence=1).SerializeToString() + b"\xfa\x02\x00"  # the unknown body 47
         self.assert_refused(self.bus.exchange([later]), pb.CODE_UNSUPPORTED)
         self.assertEqual(session.step(drive([100.0])).columns, plain.step(drive([100.0])).columns)
 
@@ -462,7 +463,7 @@ class Outsider(unittest.TestCase):
         self.assert_refused(Session(self.bus, "name = = 3", [1]).opened, pb.CODE_INVALID_SCENE)
         self.assert_refused(Session(self.bus, "#" * (256 * 1024 + 1), [1]).opened, pb.CODE_LIMIT)
 
-    # -- the end --
+    # -- closing --
 
     def test_closing_frees_the_session(self):
         before = self.bus.call(server_status={}).header.server_status

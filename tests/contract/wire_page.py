@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Holds the worked exchange of proto/WIRE.md to the bytes: the requests on the page are those of the messages they describe, a real
-server answers them with the replies on the page, and the comments beside the bytes say what the bytes hold.
+"""Checks the worked exchange of proto/WIRE.md: the requests on the page are the bytes of the messages that they describe, a real server
+answers them with the replies on the page, and the comments next to the bytes are correct.
 
 wire_page.py --endpoint ENDPOINT --protos DIR --work DIR --page WIRE.md [--protoc PROTOC] [--write]
 --write replaces the blocks of the page by the bytes of this server."""
@@ -21,7 +21,7 @@ COLUMNS = {outsider.JUMP: [100.0], outsider.PRESSURE: [11.2e9]}
 BLOCK = re.compile(r"```hex (\w+)\n(.*?)```", re.S)
 HEX_LINE = re.compile(r"((?:[0-9a-f]{2} )*[0-9a-f]{2})(?:  |$)")
 BYTES_PER_LINE = 16
-OF_THE_RUN = {  # what differs from run to run, machine to machine and release to release
+OF_THE_RUN = {  # fields that differ from run to run, from machine to machine and from release to release
     "ReplyHeader": ("epoch",),
     "Welcome": ("server_version", "durability", "access"),
     "Limits": ("max_state_bytes",),
@@ -31,7 +31,7 @@ PAGE = None
 
 
 def lines_of(data, comment):
-    """Bytes as lines of the page; the comment stands in the first."""
+    """Returns bytes as lines of the page; the first line has the comment."""
     rows = [data[i : i + BYTES_PER_LINE].hex(" ") for i in range(0, len(data), BYTES_PER_LINE)]
     return [f"{rows[0]:<{3 * BYTES_PER_LINE + 1}}{comment}".rstrip(), *rows[1:]]
 
@@ -47,7 +47,7 @@ def varint(data, at):
 
 
 def message_lines(data, descriptor, depth=0):
-    """A serialised message, a line for each tag and its value, which says field number, name and value."""
+    """Yields the lines of a serialised message: one for each tag and its value, with field number, name and value."""
     at = 0
     while at < len(data):
         start = at
@@ -82,7 +82,7 @@ def message_lines(data, descriptor, depth=0):
 
 
 def payload_lines(frame, payload):
-    """A payload frame, a line for each column and one for the zeros behind it."""
+    """Yields the lines of a payload frame: one for each column and one for the zeros behind it."""
     at = 0
     for column in sorted(payload.columns, key=lambda c: c.offset_bytes):
         size = column.count * struct.calcsize(outsider.CODE[column.element])
@@ -95,7 +95,7 @@ def payload_lines(frame, payload):
 
 
 def block(frames, descriptor, header_class):
-    """The text of a block: each frame of a message with its number and size."""
+    """Returns the text of a block: each frame of a message with its number and size."""
     lines = [f"frame 0, the header, {len(frames[0])} bytes", *message_lines(frames[0], descriptor)]
     if len(frames) > 1:
         lines += [f"frame 1, the payload, {len(frames[1])} bytes",
@@ -104,7 +104,7 @@ def block(frames, descriptor, header_class):
 
 
 def frames_of(text):
-    """The bytes of a block, frame by frame: whatever its comments say."""
+    """Returns the bytes of a block, frame by frame, from the hexadecimal digits only."""
     frames = []
     for line in text.splitlines():
         if line.startswith("frame "):
@@ -117,7 +117,7 @@ def frames_of(text):
 
 
 def without_the_run(message):
-    """A copy of a reply's header without what no page can promise."""
+    """Returns a copy of a reply's header without the fields that differ between runs."""
     copy = type(message)()
     copy.CopyFrom(message)
     found = [copy]
@@ -131,7 +131,7 @@ def without_the_run(message):
 
 
 class Exchange:
-    """The conversation of the page with a server: block name -> frames."""
+    """The conversation of the page, held with a server: block name -> frames."""
 
     def __init__(self):
         self.bus = outsider.Connection()
@@ -157,7 +157,7 @@ def text_of(name, frames):
 
 
 def faults(page, exchange):
-    """What the page says that is not so."""
+    """Yields the faults of the page."""
     blocks = dict(BLOCK.findall(page))
     if set(blocks) != set(exchange):
         yield f"expected the blocks {sorted(exchange)}, found {sorted(blocks)}"
@@ -167,7 +167,7 @@ def faults(page, exchange):
             written = frames_of(blocks[name])
             annotated = text_of(name, written)
             header = header_class(name).FromString(written[0])
-        except Exception as fault:  # bytes that are no message
+        except Exception as fault:  # the bytes are not a message
             yield f"{name}: {fault}"
             continue
         if annotated != blocks[name]:
@@ -195,7 +195,7 @@ class Page(unittest.TestCase):
             for line in text.splitlines():
                 field = re.search(r"\d+ (\w+)[:,]|^.*?  ([a-z_0-9]+): ", line)
                 if field and any(field[1] in names for names in OF_THE_RUN.values()):
-                    continue  # the server's own
+                    continue  # the value is the server's own
                 digit = "0" if line[0] != "0" else "1"
                 for wrong in (line + ".", digit + line[1:]):
                     damaged = PAGE.replace(line + "\n", wrong + "\n", 1)

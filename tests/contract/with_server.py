@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Runs a program against a server of its own: with_server.py --server SHEARBUS_SERVER [--ctl SHEARBUS_CTL] -- COMMAND ARGS...
-where {endpoint} stands for the server's endpoint. With --ctl the server listens on tcp and has keys, which that makes; {server_key}
-and {key} stand for the files that a client needs. Fails if the program does, or if the server does not stop cleanly on SIGTERM."""
+"""Runs a program against its own server: with_server.py --server SHEARBUS_SERVER [--ctl SHEARBUS_CTL] -- COMMAND ARGS... where {endpoint}
+stands for the server's endpoint. With --ctl the server listens on tcp with keys that shearbus-ctl makes; {server_key} and {key} then stand
+for the files that a client needs. Fails if the program fails, or if the server does not stop cleanly on SIGTERM."""
 import argparse
 import pathlib
 import signal

@@ -19,7 +19,8 @@ const char* name(Symmetry symmetry) {
   return symmetry == Symmetry::kPlane ? "plane" : "axial";
 }
 
-// The published solution takes Gamma constant, this equation of state rho Gamma: they part in the fifth digit.
+// The published solution assumes a constant Gamma, this equation of state a constant rho Gamma: they differ in the
+// fifth digit.
 TEST(Hydro2dShock, ExactTwoWavePistonIsThePublishedOne) {
   const hydro::TwoWaves exact = hydro::two_waves(piston_metal(), kPistonSpeed);
   EXPECT_NEAR(exact.elastic_stress / 0.537995e9, 1.0, 1e-5);
@@ -47,7 +48,7 @@ TEST(Hydro2dShock, ElasticPlasticPiston) {
                   last > 0.0 ? error / last : 0.0, behind * 1e-9, limit * 1e-9, residual);
       EXPECT_LT(std::abs(residual), 1e-13);
       if (last > 0.0) {
-        EXPECT_LT(error / last, 0.6);  // first order: the fronts are steps
+        EXPECT_LT(error / last, 0.6);  // first order, because the fronts are discontinuities
       }
       if (zones == 400) {
         EXPECT_LT(error, 0.010);
@@ -71,7 +72,7 @@ TEST(Hydro2dShock, ExactImpactsAreThePublishedOnes) {
   EXPECT_NEAR(other.stress / 6.7814e9, 1.0, 1e-4);
 }
 
-// A flyer strikes a target across a slide line.
+// A flyer hits a target across a slide line.
 TEST(Hydro2dShock, FlyersOnTargets) {
   std::printf("symmetry flyer on target   velocity (exact)      stress/GPa (exact)   energy residual\n");
   for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {

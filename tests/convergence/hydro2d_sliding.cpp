@@ -1,5 +1,5 @@
-// Sliding with friction against exact solutions, through the two-dimensional hydrocode and its slide line. Each test
-// prints its table.
+// Sliding with friction in the two-dimensional hydrocode with its slide line, against exact solutions. Each test prints
+// its table.
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -16,7 +16,7 @@ using lagrange::Ledger;
 
 constexpr double kFriction = 50e6;
 
-// Two half-spaces: the jump is V0 - s (1/Z_soft + 1/Z_hard) until a wave comes from a side.
+// Two half-spaces: the jump is V0 - s (1/Z_soft + 1/Z_hard) until a wave arrives from a side.
 TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   std::printf(
       "two half-spaces, 50 MPa, 100 m/s: jump at the middle (exact 92.184 m/s)\n width/um   at 50 ns   at 100 ns\n");
@@ -40,7 +40,7 @@ TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   }
 }
 
-// The plate's face falls by 2 s/Z at every return of the wave from its free back.
+// The velocity of the plate's face falls by 2 s/Z at every return of the wave from its free back.
 TEST(Hydro2dSliding, FinitePlateWithFreeBack) {
   std::printf("plate of 0.5 mm with a free back: velocity of its face\n");
   Plates p;
@@ -60,7 +60,8 @@ TEST(Hydro2dSliding, FinitePlateWithFreeBack) {
   }
 }
 
-// Free plates: momentum stays; what kinetic energy the relative motion loses is friction heat and elastic energy.
+// Two free plates: momentum does not change, and the kinetic energy that is lost becomes friction heat and elastic
+// energy.
 TEST(Hydro2dSliding, TwoFreePlatesKeepMomentumAndAccountForTheirEnergy) {
   Plates p;
   p.length = 2e-3;
@@ -77,7 +78,7 @@ TEST(Hydro2dSliding, TwoFreePlatesKeepMomentumAndAccountForTheirEnergy) {
   EXPECT_NEAR((end.total_energy() - end.work_given) / start.total_energy(), 1.0, 1e-13);
   EXPECT_NEAR((end.momentum.x - end.impulse_given.x) / start.momentum.x, 1.0, 1e-12);
   EXPECT_NEAR((end.momentum.y - end.impulse_given.y) / start.momentum.x, 0.0, 1e-12);
-  EXPECT_GT(end.friction_heat, 0.9 * (start.kinetic - end.kinetic));  // the rest is elastic
+  EXPECT_GT(end.friction_heat, 0.9 * (start.kinetic - end.kinetic));  // the rest is elastic energy
   EXPECT_LT(end.friction_heat, kFriction * p.length * 100.0 * 1e-6);
   EXPECT_LT(std::abs(end.closing_heat), 1e-3 * end.friction_heat);
 }
@@ -105,7 +106,8 @@ TEST(Hydro2dSliding, ALineTurnedByAnyAngleSlidesTheSame) {
   EXPECT_LT(worst, 1e-6);
 }
 
-// The middle of the line slips over more than two zones before waves come from its ends: nothing may hold it.
+// At 1000 m/s the middle of the line slips over more than two zones before waves arrive from its ends. The line must
+// not lock, so the jump must not fall.
 TEST(Hydro2dSliding, AnObliqueLineWithoutFrictionDoesNotLock) {
   Plates p;
   p.length = 2e-3;

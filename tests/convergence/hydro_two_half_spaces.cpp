@@ -1,4 +1,4 @@
-// Two half-spaces through hydro, bus and layer against the Volterra equation: the whole loop at once.
+// Two half-spaces, computed by the hydrocode, the message bus and the layer together, against the Volterra equation.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -41,7 +41,7 @@ std::vector<test::HalfSpaceState> sample(const std::vector<test::HalfSpaceState>
   return samples;
 }
 
-// The embedded server's answer with soft zones `zone_ns` of wave transit time wide and steps of `dt_ns`.
+// Runs the scene on an embedded server. Soft zones are `zone_ns` of wave transit time wide, steps are `dt_ns` long.
 std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
   guest::HydroScene scene = shipped_scene();
   guest::ShearColumn& column = *scene.mutable_hydro()->mutable_shear_column();
@@ -99,7 +99,7 @@ void print(const Row& row, const std::vector<test::HalfSpaceState>& exact) {
 TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
   const auto exact = reference();
   std::printf("  zone, ns  dt, ns  t, ns   s, MPa                  [V], m/s              T0, K\n");
-  // Mesh and step together, at unit Courant number: first order, from the layer's backward Euler.
+  // Zones and steps are refined together at Courant number 1. The order is one, because the layer uses backward Euler.
   std::vector<Row> rows;
   for (const double dt : {4.0, 2.0, 1.0, 0.5, 0.25}) {
     rows.push_back({dt, dt, run(dt, dt)});
@@ -123,12 +123,12 @@ TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
   };
   within(rows[2], 1);  // dt = 1 ns
   within(rows[2], 2);
-  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // dt = 0.25 ns, 10 ns too
+  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // dt = 0.25 ns: at 10 ns too
 }
 
-// Zones wider than a wave goes in dt: the sudden start makes the jump ring at the mesh's cut-off, dying as t^(-1/2),
-// while the stress and the temperature, which see the heat gathered, hardly notice. Reported as it is; unit Courant
-// number is exact.
+// Courant number below 1. The sudden start makes the jump oscillate at the mesh's cut-off frequency, and the
+// oscillation decays as t^(-1/2). Stress and temperature, which depend on the heat released so far, hardly change. At
+// Courant number 1 there is no such oscillation.
 TEST(TwoHalfSpaces, BelowUnitCourantNumberStressAndTemperatureHold) {
   const auto exact = reference();
   std::printf("  zone, ns  dt, ns  t, ns   s, MPa                  [V], m/s              T0, K\n");

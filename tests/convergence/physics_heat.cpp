@@ -1,4 +1,4 @@
-// Conduction against exact solutions: DLP (20-23) with constant flux.
+// Conduction against exact solutions: DLP (20-23) with a constant flux at z = 0.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,7 +13,7 @@ namespace {
 constexpr double kFlux = 1e10;    // [W/m2]
 constexpr double kStart = 300.0;  // [K]
 
-// Integral of the complementary error function.
+// Integral of the complementary error function from x to infinity.
 double ierfc(double x) {
   return std::exp(-x * x) / std::sqrt(M_PI) - x * std::erfc(x);
 }
@@ -22,7 +22,7 @@ double half_space_rise(const Material& m, double t) {
   return 2.0 * kFlux / m.conductivity * std::sqrt(m.diffusivity * t / M_PI);
 }
 
-// Half-space plus the images of the insulated face.
+// Temperature rise at z = 0 of a slab with an insulated far face: the half-space and its images.
 double slab_rise(const Material& m, double h, double t) {
   const double depth = std::sqrt(m.diffusivity * t);
   double sum = ierfc(0.0);
@@ -30,7 +30,8 @@ double slab_rise(const Material& m, double h, double t) {
   return 2.0 * kFlux * depth / m.conductivity * sum;
 }
 
-// Backward Euler in time, exact in space: sqrt(alpha dt)/k times the sum of binom(2j, j)/4^j.
+// Temperature rise with backward Euler in time, exact in space: q sqrt(alpha dt)/k times the sum over j of
+// binom(2j, j)/4^j.
 double half_space_rise_backward_euler(const Material& m, double dt, int steps) {
   double sum = 0.0, term = 1.0;
   for (int j = 0; j < steps; ++j) {
@@ -63,7 +64,7 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
     const double error = rise / half_space_rise(m, t) - 1.0;
     const double order = before != 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %8.2g s  %11.4e  %8.4f  %6.3f\n", t / steps, error, 8 * steps * error, order);
-    EXPECT_NEAR(8 * steps * error, -1.0, 0.03);  // the law of backward Euler: low by 1/(8n)
+    EXPECT_NEAR(8 * steps * error, -1.0, 0.03);  // backward Euler is low by 1/(8n)
     if (before != 0.0) {
       EXPECT_NEAR(order, 1.0, 0.02);
     }
@@ -71,7 +72,8 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
   }
 }
 
-// Two half-spaces that share the flux as they can take it up, on grids that have nothing in common.
+// Two half-spaces in contact share the flux in proportion to their effusivities k/sqrt(alpha). The grids of the two
+// have nothing in common.
 TEST(PhysicsHeatConvergence, FirstOrderInTimeWhereBothBodiesConduct) {
   const Material soft = paper_options().soft, hard = paper_options().hard;
   const double t = 100e-9;
@@ -121,7 +123,7 @@ TEST(PhysicsHeatConvergence, SecondOrderInSpace) {
 
 TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
   const Material m = paper_options().soft;
-  const double t = 3e-6;  // the heat is 12 um deep: the far face has been felt
+  const double t = 3e-6;  // the heat is 12 um deep and has just reached the far face
   EXPECT_GT(slab_rise(m, 20e-6, t) / half_space_rise(m, t), 1.01);
   std::printf("constant flux into an insulated slab of 20 um, 3 us, 2000 cells: steps, T0 error, order\n");
   double before = 0.0;
@@ -136,7 +138,7 @@ TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
     before = error;
   }
   EXPECT_LT(std::abs(before), 1e-3);
-  // Once the slab fills evenly the error of the beginning is forgotten.
+  // Once the slab heats evenly, the error of the early steps has died out.
   EXPECT_NEAR(computed_rise(m, {20e-6, 500, 1.0, FarBoundary::kInsulated}, 12e-9, 1000) / slab_rise(m, 20e-6, 12e-6),
               1.0, 1e-6);
 }
@@ -151,7 +153,7 @@ TEST(PhysicsHeatConvergence, GradedGridDoesWithATenthOfTheCells) {
   }
 }
 
-// The few wide cells behind z = h: the error of T0 as the heat goes 1, 3, 10, 50 thicknesses deep.
+// A half-space is represented by a few wide cells behind z = h. Error of T0 when the heat is 1, 3, 10 and 50 h deep.
 TEST(PhysicsHeatConvergence, HalfSpaceBehindTheLayerIsWithinAThousandth) {
   const Material m = paper_options().soft;
   const int steps = 2000;

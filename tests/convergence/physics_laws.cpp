@@ -1,4 +1,4 @@
-// Laws beyond the paper's, against solutions found another way.
+// Laws that are not in the DLP paper, compared with exact solutions or with solutions of another method.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,8 +10,8 @@
 namespace shearbus::testing {
 namespace {
 
-// Copper (Johnson and Cook 1983) that heat does not soften: the layer stays uniform, and with the stress taken from the
-// balance what is left is one equation, d ep/dt = r0 exp((sqrt(3) G0 (v t / h - sqrt(3) ep) / (A + B ep^n) - 1) / C).
+// Copper (Johnson and Cook 1983) that heat does not soften. The layer stays uniform, its balance gives the stress
+// s = G0 (v t/h - sqrt(3) ep), and one equation remains: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
 ModelOptions cold_copper() {
   ModelOptions options = graded(paper_options(), 4, 1.0);
   Material& soft = options.soft;
@@ -23,7 +23,8 @@ ModelOptions cold_copper() {
   return options;
 }
 
-// Runge-Kutta of order 4 with steps far below the relaxation time C A / (3 G0 rate) of 5 ps.
+// Solves this equation by the Runge-Kutta method of order 4, with steps far below the relaxation time C A / (3 G0 rate)
+// of 5 ps.
 double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
   const Material& m = options.soft;
   const double h = options.grid.thickness;
@@ -140,8 +141,9 @@ ModelOptions hot_copper() {
   return options;
 }
 
-// With heat and softening: no exact solution, so the changes between step lengths. The interface slips from the start:
-// a layer loaded from rest begins to flow somewhere within a step, which leaves its order open (next test).
+// There is no exact solution with heat and softening, so the order follows from the changes between step lengths. The
+// interface slips from the start, because a layer loaded from rest begins to flow somewhere within a step and then has
+// no definite order (that is the next test).
 TEST(PhysicsJohnsonCookConvergence, HotSlipIsFirstOrderInTime) {
   ModelOptions options = hot_copper();
   options.drive = Drive::kInterfaceSlip;
@@ -178,9 +180,11 @@ TEST(PhysicsJohnsonCookConvergence, HotShearAgreesBetweenStepLengthsAndGrids) {
   }
 }
 
-// Two free bodies rub each other to rest: dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)), k = P (1/m- + 1/m+), of
-// which exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r with r = mu_0/mu_inf - 1. The slip of a step is
-// taken at its middle, so the order is two.
+// Two free bodies slow each other down by friction:
+//   dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)),  k = P (1/m- + 1/m+)
+// with the exact solution, where r = mu_0/mu_inf - 1,
+//   exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r
+// A step uses the friction at the middle of its slip, so the order is two.
 TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
   options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
@@ -205,7 +209,7 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
       rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
     }
     const double V = rig.inputs.velocity_jump[0];
-    EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);  // reduced mass m/2
+    EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);  // the reduced mass is m/2
     const double error = std::abs(V - exact(t_end));
     const double order = before > 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %8.2g s  %.3e m/s  %6.3f\n", dt, error, order);
@@ -216,7 +220,7 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   }
 }
 
-// To rest: exp(theta V) = 1 ends the slip, and what stopped stays.
+// The same bodies until they stop, where exp(theta V) = 1. After that they stay at rest.
 TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
   options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
@@ -239,10 +243,10 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   }
 }
 
-// A body of constant slip V whose friction softens in proportion to the rise of T0 (m = 1, T_ref the start): the heat
-// q0 (1 - rise / R) that enters is that of a convective surface of temperature R and coefficient q0 / R, of which
-// Carslaw and Jaeger have the temperature, rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux
-// starts as q0 (1 - c sqrt(t)), which no uniform step resolves: SDIRK2 has the order 3/2 there.
+// A body slides at constant V, and its friction falls in proportion to the rise of T0 (m = 1, T_ref = the initial
+// temperature). The heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient
+// q0/R, for which Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux
+// begins as q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
 TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.soft.temperature_coefficient = 0.0;

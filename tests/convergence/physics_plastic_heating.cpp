@@ -1,5 +1,5 @@
-// Plastic-work heating in the paper's case as grid and step are refined: converged until the layer localises, and a
-// spread to be reported from there on.
+// Plastic-work heating in the paper's case with refined grids and steps. The results converge until the flow localises
+// in a band; after that only their spread can be reported.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ struct Found {
   double T0, T_hottest, s;
 };
 
-// The same case in every lane, but that each imposes a jump a few last bits above its neighbour's.
+// The same case in all lanes, except that the jump of each lane is a few ulps larger than that of the previous lane.
 std::vector<Found> run_lanes(int cells, double grading, double dt, double t) {
   ModelOptions options = two_sided(graded(paper_options(), cells, grading));
   options.taylor_quinney_factor = 1.0;
@@ -51,7 +51,7 @@ TEST(PhysicsPlasticHeatingConvergence, FirstOrderInTimeBeforeTheLayerLocalises) 
     const double order = difference_before != 0.0 ? std::log2(difference_before / difference) : NAN;
     std::printf("  %8.3g s  %9.4f K  %9.4f MPa  %6.3f\n", dt, found.T0, found.s / 1e6, order);
     if (difference_before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.2);  // where in a step the layer first yields is felt to the end
+      EXPECT_NEAR(order, 1.0, 0.2);  // the time of first yield within a step matters to the end
     }
     difference_before = before != 0.0 ? difference : 0.0;
     before = found.T0;
@@ -67,9 +67,10 @@ TEST(PhysicsPlasticHeatingConvergence, GridsAgreeBeforeTheLayerLocalises) {
   }
 }
 
-// A rate-independent layer that softens by its own heat forms a band, and nothing in the model says where: grid, step
-// and, on the finest of them, the last bit of an input do. What holds whatever they are: no vertex melts, the interface
-// stays far below, the stress below the surface-heated layer's peak.
+// A rate-independent layer that its own heat softens forms a shear band, and nothing in the model determines where: the
+// place of the band depends on the grid, the step and, on the finest grid, the last bit of an input. In every case no
+// vertex melts, T0 stays far below melting, and the stress stays below the peak stress of a layer that is heated at z =
+// 0 only.
 TEST(PhysicsPlasticHeatingConvergence, TheBandsStressIsReportedWithItsSpread) {
   std::printf("plastic-work heating after 1 us: cells, grading, dt, T0, hottest, s of eight lanes a few bits apart\n");
   for (auto [cells, grading] : {std::pair{60, 1.08}, std::pair{120, 1.04}, std::pair{250, 1.0}}) {

@@ -1,4 +1,4 @@
-// Second-order heat (SDIRK2) and heat without a profile (modes), against exact solutions and against each other.
+// The second-order heat scheme (SDIRK2) and heat in modes, without a temperature profile, against exact solutions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 constexpr double kPressure = 1e9;  // [Pa]
 constexpr double kJump = 200.0;    // [m/s]
 
-// Force-driven slip at mu P with the jump all but fixed by heavy bodies: a constant flux.
+// Force-driven slip at mu P. Heavy bodies keep the jump, so the heat flux is constant.
 ModelOptions coulomb_slip(TimeIntegrator integrator) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.interface = {0.05, 1e12};
@@ -59,7 +59,7 @@ TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
   }
 }
 
-// Without a profile a constant flux is followed exactly by either method, for any step length.
+// In modes a constant flux is integrated exactly by either scheme, for any step length.
 TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated}) {
     for (double accuracy : {1e-3, 1e-6, 1e-9}) {
@@ -70,7 +70,7 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
         const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
         EXPECT_LE(modes.error, accuracy);
         double worst = 0.0;
-        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // the last with the heat at the far face
+        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // at 10 us the heat has reached the far face
           for (int steps : {1, 3, 10}) {
             const double rise = rise_after(options, t, steps);
             worst = std::max(worst, std::abs(rise / (flux_of(options) * modes.kernel.integral(t)) - 1.0));
@@ -86,8 +86,8 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   }
 }
 
-// B0 of the kernel against the images of the insulated face and the half-space's root, where one gives way to the other
-// too.
+// The integral of the slab's heat kernel equals the image series of the insulated face, also around
+// t = h^2/(160 alpha), where the kernel changes from the half-space's root to its series.
 TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
   const ModelOptions options = paper_options();
   const HeatKernel slab(options.soft, options.grid);
@@ -98,7 +98,7 @@ TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
     double sum = ierfc(0.0);
     for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
     EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
-    // d(moment) = t K(t) dt, d(integral) = K(t) dt
+    // The derivatives of the integrals: d(integral) = K(t) dt, d(moment) = t K(t) dt.
     const double e = 1e-4 * t;
     EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
     EXPECT_NEAR((slab.moment(t + e) - slab.moment(t - e)) / (2 * e * t * slab.at(t)), 1.0, 1e-7) << t;
@@ -112,19 +112,20 @@ struct Arm {
   double order;
 };
 
-// Two plates that brake each other by softening friction, against the Volterra equation of heat coupled to their
-// motion.
+// Two plates brake each other by friction that softens with T0. Reference: the Volterra equation of the heat, coupled
+// to the motion of the plates.
 TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
   const test::HalfSpaces problem{
       .initial_jump = 100.0, .pressure = 11.2e9, .friction_coefficient = 0.3, .yield_strength = 200e6};
   const double end = 100e-9, mass = 1.0;
-  // Its error falls as intervals^-2: here to 2e-5 K.
+  // The error of the reference falls as intervals^-2, here to 2e-5 K.
   const test::HalfSpaceState exact = test::solve_braked_plates(problem, 2.0 / mass, end, 3000).back();
   for (const Arm& arm :
        {Arm{"profile, backward Euler", false, TimeIntegrator::kBackwardEuler, 1.0},
         Arm{"profile, SDIRK2", false, TimeIntegrator::kSdirk2, 2.0},
         Arm{"modes, backward Euler", true, TimeIntegrator::kBackwardEuler, 1.0},
-        // The flux starts like q0 - c sqrt(t), which no straight line follows: 1.5, from a smaller error.
+        // The flux begins as q0 - c sqrt(t), which a linear flux per step cannot follow: the order is 1.5, but from a
+        // smaller error.
         Arm{"modes, SDIRK2", true, TimeIntegrator::kSdirk2, 1.5}}) {
     ModelOptions options = graded(paper_options(Strategy::kForceDriven), 1200, 1.004);
     options.time_integrator = arm.integrator;

@@ -12,7 +12,7 @@ namespace shearbus::testing {
 namespace {
 
 struct History {
-  std::vector<double> T0, s;  // at the end of each step
+  std::vector<double> T0, s;  // at the end of each step [K], [Pa]
   double at(const std::vector<double>& column, double t, double dt) const {
     return column[static_cast<std::size_t>(std::lround(t / dt)) - 1];
   }
@@ -61,7 +61,8 @@ TEST(PhysicsPaperCase, SixtyGradedCells) {
   expect_paper_values(graded(paper_options()));
 }
 
-// The simple heat law (the imposed jump heats, elastic or not) does not chatter as dt shrinks.
+// With the simple heat law, in which all the work of the imposed jump heats, the results do not oscillate as dt
+// shrinks.
 TEST(PhysicsPaperCase, OneAndAQuarterNanosecondAgreeEverywhere) {
   const History coarse = imposed_jump(graded(paper_options()), 100.0, 1e-9, 2e-6);
   const History fine = imposed_jump(graded(paper_options()), 100.0, 0.25e-9, 2e-6);
@@ -95,7 +96,7 @@ TEST(PhysicsInterfaceSlip, ConvergesInTimeToFirstOrder) {
   }
 }
 
-// ep at z = 0 grows as the cell there shrinks; stress, temperature and the slip of the layer do not care.
+// The strain ep at z = 0 grows as the cells shrink. Stress, temperature and total slip do not depend on the grid.
 TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   std::printf("paper case at 1 us, uniform cells: cells, s, T0, slip, ep(0)\n");
   std::vector<double> ep, s, slip;
@@ -117,7 +118,7 @@ TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   EXPECT_NEAR(slip[2] / slip[1], 1.0, 1e-5);
 }
 
-// Pinned at melting by a constant jump: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)).
+// A constant jump holds the interface at melting: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)).
 TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   ModelOptions options = graded(paper_options());
   options.grid.far_boundary = FarBoundary::kHalfSpace;
@@ -137,9 +138,9 @@ TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   EXPECT_LT(before, 1e-3);
 }
 
-// Two half-spaces sliding on each other: shear waves carry the stress away, [V] = V0 - s (1/Z_soft + 1/Z_hard), closed
-// here with a zone at the interface and the wave equation's exact answer behind it. Reference: the Volterra equation
-// for s_lim(T0).
+// Two half-spaces slide on each other, and shear waves carry the stress away: [V] = V0 - s (1/Z_soft + 1/Z_hard). Here
+// each body is one zone at the interface with the exact solution of the wave equation behind it. Reference: the
+// Volterra equation for s = s_lim(T0).
 TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   struct Row {
     double t, s, jump, T0;
@@ -156,7 +157,7 @@ TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   std::size_t row = 0;
   for (int n = 1; row < rows.size(); ++n) {
     rig.set_all(jump, 11.2e9);
-    // What the waves have taken out of the zones comes back as the same stress on both sides.
+    // The waves that have left the zones act on both of them with the stress (V0 - [V]) / (1/Z_soft + 1/Z_hard).
     rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = (V0 - jump) / inverse_Z;
     rig.step(dt);
     jump = rig.outputs.velocity_jump_new[0];

@@ -1,4 +1,5 @@
-// Layers with inertia against exact solutions: DLP (36-37), d'Alembert, plastic waves, and the layer without mass.
+// Layers with inertia against exact solutions of DLP (36-37): d'Alembert's elastic waves, plastic fronts, and the limit
+// of a layer without mass.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,7 +13,8 @@
 namespace shearbus::testing {
 namespace {
 
-// The paper's aluminium with strength that neither heat nor pressure changes: yields at Y/sqrt(3) = 115 MPa.
+// The paper's aluminium with a strength that depends on neither temperature nor pressure. The yield stress in shear is
+// Y/sqrt(3) = 115 MPa.
 ModelOptions cold_options(int cells) {
   ModelOptions options = with_inertia(paper_options());
   options.grid.cells = cells;
@@ -30,7 +32,8 @@ double crossing_time(const ModelOptions& options) {
   return options.grid.thickness / shear_speed(options.soft);
 }
 
-// Root mean square over time of s(0) minus the exact one, of the largest; V(t) smooth from rest at 0.
+// Error of s(0), as root mean square over time, relative to the largest exact stress. V(t) must begin smoothly from
+// rest.
 double reflection_error(int cells, double dt, const std::function<double(double)>& V, double t_end) {
   const ModelOptions options = cold_options(cells);
   const double cross = crossing_time(options);
@@ -41,7 +44,7 @@ double reflection_error(int cells, double dt, const std::function<double(double)
     const double t = n * dt;
     rig.set_all(V(t), kPressure);
     rig.step(dt);
-    // Waves from z = h arrive doubled, and again after every two crossings.
+    // Waves from z = h are doubled at the hard body, and return after every two crossings of the layer.
     double exact = 0.0;
     for (int k = 0; (2 * k + 1) * cross < t; ++k) exact += 2.0 * impedance(options.soft) * V(t - (2 * k + 1) * cross);
     squares += (rig.stress() - exact) * (rig.stress() - exact);
@@ -51,7 +54,7 @@ double reflection_error(int cells, double dt, const std::function<double(double)
 }
 
 TEST(PhysicsWavesConvergence, FirstOrderAgainstDAlembertWithReflectionsAtBothEnds) {
-  const double duration = 20e-9;  // of the pulse; a crossing takes 6.26 ns
+  const double duration = 20e-9;  // duration of the pulse [s]; a wave crosses the layer in 6.26 ns
   const auto pulse = [&](double t) {
     const double sine = std::sin(M_PI * t / duration);
     return t < duration ? sine * sine : 0.0;
@@ -95,8 +98,9 @@ TEST(PhysicsWavesConvergence, SecondOrderInCells) {
   }
 }
 
-// A perfectly plastic layer that meets the hard body at 50 m/s: behind a front at the elastic speed s = tau and
-// v = V - tau/Z, all other slip is at z = 0; when the front has reached the soft body, tau/Z of slip is at z = h.
+// A perfectly plastic layer meets the hard body at V = 50 m/s. Behind a front with the elastic wave speed s = tau and
+// v = V - tau/Z, and the rest of the slip is at z = 0. After the front has reached the soft body, a slip velocity of
+// tau/Z is at z = h.
 TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   const double V = 50.0;
   std::printf("perfectly plastic layer, 50 m/s: cells, dt, mean error of s over the layer at half a crossing, order\n");
@@ -121,7 +125,7 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
     const double order = before != 0.0 ? std::log(before / error) / std::log(4.0) : NAN;
     std::printf("  %4d  %8.3g s  %10.3e  %6.3f\n", grid.num_cells(), dt, error, order);
     if (before != 0.0) {
-      EXPECT_GT(order, 0.45);  // a jump under a scheme of first order
+      EXPECT_GT(order, 0.45);  // at a discontinuity, a first-order scheme has an order near 1/2
     }
     before = error;
     if (refined < 16) continue;
@@ -134,8 +138,8 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   }
 }
 
-// n = 1 hardens linearly, ds = G_t d gamma past the yield stress: a plastic front of speed sqrt(G_t / rho) follows the
-// elastic one, and until reflections return s(0) = tau + rho c_p (V - tau / Z).
+// With n = 1 hardening is linear: ds = G_t d gamma above the yield stress. A plastic front of speed sqrt(G_t / rho)
+// follows the elastic one, and until reflections return s(0) = tau + rho c_p (V - tau / Z).
 TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   const double V = 50.0;
   std::printf("linear hardening, 50 m/s: cells, dt, error of s(0), of the plastic slip in the layer\n");
@@ -144,7 +148,7 @@ TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
     ModelOptions options = cold_options(50 * refined);
     Material& soft = options.soft;
     soft.hardening_exponent = 1.0;
-    const double rate = soft.yield_strength * soft.hardening_coefficient / 3.0;  // ds per plastic shear  [Pa]
+    const double rate = soft.yield_strength * soft.hardening_coefficient / 3.0;  // slope ds / d(plastic shear) [Pa]
     const double tangent = soft.shear_modulus * rate / (soft.shear_modulus + rate);
     const double plastic_speed = std::sqrt(tangent / soft.density);
     const double tau = yield_stress(soft);
@@ -168,8 +172,8 @@ TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   }
 }
 
-// The paper's layer at 11.2 GPa, the jump rising to V_end in `rise`: the largest difference of s(0) to the layer
-// without mass.
+// Largest difference of s(0) [Pa] between layers with and without inertia: the paper's layer at 11.2 GPa, while the
+// jump rises to V_end [m/s] in the time `rise` [s].
 double difference_to_uniform(double density_factor, double V_end, double rise, double t_end) {
   ModelOptions options = graded(paper_options());
   options.soft.density *= density_factor;

@@ -1,4 +1,4 @@
-// Two checkpoints compared: silent where the states are the same bits, and else naming what a person looks for.
+// Comparison of two checkpoints: no lines if the states have the same bits, otherwise lines that name what differs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ const std::vector<std::uint64_t> kNodes = support::node_ids(12);
 
 class Compare : public testing::Test {
  protected:
-  // A checkpoint of a session after three steps and what `change` makes of the last.
+  // Writes a checkpoint of a session after three steps; `change` alters the inputs of the last step.
   template <typename Change>
   std::filesystem::path checkpoint(std::uint8_t session, Change change, bool trial = false,
                                    const v1::Scene& scene = support::velocity_scene()) {

@@ -1,4 +1,5 @@
-// The program on a disk that fails: strace puts the faults into its system calls. Skipped where strace may not trace.
+// The server program on a failing disk: strace injects the faults into its system calls. Skipped where strace may not
+// trace.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -29,7 +30,7 @@ bool can_trace() {
   return probe.exit_code(10s) == 0;
 }
 
-// A server on a state directory, with a fault in its system calls or without.
+// A server on a state directory; strace injects `fault` into its system calls unless `fault` is empty.
 class Server {
  public:
   Server(const ScratchDirectory& scratch, const std::string& durability, const std::string& fault = {})
@@ -44,7 +45,7 @@ class Server {
       command.push_back(word);
     process_.emplace(command, log_.string());
   }
-  // False where it ended before it listened.
+  // Returns false if the server ended before it listened.
   bool ready() {
     for (const auto end = std::chrono::steady_clock::now() + 20s; std::chrono::steady_clock::now() < end;) {
       if (log().find("listening on") != std::string::npos) return true;
@@ -72,7 +73,7 @@ struct Host {
   int answered = 0;
 };
 
-// Steps until an answer does not come, or `steps` have; then the server is told to stop.
+// Makes `steps` steps, or fewer if an answer is missing; then stops the server.
 void run(Server& server, Host& host, int steps) {
   try {
     if (!host.session) {
@@ -84,7 +85,7 @@ void run(Server& server, Host& host, int steps) {
       ++host.answered;
     }
   } catch (const Error&) {
-    // Which answers came is in `host`.
+    // `host` knows which steps were answered.
   }
   server.process().signal(SIGTERM);
   if (server.process().exit_code(10s)) return;
@@ -92,7 +93,7 @@ void run(Server& server, Host& host, int steps) {
   server.process().exit_code(10s);
 }
 
-// What was answered is there, and nothing else but at most the request whose answer did not come.
+// The next server must have every answered request, and in addition at most the one request that was not answered.
 void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std::string& when) {
   Server next(scratch, "power");
   ASSERT_TRUE(next.ready()) << when << ": " << next.log();
@@ -110,7 +111,7 @@ void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std:
 TEST(DiskFaults, EveryFailingOrFatalSystemCallLosesNothingThatWasAnswered) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   int faults = 0;
-  // A checkpoint is written at SIGTERM: its calls are among those that fail.
+  // SIGTERM makes the server write a checkpoint, whose calls are among those that fail.
   for (const std::string call : {"writev", "fdatasync", "fsync", "renameat"})
     for (const std::string kind : {"signal=SIGKILL", "error=EIO", "error=ENOSPC"})
       for (int n = 1; n <= (call == "writev" ? 5 : call == "fdatasync" ? 4 : 1); ++n) {
@@ -131,7 +132,8 @@ TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   const ScratchDirectory scratch;
   Host host;
-  Server server(scratch, "power", "fdatasync:error=EIO:when=4");  // 1: segment, 2: opening, 3: first step
+  // Call 1 syncs the segment, 2 the opening, 3 the first step.
+  Server server(scratch, "power", "fdatasync:error=EIO:when=4");
   ASSERT_TRUE(server.ready()) << server.log();
   host.client.emplace(server.client(500ms));
   host.session.emplace(host.client->open(support::text_of(support::velocity_scene()), "scene", kNodes));

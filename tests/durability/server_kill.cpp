@@ -1,5 +1,6 @@
-// The program killed with -9 under load, again and again. Every answer its clients get is compared, bit for bit, with
-// that of a server that is never killed: one request lost, or run twice, and all later answers differ.
+// The server program under load is killed with SIGKILL, many times. Every answer that its clients receive is compared,
+// bit for bit, with the answer of a server that is never killed: if one request were lost or run twice, all later
+// answers would differ.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -28,7 +29,7 @@ int rounds_wanted() {
   return text != nullptr ? std::atoi(text) : 50;
 }
 
-// One program after the other on the same socket and state directory.
+// Starts one server process after the other on the same socket and state directory.
 class Incarnations {
  public:
   explicit Incarnations(std::vector<std::string> options = {}) : options_(std::move(options)) {}
@@ -68,8 +69,8 @@ class Incarnations {
   int started_ = 0;
 };
 
-// A host that steps a session and its twin on a server that is never killed, and compares. Nodes come and go, and
-// wander between the session and a partner of the same domain.
+// A host that steps a session, steps its twin on a server that is never killed, and compares the answers. Nodes are
+// registered, retired and moved between the session and a partner session of the same domain.
 class Host {
  public:
   Host(const std::string& endpoint, Strategy strategy, std::size_t nodes, unsigned seed)
@@ -131,7 +132,7 @@ class Host {
     moved_ += ids.size();
   }
   void change_nodes(bool moves) {
-    ASSERT_EQ(session_.rollback(), twin_.rollback());  // a trial may stand
+    ASSERT_EQ(session_.rollback(), twin_.rollback());  // a trial may be uncommitted
     if (moves) {
       if (partner_.node_ids().size() < 20 && session_.node_ids().size() > 7)
         move(session_, partner_, twin_, partner_twin_, 1 + random_() % 5);

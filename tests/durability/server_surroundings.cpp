@@ -1,5 +1,5 @@
-// The program in surroundings that turn against it: a network that is cut, a disk that fills up, a clock that jumps,
-// memory that runs out, files of another version. What needs more than this machine allows is skipped with the reason.
+// The server program in hostile surroundings: a cut network, a full disk, a clock that jumps, memory that runs out,
+// files of another version. A test that needs more rights than this machine grants is skipped with the reason.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -32,7 +32,7 @@ using Command = std::vector<std::string>;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(12);
 
-// Empty where the command succeeds, else what it said.
+// Returns an empty text if the command succeeds, otherwise the reason of its failure.
 std::string failure_of(const Command& command) {
   const ScratchDirectory scratch;
   const std::string log = (scratch.path() / "log").string();
@@ -43,7 +43,7 @@ std::string failure_of(const Command& command) {
   return said;
 }
 
-// A host, and its twin on a server to which nothing happens.
+// A host with a session, and with a twin session on a server that runs undisturbed.
 class Host {
  public:
   explicit Host(ClientOptions options)
@@ -52,7 +52,7 @@ class Host {
         session_(client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)),
         twin_(quiet_client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)) {}
 
-  // Throws what the client throws; then the same step is the next one still.
+  // Throws what the client throws; the same step is then still the next step.
   void step() {
     const auto columns = support::step_columns(Strategy::kVelocityDriven, kNodes, steps_);
     const auto& here = session_.advance(columns, {.dt_s = 1e-9});
@@ -70,7 +70,7 @@ class Host {
   }
   int steps_done() const { return steps_; }
   Client& client() { return client_; }
-  // Each step was run once: those of this server's life, that is.
+  // Requires that each step ran exactly once, counted since the present server started.
   void expect_each_step_once() {
     EXPECT_EQ(client_.server_status().node_steps, static_cast<std::uint64_t>(steps_) * kNodes.size());
   }
@@ -84,7 +84,7 @@ class Host {
   int steps_ = 0;
 };
 
-// A server in a network of its own, at the other end of a cable that can be pulled.
+// A server in its own network namespace, at the other end of a virtual cable that can be pulled.
 class Cable {
  public:
   Cable() {
@@ -109,7 +109,8 @@ class Cable {
   void pull() const { failure_of({kIp, "link", "set", here_, "down"}); }
   void plug() const { failure_of({kIp, "link", "set", here_, "up"}); }
 
-  static constexpr const char* kAddressThere = "198.18.77.2";  // of the block for tests of networks (RFC 2544)
+  // From the address block for tests of networks (RFC 2544).
+  static constexpr const char* kAddressThere = "198.18.77.2";
 
  private:
   static constexpr const char* kIp = "/usr/sbin/ip";
@@ -126,7 +127,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   Host host({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 300ms});
   host.steps(20);
 
-  // In flaps: short cuts, while the host goes on stepping.
+  // First many short cuts, while the host goes on stepping.
   std::atomic<bool> over = false;
   int cuts = 0;
   std::thread hand([&] {
@@ -144,7 +145,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   hand.join();
   const int flapped = host.steps_done();
 
-  // And for longer than the heartbeat lets a connection live.
+  // Then a cut longer than the heartbeat lets a connection live.
   cable.pull();
   std::thread later([&] {
     std::this_thread::sleep_for(8s);
@@ -161,7 +162,8 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
             << " while it flapped), lost: 0, run twice: 0\n";
 }
 
-// A small disk that only its servers see. Files are put on it through the holder's root.
+// A small disk that only its server processes see. Files are written to it through /proc/PID/root of the process that
+// holds it.
 class SmallDisk {
  public:
   explicit SmallDisk(const ScratchDirectory& scratch) : path_(scratch.path() / "disk") {
@@ -209,7 +211,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
   for (int round = 0; round < 4; ++round) {
     host.steps(5);
     disk.fill();
-    // The last page of the journal still has room for some.
+    // The last page of the journal still has room for some steps.
     const auto step_until_full = [&] {
       for (int i = 0; i < 100; ++i) host.step();
     };
@@ -223,7 +225,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
       }
       EXPECT_EQ(host.client().server_status().sessions, 1u) << "what needs no disk is answered";
     }
-    if (round == 2) {  // it is told to stop while the disk is full: no checkpoint, and none is needed
+    if (round == 2) {  // the server is stopped while the disk is full: it writes no checkpoint and needs none
       server->process().signal(SIGTERM);
       EXPECT_EQ(server->process().exit_code(20s), 0) << server->log();
       EXPECT_NE(server->log().find("the checkpoint could not be written"), std::string::npos) << server->log();
@@ -273,13 +275,13 @@ TEST(Surroundings, AClockThatJumpsByAnHourMovesNothingButTheStampsOfTheLog) {
   host.expect_each_step_once();
   EXPECT_LT(std::chrono::steady_clock::now() - started, 20s) << "no deadline was waited for";
 
-  std::set<std::string> hours;  // "2026-11-21T14" of every line
+  std::set<std::string> hours;  // date and hour of every line, such as "2026-11-21T14"
   std::istringstream lines(server->log());
   for (std::string line; std::getline(lines, line);)
     if (line.size() > 13 && line[10] == 'T') hours.insert(line.substr(0, 13));
   EXPECT_GE(hours.size(), 4u) << "the clock did jump: " << server->log();
 
-  // The next server starts an hour before the one that wrote its files.
+  // The next server starts at a time one hour before the time at which its files were written.
   server->process().signal(SIGKILL);
   ASSERT_EQ(server->process().exit_code(10s), 128 + SIGKILL);
   jump("-3600");
@@ -296,8 +298,8 @@ std::size_t resident_kb(pid_t process) {
   return 0;
 }
 
-// libzmq keeps the parts of a message until the last has come, and knows no limit for them but the process's. So a peer
-// that is let in can use up the server's memory, and then the server dies. What was answered is not lost.
+// libzmq keeps the parts of a message in memory until the last part has arrived, without a limit. A peer that is let in
+// can therefore use up the server's memory, and then the server dies; but no answered request is lost.
 TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   constexpr std::size_t kLimit = std::size_t{512} << 20;
   const ScratchDirectory scratch;
@@ -316,7 +318,7 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   host.steps(10);
   const std::size_t before = resident_kb(server->process().id());
 
-  // libzmq itself would keep the parts back until the last: so the peer speaks ZMTP by hand.
+  // The peer speaks ZMTP by hand, because libzmq itself would not send the parts before the last.
   std::size_t sent = 0, most = before;
   {
     support::RawStream peer(scratch.ipc());
@@ -432,7 +434,7 @@ std::set<std::string> checkpoints_in(const std::filesystem::path& state_dir) {
   return names;
 }
 
-// A host that has gone quiet must not leave its work in the journal alone.
+// The work of a host that has gone quiet must not stay in the journal alone.
 TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
   const ScratchDirectory scratch;
   const std::filesystem::path state = scratch.path() / "state";
@@ -443,7 +445,7 @@ TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
   const auto until = std::chrono::steady_clock::now() + 20s;
   while (checkpoints_in(state).empty() && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(50ms);
   EXPECT_FALSE(checkpoints_in(state).empty()) << server.log();
-  std::this_thread::sleep_for(2500ms);  // on a slow machine the first may have come before the last step
+  std::this_thread::sleep_for(2500ms);  // on a slow machine the first checkpoint may have come before the last step
   const std::set<std::string> idle = checkpoints_in(state);
   std::this_thread::sleep_for(2500ms);
   EXPECT_EQ(checkpoints_in(state), idle) << "nothing has changed since";

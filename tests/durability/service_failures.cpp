@@ -1,5 +1,5 @@
-// Nodes without an answer. No input that a server lets pass makes one, so a checkpoint is written in which a state is
-// no number, and recovered from: the failure is the model's own, on the paths that users have.
+// Nodes without an answer. No input that a server accepts causes one, so the tests write a checkpoint in which a state
+// is NaN and recover from it: the solver then fails by itself, on the paths that users have.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -52,13 +52,13 @@ wire::Request step(Strategy strategy, std::uint64_t sequence, int number, Policy
   return request;
 }
 
-// A scene, and the column of its state in which a number makes the next step's answer none.
+// A scene, and the column of its state in which a NaN leaves the next step without an answer.
 struct Kind {
   const char* name;
   Strategy strategy;
   bool modes;
   const char* column;
-  bool controlled = false;  // by a tolerance
+  bool controlled = false;  // the scene has a tolerance
 
   operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
   v1::Scene scene() const {
@@ -76,7 +76,7 @@ struct Kind {
 
 class Failures : public testing::TestWithParam<Kind> {
  protected:
-  // A server with one session after three steps, on this disk.
+  // Runs a server with one session for three steps on this disk, and writes a checkpoint.
   void prepare(MemoryStorage& disk) {
     DurableServer server(disk);
     server.ask(ServiceHarness::opening(GetParam().scene(), support::node_ids(kNodes)));
@@ -84,7 +84,7 @@ class Failures : public testing::TestWithParam<Kind> {
       server.ask(step(GetParam(), static_cast<std::uint64_t>(i) + 1, i, Policy::kUnspecified));
     ASSERT_TRUE(server.service.checkpoint());
   }
-  // The same, with one temperature of the node at kBadRow, or one mode's share of it, that is no number.
+  // Does the same and then sets one temperature of the node at kBadRow, or one of its mode amplitudes, to NaN.
   void prepare_damaged(MemoryStorage& disk) {
     prepare(disk);
     store::Snapshot snapshot = snapshot_of(disk, 1);
@@ -92,7 +92,7 @@ class Failures : public testing::TestWithParam<Kind> {
       if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
   }
-  // The capsule of a node that has an answer, and one that is not what was recorded.
+  // Returns the capsule with the NaN replaced, so that its node has an answer, which differs from the recorded failure.
   static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
     store::Capsule capsule = store::read_capsule(recorded, "capsule");
     for (shard::StateColumn& column : capsule.state.columns)
@@ -154,7 +154,8 @@ TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
   EXPECT_EQ(refused.reply.status.node_ids, std::vector{support::node_ids(kNodes)[kBadRow]});
   EXPECT_EQ(server.store.counters().records, records) << "a refused request is not in the journal";
 
-  // A trial of the others stands; the step after it, with it committed on the way, is refused: it stands still.
+  // A trial of the other nodes exists. A step of all nodes that would commit this trial in the same request is refused,
+  // and the trial stays as it is.
   auto others = support::node_ids(kNodes);
   others.erase(others.begin() + kBadRow);
   const auto of_others = [&](std::uint64_t sequence, int number, Policy policy, Mode mode, bool commit_previous) {
@@ -177,7 +178,7 @@ TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
     EXPECT_EQ(answer.payload(), sound.ask(next).payload());
     EXPECT_EQ(std::get<wire::Upscale>(answer.reply.body).state_version, i == 8 ? 8u : i - 1);
   }
-  // And so does the next server.
+  // The next server gives the same answers.
   DurableServer next(disk);
   EXPECT_EQ(next.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload(),
             sound.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload());
@@ -245,7 +246,7 @@ TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {
   disk.remove("capsule-000000000007.h5");
   server.ask(step(GetParam(), 40, 40, Policy::kAccept));
   EXPECT_TRUE(disk.exists("capsule-000000000017.h5"));
-  // A replay of the journal leaves none, and finds them of no interest.
+  // A replay of the journal writes no capsules and does not read the existing ones.
   DurableServer next(disk);
   EXPECT_EQ(capsules(disk).size(), 16u);
 }

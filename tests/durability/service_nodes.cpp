@@ -1,4 +1,4 @@
-// Changes of the set of nodes, and steps of none, over the death of the server.
+// Changes of the set of nodes, and steps of no nodes, across deaths of the server.
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
@@ -23,7 +23,8 @@ wire::Batch named(const Ids& ids) {
   return batch;
 }
 
-// Two sessions of a domain: one gives nodes away, retires, registers, goes back to a mark; the other takes them.
+// Requests of two sessions of a domain: one offers nodes, retires, registers and rolls back to a mark; the other
+// accepts the offered nodes.
 std::vector<wire::Request> conversation(Strategy strategy) {
   std::vector<wire::Request> all;
   std::map<std::uint8_t, std::uint64_t> last;
@@ -100,7 +101,7 @@ TEST_P(NodesOver, AServerThatDiesAfterEveryRequestLosesNoneAndHasNoneTwice) {
   }
 }
 
-// A payload frame without a byte is a frame, in the journal and in a checkpoint's kept reply, too.
+// An empty payload frame is still a frame, in the journal and in a checkpoint's kept reply.
 TEST_P(NodesOver, AStepOfNoNodesIsReplayed) {
   MemoryStorage disk;
   const wire::Request nobody = ServiceHarness::step(1, support::step_columns(GetParam(), {}, 0, true));

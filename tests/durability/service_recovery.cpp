@@ -1,5 +1,5 @@
-// The service with a store, without sockets: what a client was answered is what the next server answers, to the last
-// bit.
+// The service with a store, without sockets: after a restart the next server gives the answers of a server that was
+// never restarted, to the last bit.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -29,8 +29,8 @@ wire::Request opening(Strategy strategy) {
   return request;
 }
 
-// A conversation that uses every way of stepping: trials kept, replaced, rolled back, committed along the way, a part
-// of the nodes.
+// Returns request `sequence` of a conversation that uses every way of stepping: trials that are committed, replaced,
+// rolled back, or committed with the next request, and steps of a part of the nodes.
 wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
   const auto ids = support::node_ids(kNodes);
   const int step = static_cast<int>(sequence);
@@ -74,7 +74,7 @@ Bits bits_of(const support::Answer& answer) {
   return {answer.code(), version, answer.payload()};
 }
 
-// The answers of a server that is never restarted.
+// Returns the answers of a server that is never restarted.
 std::vector<Bits> undisturbed(Strategy strategy, std::uint64_t requests) {
   MemoryStorage disk;
   DurableServer server(disk);
@@ -169,12 +169,12 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   next.epoch = first_epoch;
   EXPECT_EQ(server.ask(next).code(), Code::kOk);
 
-  // The same claim, come late, changes nothing; another client's does not take what was granted.
+  // The same claim, received again late, changes nothing. A claim of another client does not take over the session.
   EXPECT_EQ(server.ask(resume).reply.epoch, first_epoch);
   body.claimant = 6;
   EXPECT_EQ(server.ask(resume).code(), Code::kSuperseded);
 
-  // Claimed once more: what the one before sent, and is still on its way, does not disturb the successor.
+  // After a second claim, requests of the earlier owner that are still on their way do not disturb the new owner.
   body.claim = 2;
   const std::uint64_t second_epoch = server.ask(resume).reply.epoch;
   EXPECT_NE(second_epoch, first_epoch);
@@ -187,8 +187,8 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   EXPECT_EQ(server.ask(late).code(), Code::kOk);
 }
 
-// Back to a mark, the same steps give the same bits again: nothing of what came between is left. Every server dies once
-// more.
+// After a rollback to a mark, the same steps give the same bits: no effect of the steps in between is left. Every
+// request goes to a new server.
 TEST_P(Recovery, AMarkBringsBackItsStatesToTheLastBit) {
   MemoryStorage disk;
   std::uint64_t sequence = 0;
@@ -306,7 +306,7 @@ TEST(Recovery, AJournalOfAnotherPhysicsIsRefused) {
     server.ask(opening(Strategy::kVelocityDriven));
     for (std::uint64_t i = 1; i <= 3; ++i) server.ask(request_at(Strategy::kVelocityDriven, i));
   }
-  // The same records, but the first step claims to follow a reply that this server would not have given.
+  // Writes the same records, except that the first step claims to follow a reply that this server would not have given.
   const auto bytes = disk.bytes(store::segment_name(1));
   const auto segment = store::read_segment(bytes, "file");
   disk.remove(store::segment_name(1));

@@ -1,4 +1,5 @@
-// A session belongs to the key or user that opened it, whoever has its id and token, on this server and the next.
+// A session belongs to the key or user that opened it, on this server and the next; its id and token alone give no
+// access.
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
@@ -36,7 +37,8 @@ wire::Request step(std::uint64_t sequence) {
   return ServiceHarness::step(sequence, support::step_columns(wire::Strategy::kForceDriven, kNodes, 1));
 }
 
-// What a thief with id, token and all frames tries, none of which may change anything or tell him anything.
+// A caller with id, token and all frames of a session, but without its key, must be refused. No request may change or
+// reveal anything.
 void expect_refused(DurableServer& server, const service::Caller& caller, std::uint64_t next) {
   for (const wire::Request& request :
        {opening(), resume(), step(next), step(next - 1), ServiceHarness::in_session(wire::CloseSession{}, next)}) {

@@ -1,4 +1,4 @@
-// Checkpoints and journals as bytes: what was written comes back, and nothing else is ever taken for it.
+// Checkpoints and journals as bytes: reading returns what was written, and refuses all other bytes.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -121,7 +121,7 @@ TEST(Checkpoint, EveryTruncationIsRefused) {
     ASSERT_THROW(verified_image(Bytes(bytes).first(size), "file", 3), DamagedFile) << size << " bytes";
 }
 
-// HDF5 looks on the disk even for a file in memory.
+// HDF5 looks for a file on the disk even when it opens a file in memory.
 TEST(Checkpoint, NoFileOfTheWorkingDirectoryIsTakenForItNorStandsInItsWay) {
   const test::Scratch scratch;
   const auto before = std::filesystem::current_path();
@@ -167,7 +167,7 @@ struct Journal {
   }
   support::MemoryStorage disk;
   std::vector<std::vector<std::byte>> headers, payloads;
-  std::vector<std::uint64_t> ends;  // where the header and each record ends
+  std::vector<std::uint64_t> ends;  // end of the header and of each record
   std::vector<std::byte> bytes;
 };
 
@@ -230,7 +230,7 @@ TEST(Journal, AFileMadeLongerBeforeItsDataCameIsTorn) {
     EXPECT_TRUE(segment.torn);
   }
   auto bytes = journal.bytes;
-  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});  // the last record's end never reached the disk
+  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});  // the end of the last record never reached the disk
   EXPECT_EQ(read_segment(bytes, "file").records.size(), 3u);
 }
 

@@ -1,5 +1,5 @@
-// The store as a whole against a counter for a server: whatever the disk does, recovery gives back every record that
-// was settled, once and in order, or says that it cannot.
+// The store with a counter in place of a server. Whatever the disk does, recovery returns every settled record once and
+// in order, or reports that it cannot.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ std::uint64_t value_of(Bytes bytes) {
   return value;
 }
 
-// A server whose state is the list of requests it was given.
+// A server whose state is the list of the requests that it received.
 struct Counter final : Recovery {
   void restore(const Snapshot& snapshot) override {
     seen.clear();
@@ -54,7 +54,7 @@ struct Server {
                      .log = [this](const std::string& line) { log += line + "\n"; }}) {
     store.recover(counter);
   }
-  // True when the request may be answered.
+  // Settles a request; returns normally if it may be answered.
   void run(std::uint64_t value) {
     const auto frame = bytes_of(value);
     store.append({.sequence = value, .header_frame = frame});
@@ -97,7 +97,7 @@ TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
   }
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(20));
-  EXPECT_EQ(again.store.counters().replayed, 2u);  // 19 and 20
+  EXPECT_EQ(again.store.counters().replayed, 2u);  // records 19 and 20
 }
 
 TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
@@ -150,7 +150,7 @@ TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
 
 TEST(Store, AJournalWithAHoleIsRefused) {
   MemoryStorage disk;
-  for (std::uint64_t i = 1; i <= 3; ++i) Server(disk).run(i);  // a segment each
+  for (std::uint64_t i = 1; i <= 3; ++i) Server(disk).run(i);  // each server writes its own segment
   disk.remove(segment_name(2));
   EXPECT_THROW(Server{disk}, DamagedFile);
 }
@@ -176,7 +176,7 @@ TEST(Store, WithoutJournalTheLastCheckpointIsWhatRemains) {
   EXPECT_EQ(Server(disk, Durability::kNone).counter.seen, up_to(1));
 }
 
-// What a workload with checkpoints does to a disk that fails somewhere, and what the next server finds there.
+// The result of a workload with checkpoints on a disk that fails at some call.
 struct Outcome {
   std::vector<std::uint64_t> answered;
   bool fired = false;
@@ -193,18 +193,19 @@ Outcome workload(MemoryStorage& disk, Durability durability) {
       } catch (const StorageError& fault) {
         if (server.store.failed()) throw;
         EXPECT_TRUE(fault.no_space());
-        break;  // refused, and nothing was changed
+        break;  // refused, without any change
       }
       if (i % 2 == 0) server.checkpoint();
     }
   } catch (const StorageError&) {
-    // The server ends itself, or has died: what it answered is in `outcome`.
+    // The server ends itself or has died; `outcome` holds the requests that it answered.
   }
   outcome.fired = disk.fired();
   return outcome;
 }
 
-// Answered requests are a prefix of what recovery gives; what it gives beyond them is at most the one being run.
+// The answered requests must be a prefix of the recovered ones; at most one more is recovered, the one that was
+// running.
 void expect_nothing_lost(MemoryStorage& disk, Durability durability, const std::vector<std::uint64_t>& answered,
                          const std::string& when) {
   SCOPED_TRACE(when);

@@ -1,5 +1,5 @@
-// A checkpoint as it may lie on a disk: to a snapshot. HDF5 is shown nothing whose hash is wrong, and the mutator
-// rights the sums of the footer only: what stands behind the hash of the image is for checkpoint_content.
+// Fuzzes reading a checkpoint from a disk. HDF5 never sees bytes whose hash is wrong, and the mutator repairs only the
+// sums of the footer; the target checkpoint_content fuzzes the content behind the hash of the image.
 #include <xxhash.h>
 
 #include <cstring>
@@ -14,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     const store::Snapshot snapshot =
         store::read_checkpoint(std::as_bytes(std::span(data, size)), "file", fuzz::kSampleGeneration);
-    // Nobody else has made a file with these sums.
+    // A file with these sums was made by checkpoint_bytes(), so writing its snapshot again gives the same size.
     fuzz::require(store::checkpoint_bytes(snapshot, fuzz::kSampleGeneration).size() == size,
                   "what was read is what is written");
   } catch (const store::DamagedFile&) {

@@ -1,6 +1,7 @@
-// What stands in a checkpoint, behind a right hash: a sound file, changed by calls of HDF5 and hashed again. The bytes
-// that HDF5 itself parses stay sound: Debian's 1.10.8 is known to crash on malformed ones, which is why the hash comes
-// first. Each edit of the input is eight bytes: what to do, to which object, and how.
+// Fuzzes the content of a checkpoint behind a correct hash: HDF5 calls change a sound file, which is then hashed again.
+// The bytes that HDF5 itself parses stay sound, because Debian's HDF5 1.10.8 is known to crash on malformed bytes; that
+// is also why the reader checks the hash first. Each edit of the input has eight bytes: operation, object and
+// parameters.
 #include <hdf5.h>
 #include <xxhash.h>
 
@@ -21,7 +22,7 @@ namespace {
 
 constexpr std::size_t kMostEdits = 8;
 constexpr std::size_t kEditBytes = 8;
-constexpr std::size_t kMostBytes = 1 << 16;  // that an edit writes
+constexpr std::size_t kMostBytes = 1 << 16;  // limit of the bytes that an edit writes
 constexpr std::uint64_t kMemory = std::uint64_t{1} << 20;
 using Edit = std::array<std::uint8_t, kEditBytes>;
 
@@ -109,7 +110,7 @@ hdf5::Space space_of(const Edit& edit) {
   return hdf5::Space(store::checked(H5Screate_simple(rank, extent, nullptr), "make a space"));
 }
 
-// Zeros for the whole of it; nothing where that is much.
+// Returns zeros for the whole dataspace, or an empty text if it is larger than kMostBytes.
 std::string zeros_for(hid_t type, hid_t space) {
   const hssize_t count = H5Sget_simple_extent_npoints(space);
   const std::size_t size = H5Tget_size(type);
@@ -118,7 +119,7 @@ std::string zeros_for(hid_t type, hid_t space) {
   return std::string(size * static_cast<std::size_t>(count), '\0');
 }
 
-// Makes the attribute or dataset anew: another type, another extent, the same name.
+// Replaces the attribute or dataset by one of the same name with another type and extent.
 void replace(hid_t file, const Target& target, const Edit& edit) {
   const hdf5::Type type = type_of(edit[3], edit[7]);
   const hdf5::Space space = space_of(edit);
@@ -137,7 +138,7 @@ void replace(hid_t file, const Target& target, const Edit& edit) {
   if (!zeros.empty()) H5Dwrite(made, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, zeros.data());
 }
 
-// One value of it, of the same type and extent.
+// Changes one value of the attribute or dataset; type and extent stay.
 void overwrite(hid_t file, const Target& target, const Edit& edit) {
   Random random(edit[3] + 256U * edit[4] + 65536U * edit[5]);
   if (!target.attribute.empty()) {
@@ -145,7 +146,7 @@ void overwrite(hid_t file, const Target& target, const Edit& edit) {
         store::checked(H5Aopen_by_name(file, target.object.c_str(), target.attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT),
                        "open an attribute"));
     const std::uint64_t value = random.number();
-    H5Awrite(attribute, H5T_NATIVE_UINT64, &value);  // fails for text, which stays
+    H5Awrite(attribute, H5T_NATIVE_UINT64, &value);  // fails for text, which then stays
     return;
   }
   const hdf5::Dataset dataset(store::checked(H5Dopen2(file, target.object.c_str(), H5P_DEFAULT), "open a dataset"));
@@ -203,7 +204,7 @@ std::vector<std::byte> edited(const std::uint8_t* data, std::size_t size) {
       try {
         carry_out(edit, file);
       } catch (const store::Hdf5Error&) {
-        // An edit before took the object away, or HDF5 knows no such thing.
+        // An earlier edit removed the object, or HDF5 does not know the type.
       }
     }
     bytes = store::bytes_of_image(file);

@@ -1,4 +1,4 @@
-// Frames as they come from a socket, to a request and to a reply.
+// Fuzzes the decoding of frames from a socket as a request and as a reply.
 #include <optional>
 
 #include "proto/wire/codec.hpp"
@@ -17,7 +17,7 @@ std::optional<std::string> again(const Message& message) {
   try {
     return wire::encode_header(message);
   } catch (const wire::Error&) {
-    return std::nullopt;  // what was taken may be too long once it is written out in full
+    return std::nullopt;  // an accepted message may be too long when it is written out in full
   }
 }
 

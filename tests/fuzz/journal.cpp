@@ -1,4 +1,4 @@
-// A journal segment as it may lie on a disk: to records, and to a server that recovers from it.
+// Fuzzes reading a journal segment from a disk, and the recovery of a server from it.
 #include <algorithm>
 
 #include "server/store/journal.hpp"
@@ -58,7 +58,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   return 0;
 }
 
-// Mostly whole records, with right sums: what lies behind them is reached.
+// Mutates mostly whole records and keeps their sums correct, so that the code behind the checks is reached.
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                                unsigned int seed) {
   using namespace shearbus;

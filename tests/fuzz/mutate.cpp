@@ -200,7 +200,7 @@ void mutate(Message& message, Random& random) {
   const auto& type = *message.GetDescriptor();
   const auto& at = *message.GetReflection();
   if (type.field_count() == 0) return;
-  // Rather what is there than what is not: half of the time among the fields that are set.
+  // Half of the time chooses among the fields that are set.
   std::vector<const FieldDescriptor*> present;
   at.ListFields(message, &present);
   const FieldDescriptor* field =
@@ -210,7 +210,7 @@ void mutate(Message& message, Random& random) {
   if (field->is_repeated()) return add_or_remove(message, at, field, random);
   if (random.one_in(16)) return at.ClearField(&message, field);
   if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) return set_number(message, at, field, random);
-  // Another member of a oneof would throw the present one away: seldom.
+  // Setting another member of a oneof would discard the present member, so this is rare.
   if (field->containing_oneof() != nullptr && !at.HasField(message, field) && !random.one_in(8)) return;
   mutate(*at.MutableMessage(&message, field), random);
 }

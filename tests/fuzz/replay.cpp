@@ -1,5 +1,5 @@
-// A driver where libFuzzer is not: runs a target on every file of its corpus and on mutations of them, always the same
-// ones.
+// A driver for machines without libFuzzer: runs a target on every file of its corpus and on mutations of the files, the
+// same mutations in every run.
 //   shearbus-fuzz-TARGET DIRECTORY [MUTATIONS OF EACH]
 #include <algorithm>
 #include <filesystem>
@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
       std::vector<std::uint8_t> mutated = input;
       mutated.resize(std::max(kLongest, input.size()));
       mutated.resize(LLVMFuzzerCustomMutator(mutated.data(), input.size(), mutated.size(), i));
-      mutated.shrink_to_fit();  // so that reading past its end is seen
+      mutated.shrink_to_fit();  // lets sanitizers detect reads past the end of the input
       LLVMFuzzerTestOneInput(mutated.data(), mutated.size());
     }
     inputs += 1 + mutations;

@@ -1,4 +1,4 @@
-// Text to a scene, and a sound scene to a session: what the loader lets through, the service runs.
+// Fuzzes the text of a scene, and opens a session with each valid scene: the service must run what the loader accepts.
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>
@@ -13,7 +13,8 @@
 namespace shearbus::fuzz {
 namespace {
 
-constexpr std::uint32_t kMostCells = 40;  // that are run: finer grids cost time and show nothing more
+// Limit of the cells of scenes that are run; finer grids take longer and reveal no more.
+constexpr std::uint32_t kMostCells = 40;
 
 bool small(const v1::Scene& scene) {
   return scene.layer().cells() <= kMostCells && scene.hard_layer().cells() <= kMostCells;
@@ -37,7 +38,7 @@ void run(const std::string& text, wire::Strategy strategy) {
   }
 }
 
-// Words of the schema, of TOML, and numbers at the edges.
+// Returns words of the schema and of TOML, and numbers at the edges of their ranges.
 const Parts& words() {
   static const Parts all = [] {
     Parts found = {"=",        "[",     "]",          "[[",      "\"",
@@ -94,7 +95,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   const std::size_t at = random.below(text.size() + 1);
   if (random.one_in(2)) {
     text.insert(at, word);
-  } else {  // in place of a word
+  } else {  // replaces a word
     const auto is_word = [&](std::size_t i) {
       return i < text.size() && (std::isalnum(static_cast<unsigned char>(text[i])) || text[i] == '_');
     };

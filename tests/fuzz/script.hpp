@@ -1,4 +1,4 @@
-// What inputs of the target `service` are made of beside requests.
+// Events in inputs of the target `service`, in addition to requests.
 #pragma once
 
 #include <string>

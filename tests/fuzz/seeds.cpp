@@ -1,4 +1,4 @@
-// Writes inputs to begin from, a directory for each target. The committed corpus grew out of them.
+// Writes initial inputs, a directory for each target. The committed corpus grew out of them.
 //   shearbus-fuzz-seeds DIRECTORY
 #include <filesystem>
 #include <fstream>
@@ -14,7 +14,7 @@
 #include "tests/fuzz/target.hpp"
 #include "tests/support/wire_samples.hpp"
 
-// The mutators are linked, and not used.
+// The mutators are linked but not used, so this one does nothing.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t*, std::size_t size, std::size_t) {
   return size;
 }
@@ -48,7 +48,8 @@ Parts parts_of(const Message& message) {
   return parts;
 }
 
-// A conversation for the target `service`: what a client fills in is left open, so that requests may be moved about.
+// A conversation for the target `service`. Fields that a client fills in stay open, so that a mutation may reorder
+// requests.
 class Script {
  public:
   void ask(const wire::Request& request) {

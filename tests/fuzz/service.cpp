@@ -1,12 +1,12 @@
-// Requests, one after the other, to a service on a disk that can be restarted in between; beside it a twin that gets
-// the accepted ones only, once, and never restarts. Whatever the requests are:
+// Fuzzes a service with a sequence of requests, on a disk, with restarts in between. A twin service, which never
+// restarts, receives each accepted request once. Whatever the requests are, three properties must hold:
 //   P1  after a restart the last answer of every session is given again
-//   P2  a repeated request has the same answer and is not run
-//   P3  what is refused changes nothing: the twin never saw it, and answers alike
+//   P2  a repeated request gets the same answer and does not run
+//   P3  a refused request changes nothing: the twin never receives it, and still gives the same answers
 //
-// The input's parts are header and payload in turn. What a header leaves at 0 or empty is filled in as a client would -
-// magic, version, session, sequence, size and sum of the payload -, so that a mutation early on does not turn all that
-// follows into refusals. A header of one byte is an event instead: a checkpoint, or a restart.
+// The input's parts are header and payload in turn. Fields that a header leaves at 0 or empty - magic, version,
+// session, sequence, size and sum of the payload - are filled in as a client would, so that an early mutation does not
+// turn all later requests into refusals. A header of one byte is an event instead: a checkpoint or a restart.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cmath>
@@ -162,7 +162,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     case 3:
       mutate_reals(parts[at + 1], random);
       break;
-    case 4: {  // the same request once more, somewhere
+    case 4: {  // repeats a request at a random place
       const Parts pair(place, place + 2);
       parts.insert(parts.begin() + static_cast<std::ptrdiff_t>(2 * random.below(parts.size() / 2 + 1)), pair.begin(),
                    pair.end());
@@ -180,7 +180,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   return give(pack(parts), data, size, max_size);
 }
 
-// The beginning of one conversation, the end of another.
+// Joins the beginning of one conversation to the end of another.
 extern "C" std::size_t LLVMFuzzerCustomCrossOver(const std::uint8_t* data1, std::size_t size1,
                                                  const std::uint8_t* data2, std::size_t size2, std::uint8_t* out,
                                                  std::size_t max_size, unsigned int seed) {

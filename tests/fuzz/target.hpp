@@ -1,5 +1,5 @@
-// A fuzz target: one input, any bytes. libFuzzer drives it (-DSHEARBUS_FUZZ=ON, clang); elsewhere replay.cpp feeds it
-// the committed corpus and mutations of it.
+// The interface of a fuzz target: one input of any bytes. libFuzzer drives it (-DSHEARBUS_FUZZ=ON, clang); elsewhere
+// replay.cpp passes it the committed corpus and mutations of it.
 #pragma once
 
 #include <cstddef>
@@ -11,11 +11,12 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                                unsigned int seed);
-extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);  // the driver's
+// Implemented by the driver.
+extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
 
 namespace shearbus::fuzz {
 
-// What holds for every input. A breach is a finding, as a crash is.
+// Requires a property that holds for every input; a violation is a finding, as a crash is.
 inline void require(bool holds, const std::string& law) {
   if (holds) return;
   std::fprintf(stderr, "BROKEN: %s\n", law.c_str());

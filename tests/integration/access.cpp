@@ -1,4 +1,4 @@
-// Who gets in and who does not, over real sockets with real keys and users.
+// Access control over real sockets with real keys and users: which clients the server accepts and which it refuses.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
@@ -33,7 +33,7 @@ using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(6);
 
-// Lines from several threads.
+// Collects log lines from several threads.
 class Lines {
  public:
   server::Log log() {
@@ -63,7 +63,7 @@ Status refusal_of(const ClientOptions& options) {
   return {};
 }
 
-// A refusal is told long before the deadline, which a client without a monitor would wait for.
+// A refusal must arrive long before the deadline; a client that does not monitor its socket would wait until then.
 Status prompt_refusal_of(ClientOptions options) {
   options.connect_deadline = 60s;
   const auto started = std::chrono::steady_clock::now();
@@ -108,7 +108,7 @@ TEST_F(Keys, WhoIsOnTheListIsServedWhoIsNotIsToldAtOnceAndNeverHeard) {
     const std::string& tcp = server.endpoint("tcp");
     Client alice(client_options(tcp, alice_));
     EXPECT_EQ(alice.welcome().access, "key");
-    Client local = server.client("ipc");  // a key is asked for by tcp only
+    Client local = server.client("ipc");  // the server asks for a key on tcp only
     EXPECT_EQ(local.welcome().access, "uid");
     const std::uint64_t heard = alice.server_status().requests;
 
@@ -174,7 +174,7 @@ TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
   RunningServer plain({}, {"tcp://127.0.0.1:*"});
   const Status status = prompt_refusal_of(client_options(plain.endpoint("tcp"), alice_));
   EXPECT_EQ(status.code, Code::kAuth) << describe(status);
-  // Which end breaks off first is chance, and decides what this one hears.
+  // Either end may close the connection first, by chance, and this decides which text the client reports.
   EXPECT_THAT(status.text, AnyOf(HasSubstr("the server has no keys"), HasSubstr("or no keys")));
   EXPECT_EQ(Client({.endpoint = plain.endpoint("tcp")}).welcome().access, "anonymous");
   EXPECT_EQ(refusal_of(client_options("ipc:///tmp/bus", alice_)).code, Code::kAuth);
@@ -251,7 +251,7 @@ TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
   }
 }
 
-// As an operator would do it, from keygen to a step.
+// Goes through all steps of an operator, from keygen to a solver step.
 TEST_F(Keys, ProgramsMakeAndUseKeys) {
   const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
   const auto run = [&](std::vector<std::string> arguments) {
@@ -301,7 +301,7 @@ TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {
   EXPECT_EQ(server.transport().received, 0u);
 }
 
-// Exit code of a client of another user: 0 served, 1 refused by AUTH, 2 anything else.
+// Runs `act` in a child process of another user. Returns its exit code: 0 served, 1 refused by AUTH, 2 anything else.
 int as_user(uid_t uid, const std::function<void()>& act) {
   const pid_t child = ::fork();
   if (child == 0) {

@@ -1,4 +1,4 @@
-// Two-dimensional hydro, bus and layer together.
+// Two-dimensional hydrocode, bus and layer together.
 #include <gtest/gtest.h>
 
 #include "hydro_stub/cone_target.hpp"
@@ -17,8 +17,8 @@ namespace {
 using lagrange::Cycle;
 using lagrange::Ledger;
 
-// The two half-spaces of server/physics/MEASURED.md, "Exact solutions", at the middle of two plates, before a wave
-// comes from an end.
+// Two half-spaces with the exact solution of server/physics/MEASURED.md, "Exact solutions": the middle of two plates
+// follows it until a wave arrives from an end.
 TEST(Hydro2dSubgrid, TwoHalfSpacesSlideAsTheVolterraEquationSays) {
   const hydro::SceneText scene{R"(
 name = "two_half_spaces_2d"
@@ -69,7 +69,7 @@ hydro::SceneText text_of(const guest::HydroScene& scene) {
 
 struct Outcome {
   Ledger start, end;
-  double slip = 0.0;  // of the middle node  [m]
+  double slip = 0.0;  // slip of the middle node  [m]
   double hottest = 0.0;
 };
 
@@ -101,7 +101,7 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   hydro::SubgridLaw subgrid(text_of(scene), hydro::node_ids(nodes), temperature);
   const Outcome outcomes[] = {run(scene, free), run(scene, stick), run(scene, macroscopic), run(scene, subgrid)};
   for (const Outcome& o : outcomes) {
-    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // the axis does no work
+    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // the axis of symmetry does no work
     EXPECT_NEAR(o.end.momentum.y / o.start.momentum.y, 1.0, 1e-12);
   }
   const auto& [slipping, sticking, law5, service] = outcomes;
@@ -109,12 +109,12 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   EXPECT_GT(law5.slip, 10.0 * sticking.slip);
   EXPECT_GT(slipping.slip, service.slip);
   EXPECT_GT(law5.end.friction_heat, 0.0);
-  EXPECT_GT(service.hottest, 2.0 * law5.hottest);  // the layer's temperature, which no zone knows
+  EXPECT_GT(service.hottest, 2.0 * law5.hottest);  // the layer resolves a peak temperature that the zones cannot
   EXPECT_LT(service.hottest, problem.soft.strength.melting_temperature);
 }
 
-// The cone with everything solved - contact through junctions that are everywhere and do not harden is the plain one to
-// the last bit - and with what it does not need left out.
+// Runs the cone with all options and with the options that it does not need left out. All options include contact
+// through junctions that are everywhere and do not harden: it gives the bits of plain contact.
 TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   guest::HydroScene everything = cone();
   everything.mutable_hydro()->set_end_time_s(12e-6);
@@ -149,8 +149,8 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
       stress_apart = std::max(stress_apart, std::abs(a.shear_stress[i] - b.shear_stress[i]));
     }
   }
-  EXPECT_LT(apart, 1e-6);         // [K], of 1200
-  EXPECT_LT(stress_apart, 10.0);  // [Pa], of 1e8
+  EXPECT_LT(apart, 1e-6);         // largest difference  [K], of temperatures of about 1200 K
+  EXPECT_LT(stress_apart, 10.0);  // largest difference  [Pa], of stresses of about 1e8 Pa
   sleeping.close();
   const auto lines = sleeping.omitted_cost().lines;
   ASSERT_EQ(lines.size(), 2U);
@@ -160,7 +160,7 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   EXPECT_GT(std::stod(lines[1].second), 40.0);  // % of node-steps
 }
 
-// A step the host takes back never happened: the next one gives every bit as if it had not been tried.
+// A step that the host takes back leaves no trace: the next step gives the same bits as without it.
 TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   const guest::HydroScene scene = cone();
   constexpr std::size_t kNodes = 9;

@@ -1,4 +1,4 @@
-"""shearbus-hydro as a user runs it: what it leaves, what it says of bad input, and its answers through a server elsewhere.
+"""Tests of the program shearbus-hydro: the files it writes, its messages for bad input, and its answers with a separate server.
 
     hydro_cli.py --hydro PROGRAM --server PROGRAM --replay PROGRAM [unittest options]"""
 import argparse
@@ -112,11 +112,11 @@ class Results(HydroTest):
         work = (values["shear_stress"] * values["dt"][:, None] * 0.5 * (values["velocity_jump"] + values["velocity_jump_new"])).sum()
         self.assertAlmostEqual(summary["friction_work_j_per_m2"] / work, 1.0, places=9)
         self.assertAlmostEqual(summary["heat_into_soft_body_j_per_m2"] / (work * summary["heat_partition"]), 1.0, places=9)
-        layer = {term: 5 * mean for term, mean in summary["layer_energy"].items()}  # told as means of the columns
+        layer = {term: 5 * mean for term, mean in summary["layer_energy"].items()}  # reported as means of the columns
         self.assertAlmostEqual(layer["interface_work_j_per_m2"] / work, 1.0, places=9)
         self.assertAlmostEqual(layer["heat_to_soft_j_per_m2"] / summary["heat_into_soft_body_j_per_m2"], 1.0, places=9)
         self.assertLess(abs(layer["heat_residual_j_per_m2"]), 1e-9 * work)
-        self.assertLess(abs(layer["energy_residual_j_per_m2"]), 1e-3 * work)  # the steps in which columns stop
+        self.assertLess(abs(layer["energy_residual_j_per_m2"]), 1e-3 * work)  # from the steps in which columns stop
         first = [None if not m.any() else values["time"][m.argmax()]
                  for m in (values["interface_temperature"] >= summary["melting_threshold_k"]).T]
         self.assertEqual(summary["time_to_melting_threshold_s"], first)

@@ -1,4 +1,4 @@
-"""shearbus-hydro on a cone, as a user runs it: results are whole, readable and what the summary says."""
+"""Tests of shearbus-hydro on a cone: its result files are complete, readable, and agree with the summary."""
 import argparse
 import json
 import os
@@ -75,7 +75,7 @@ class Cone(unittest.TestCase):
 
     def test_neither_threads_nor_overlap_change_a_bit(self):
         with tempfile.TemporaryDirectory() as directory:
-            path = scene(directory, zone_width_m="0.22e-3", end_time_s="0.25e-6")  # bodies large enough for threads
+            path = scene(directory, zone_width_m="0.22e-3", end_time_s="0.25e-6")  # bodies large enough to be computed by several threads
             runs = {}
             for threads, flag in ((1, "--overlap"), (1, "--no-overlap"), (3, "--overlap")):
                 out = pathlib.Path(directory) / f"{threads}{flag}"

@@ -1,4 +1,4 @@
-"""The fields of a run in ParaView's own readers, both of them: every frame, its time, the mesh and the values of every array."""
+"""Reads the fields of a run with both of ParaView's own readers: every frame, its time, the mesh and the values of every array."""
 import argparse
 import pathlib
 import re

@@ -1,5 +1,5 @@
-"""Runs that are killed and go on: the hydrocode, the server, or both, at random moments. What is left at the end must be, to the
-bit, what a run leaves to which nothing happens."""
+"""Kills the hydrocode, the server, or both at random moments and continues the runs. The results at the end must be, to the bit, those of a
+run that was never interrupted."""
 import argparse
 import json
 import os
@@ -19,8 +19,8 @@ import numpy
 
 OPTIONS = None
 SEED = int(os.environ.get("SHEARBUS_SEED", "1"))
-KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # of each test
-NOT_COMPARED = {"run_time_s", "service_share", "waiting_share", "cpu_share"}  # of the summary
+KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # kills in each test
+NOT_COMPARED = {"run_time_s", "service_share", "waiting_share", "cpu_share"}  # entries of the summary
 
 
 def shortened_cone(directory):
@@ -34,7 +34,7 @@ def shortened_cone(directory):
 
 
 def same(test, ours, theirs):
-    """Every dataset of histories and fields, every number of the summary."""
+    """Compares every dataset of histories and fields, and every number of the summary."""
     names = sorted(p.relative_to(theirs) for p in theirs.rglob("*.h5"))
     test.assertEqual(sorted(p.relative_to(ours) for p in ours.rglob("*.h5")), names)
     for name in names:
@@ -89,7 +89,7 @@ class Restart(unittest.TestCase):
         return out, self.start(OPTIONS.hydro, *where, *(server if where[0] == "--restart" else ()), "--no-plot", "--dump-every", 10)
 
     def wait_for_a_new_dump(self, out, process):
-        """And a little longer, so that the kill comes anywhere in the steps or dumps that follow."""
+        """Waits for a new dump and a random time more, so that the kill falls anywhere in the steps or dumps that follow."""
         before = set(out.glob("restart/dump-*.h5"))
         end = time.monotonic() + 60
         while set(out.glob("restart/dump-*.h5")) <= before and process.poll() is None:
@@ -197,7 +197,7 @@ class Restart(unittest.TestCase):
         process.kill()
         process.communicate()
         dumps = sorted(out.glob("restart/dump-*.h5"))
-        self.assertGreaterEqual(len(dumps), 2)  # a kill between a new one and the removal of the oldest leaves three
+        self.assertGreaterEqual(len(dumps), 2)  # three if the kill came between writing a dump and removing the oldest
         bytes_ = bytearray(dumps[-1].read_bytes())
         with h5py.File(dumps[-1]) as f:
             place = f["numbers/cycle/velocity"].id.get_chunk_info(0).byte_offset

@@ -1,4 +1,4 @@
-// The hydrocode coupled to the service (embedded server): what must hold of any host's coupling.
+// The hydrocode coupled to the service (embedded server): properties that the coupling of any host must have.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@ namespace {
 
 using hydro::ShearColumn;
 
-// Columns that stick, slip, melt, run the other way and stop; more than one tile of them.
+// Columns that stick, slip, melt, slip backwards and stop; they fill more than one tile.
 hydro::SceneFile scene(const std::string& far_end = "free") {
   return hydro::parse_scene(R"(
 name = "coupled"
@@ -77,7 +77,8 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
   law.close();
 }
 
-// The answer's jump is what both sides' own momentum equations leave with the answer's stress, DLP (61).
+// The jump of the answer equals the jump that the momentum equations of both sides give with the stress of the answer,
+// DLP (61).
 TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
   const hydro::SceneFile of = scene();
   const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
@@ -105,8 +106,7 @@ TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
     hydro::SubgridLaw law = embedded(of, problem);
     ShearColumn column(problem);
     std::vector<double> heat(problem.columns, 0.0);
-    std::vector<double> clipped(problem.columns,
-                                0.0);  // work of steps in which the jump was stopped or reversed against s
+    std::vector<double> clipped(problem.columns, 0.0);  // negative work of steps in which the jump turned against s
     for (std::uint64_t step = 0; step < problem.steps; ++step) {
       column.advance(law);
       for (std::size_t i = 0; i < problem.columns; ++i) {

@@ -1,5 +1,5 @@
-"""The verification problems as a user runs them: every scene of problems/verification ends with its exact values and errors in
-bounds. The bounds of the table are those of the meshes that the scenes name."""
+"""Runs every scene of problems/verification as a user does. It must end with its exact values, within the bounds of the table below, which
+hold for the meshes that the scenes name."""
 import argparse
 import json
 import pathlib
@@ -10,7 +10,7 @@ import tempfile
 import unittest
 
 OPTIONS = None
-# scene -> (what, bound of the error: relative where the exact value is not 0)
+# scene -> (quantity, bound of its error; relative where the exact value is not 0)
 BOUNDS = {
     "piston": [("stress behind both waves", 1e-3), ("elastic limit", 1e-2), ("mean error of the stress", 0.02)],
     "flyer_on_aluminium": [("velocity of the struck face", 1e-3), ("stress behind the shock", 1e-3)],
@@ -27,7 +27,7 @@ BOUNDS = {
     "patch_test": [("largest velocity", 1e-8), ("pressure on the line", 1e-9)],
     "taylor_bar": [("length", 0.05), ("radius of the foot", 0.12)],
 }
-COARSER = {"taylor_bar": {"zones": "4"}}  # to take seconds; the convergence tests refine
+COARSER = {"taylor_bar": {"zones": "4"}}  # a coarser mesh, so that the test takes seconds; the convergence tests refine
 
 
 class Verification(unittest.TestCase):

@@ -1,4 +1,4 @@
-"""shearbus-study map and its pictures as a user runs them."""
+"""Tests of `shearbus-study map` and its pictures, run as a user does."""
 import argparse
 import csv
 import json

@@ -1,4 +1,4 @@
-// The program as its operators have it: shearbus-ctl against a running server, and a service manager around it.
+// Tests for operators: shearbus-ctl against a running server, and a service manager that supervises the server.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
@@ -33,7 +33,7 @@ const std::vector<std::uint64_t> kNodes = support::node_ids(15);
 class Ctl {
  public:
   explicit Ctl(std::string endpoint) : endpoint_(std::move(endpoint)) {}
-  // Exit code and what was printed.
+  // Returns the exit code and the output.
   std::pair<int, std::string> operator()(std::vector<std::string> words) const {
     words.insert(words.end(), {"--server", endpoint_});
     return plain(std::move(words));
@@ -90,7 +90,7 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
 
   const auto [told, metrics] = ctl({"metrics"});
   EXPECT_EQ(told, 0);
-  // The text format's grammar, and that a histogram's buckets rise to its count.
+  // The metrics follow the grammar of the text format, and the buckets of a histogram rise to its count.
   const std::regex line(
       R"((# (HELP|TYPE) shearbus_[a-z_]+ .+)|(shearbus_[a-z_]+(\{([a-z]+="[^"]*",?)+\})? [0-9.e+-]+))");
   std::istringstream lines(metrics);
@@ -112,7 +112,8 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
   EXPECT_NO_THROW(step(session, 21));
 }
 
-// A host that died without its ticket: only an operator can free what it held, and not while it is at work.
+// A host that died without its ticket leaves its session behind. Only an operator can free the session's nodes, and
+// only while the session is idle.
 TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
@@ -129,7 +130,7 @@ TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   EXPECT_EQ(ctl({"close", "nobody", "--idle", "0"}).first, 1);
   step(session, 1);
 
-  // As it was seen before the client's next step: it has gone on.
+  // Closing a session as it was listed before the client's next step is refused, because the client has gone on since.
   const auto seen = client.sessions();
   const auto info = std::ranges::find(seen, name, &wire::SessionInfo::name);
   ASSERT_NE(info, seen.end());
@@ -166,7 +167,7 @@ TEST(Operations, ADrainedServerEndsWithItsLastSession) {
   EXPECT_TRUE(std::filesystem::exists(scratch / "state" / "checkpoint-000000000001.h5"));
 }
 
-// Of a server that is there but whose loop does not turn, as of none.
+// A ping of a stopped server process fails within its second, as a ping without a server does.
 TEST(Operations, APingTellsWithinASecondThatNobodyAnswers) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
@@ -176,13 +177,13 @@ TEST(Operations, APingTellsWithinASecondThatNobodyAnswers) {
   server.process().signal(SIGSTOP);
   const auto started = std::chrono::steady_clock::now();
   EXPECT_EQ(ctl({"ping"}).first, 1);
-  EXPECT_LT(std::chrono::steady_clock::now() - started,
-            4s);  // and the start of the program; other deadlines are longer
+  // 1 s for the ping and the rest for starting the program; all other deadlines are longer.
+  EXPECT_LT(std::chrono::steady_clock::now() - started, 4s);
   server.process().signal(SIGCONT);
   EXPECT_EQ(ctl({"ping", "--timeout", "20"}).first, 0);
 }
 
-// What systemd is to the server: a socket for datagrams, named in its environment.
+// Stands in for systemd: a datagram socket whose path is in the server's environment.
 class Manager {
  public:
   explicit Manager(const std::string& watchdog_us) : file_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
@@ -203,7 +204,7 @@ class Manager {
   Manager(const Manager&) = delete;
   Manager& operator=(const Manager&) = delete;
 
-  // Messages of the time, or until one has the text.
+  // Returns the messages that arrive within `time`, or until the text `until` has arrived.
   std::string heard(std::chrono::milliseconds time, const std::string& until = "\1") {
     std::string all;
     const auto end = std::chrono::steady_clock::now() + time;
@@ -228,7 +229,7 @@ TEST(ServiceManager, IsToldReadyAliveAndStoppingByTheLoopThatCommits) {
   Manager manager("30000000");
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
   EXPECT_THAT(manager.heard(20s, "READY=1"), HasSubstr("READY=1\nSTATUS=listening on ipc://"));
-  Client client({.endpoint = scratch.ipc()});  // it is
+  Client client({.endpoint = scratch.ipc()});  // the server does listen
   EXPECT_THAT(manager.heard(5s, "WATCHDOG=1"), HasSubstr("WATCHDOG=1\n"));
   EXPECT_THAT(manager.heard(5s, "WATCHDOG=1"), HasSubstr("WATCHDOG=1\n"));
   server.process().signal(SIGSTOP);
@@ -266,12 +267,12 @@ TEST(ServiceManager, OneThatCannotBeReachedIsAnErrorAtTheStart) {
   EXPECT_THAT(server.log(), HasSubstr("NOTIFY_SOCKET"));
 }
 
-// systemd's own judgement of the unit, where systemd is.
+// Asks systemd for its own check of the unit file, if systemd is installed.
 TEST(ServiceManager, TheUnitIsSoundAndShutIn) {
   if (!std::filesystem::exists("/usr/bin/systemd-analyze")) GTEST_SKIP() << "systemd-analyze is not installed";
   const ScratchDirectory scratch;
   std::string unit = support::text_of(SHEARBUS_SOURCE_DIR "/deploy/systemd/shearbus-server.service");
-  const std::string program = "/usr/bin/shearbus-server";  // is not installed here
+  const std::string program = "/usr/bin/shearbus-server";  // path in the unit file; not installed here
   unit.replace(unit.find(program), program.size(), SHEARBUS_BINARY_DIR "/bin/shearbus-server");
   const std::string file = scratch / "shearbus-server.service";
   std::ofstream(file) << unit;

@@ -1,4 +1,4 @@
-"""The numbers a replay gives: the paper's velocity-driven case (server/physics/MEASURED.md, "Exact solutions"), loops, restarts."""
+"""Checks the numbers of replays: the paper's velocity-driven case (server/physics/MEASURED.md, "Exact solutions"), loops, restarts."""
 import re
 import subprocess
 import unittest
@@ -10,7 +10,7 @@ from replay_support import EXAMPLES, ReplayTest, force_history, velocity_history
 
 
 class PaperCase(ReplayTest):
-    """DLP 5.1: h 20 um, P 11.2 GPa, 100 m/s, dt 1 ns."""
+    """The case of DLP 5.1: h = 20 um, P = 11.2 GPa, jump 100 m/s, dt = 1 ns."""
 
     def relative(self, found, expected, tolerance):
         self.assertLess(abs(found / expected - 1), tolerance, f"{found!r} against {expected!r}")
@@ -74,7 +74,7 @@ class Results(ReplayTest):
             self.assertTrue(meta.attrs["server_version"])
             scene = meta["scene"].asstr()[()]
             self.assertIn("paper_velocity_driven_graded", scene)
-            self.assertIn("melting_temperature_k", scene)  # the effective scene: constants filled in
+            self.assertIn("melting_temperature_k", scene)  # the result holds the effective scene, with its constants filled in
 
     def test_the_effective_scene_of_a_result_replays_to_the_same_bits(self):
         self.example("constant", "--steps", "50")
@@ -94,7 +94,7 @@ class Results(ReplayTest):
             jump = file["velocity_jump"][()]
         expected = (result["shear_stress"] * jump * result["dt"][:, None]).sum() / jump.shape[1]
         self.assertAlmostEqual(work / expected, 1.0, places=5)
-        self.assertAlmostEqual((soft + hard) / work, 1.0, places=5)  # all the work of the jump heats (DLP 18)
+        self.assertAlmostEqual((soft + hard) / work, 1.0, places=5)  # all work of the jump becomes heat (DLP 18)
         self.assertAlmostEqual(soft / result["friction_heat"].sum() * jump.shape[1], 1.0, places=5)
         self.assertTrue(0.9 * work < plastic < work and 0.0 < elastic < 0.01 * work)
 
@@ -114,7 +114,7 @@ class Results(ReplayTest):
         self.assertTrue(np.all(result["shear_stress"][is_open] == 0))
         self.assertTrue(np.all(result["regime"][is_open] == 0) and np.all(result["regime"][~is_open] != 0))
         self.assertTrue(np.all(result["friction_heat"][is_open] == 0))
-        self.assertTrue(np.all(result["shear_stress"][-1] * np.sign([-1] * 4 + [1] * 4) > 0))  # against the jump
+        self.assertTrue(np.all(result["shear_stress"][-1] * np.sign([-1] * 4 + [1] * 4) > 0))  # the stress acts against the jump
         self.assertTrue(np.all(result["interface_temperature"] >= initial.min() - 1e-9))
 
     def test_check_reads_everything_and_writes_nothing(self):
@@ -140,7 +140,7 @@ class Results(ReplayTest):
         driven = (self.write(**velocity_history(soft_shear_rate=np.full((5, 3), 1e7))), self.result(scene=scene))[1]
         np.testing.assert_array_equal(without["shear_stress"], zero["shear_stress"])
         self.assertTrue(np.all(driven["shear_stress"][-1] > zero["shear_stress"][-1]))
-        note = self.result()["text"]  # layer_shear has no use for it
+        note = self.result()["text"]  # the drive layer_shear does not use this column
         self.assertIn("/soft_shear_rate is not used", note)
 
     def test_soft_plastic_strain_rate_drives_a_plastic_layer(self):
@@ -155,7 +155,7 @@ class Results(ReplayTest):
         without, zero, driven = answers
         np.testing.assert_array_equal(without["sliding_velocity"], zero["sliding_velocity"])
         self.assertTrue(np.all(driven["sliding_velocity"] > zero["sliding_velocity"] + 1.0))  # sqrt(3) h 1e5/s = 3.5 m/s
-        note = self.result(scene=plain)["text"]  # a layer without plastic strain has no use for it
+        note = self.result(scene=plain)["text"]  # a layer without plastic strain does not use this column
         self.assertIn("/soft_plastic_strain_rate is not used", note)
 
 
@@ -168,7 +168,7 @@ class Elsewhere(ReplayTest):
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
             try:
                 outside = self.result("--server", endpoint)
-                again = self.result("--server", endpoint)  # a new session: nothing is left of the first
+                again = self.result("--server", endpoint)  # a new session: no state is left of the first
             finally:
                 server.terminate()
                 server.wait(timeout=30)
@@ -178,7 +178,7 @@ class Elsewhere(ReplayTest):
 
 
 class Recorded(ReplayTest):
-    """What a hydrocode recorded, sent again, gives the hydrocode's own answers."""
+    """A recorded run of the hydrocode, sent again, gives the hydrocode's own answers."""
 
     def test_replay_of_a_coupled_run_gives_its_bits(self):
         problems = EXAMPLES.parents[1] / "hydro_stub" / "problems"
@@ -205,9 +205,9 @@ class Loops(ReplayTest):
         result = self.result(scene=self.scene)
         jump = result["velocity_jump_new"]
         self.assertTrue(np.all(jump >= 0) and np.all(np.diff(jump, axis=0) <= 0))
-        self.assertTrue(np.all(jump[-1] == 0))  # stuck, and no ringing
+        self.assertTrue(np.all(jump[-1] == 0))  # stuck, without ringing
         self.assertTrue(np.all(result["regime"][-1] == 1))
-        # Momentum: what the plates lost is what the stress took, step by step.
+        # Momentum balance of each step: the plates lose the momentum that the stress takes.
         slope = result["dt"][:, None] * (1 / 2.703 + 1 / 7.9)
         before = np.vstack([[25.0, 50.0, 75.0, 100.0], jump[:-1]])
         sliding = jump > 0

@@ -1,4 +1,4 @@
-"""Bad input through the door of shearbus-replay: exit code 1 (2 for the command line), one line that names the fault, no file left."""
+"""Bad input to shearbus-replay: exit code 1 (2 for the command line), one line that names the fault, and no file left."""
 import signal
 import subprocess
 import time

@@ -1,4 +1,4 @@
-"""What the replay tests share: the programs, a scratch directory, histories, and a run."""
+"""Shared parts of the replay tests: the programs, a scratch directory, histories, and a run."""
 import argparse
 import pathlib
 import subprocess
@@ -27,7 +27,7 @@ class ReplayTest(unittest.TestCase):
         return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
 
     def result(self, *arguments, **options):
-        """Of a run that must succeed: its datasets as arrays, and what it printed as `text`."""
+        """Runs a replay that must succeed. Returns its datasets as arrays, and its printed text as `text`."""
         run = self.replay(*arguments, **options)
         self.assertEqual(run.returncode, 0, run.stderr)
         with h5py.File(self.out) as file:
@@ -39,7 +39,7 @@ class ReplayTest(unittest.TestCase):
         subprocess.run([sys.executable, str(EXAMPLES / "make_history.py"), kind, str(self.history), *arguments], check=True)
 
     def write(self, **datasets):
-        """A history of the given datasets; t0 is that of /time."""
+        """Writes a history of the given datasets; t0 is the attribute of /time."""
         t0 = datasets.pop("t0", None)
         with h5py.File(self.history, "w") as file:
             for name, values in datasets.items():

@@ -1,4 +1,4 @@
-// Floods, too few files, and clients that freeze: who is connected is served, and all is as before afterwards.
+// Floods, too few file descriptors, and frozen clients: connected clients are still served, and the server recovers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -34,7 +34,7 @@ void step(Session& session, int number) {
   session.advance(support::step_columns(Strategy::kForceDriven, kNodes, number), {.dt_s = 1e-9});
 }
 
-// As many silent connections as this machine lets a process have, up to ten thousand.
+// Number of silent connections: as many as this machine allows a process, up to ten thousand.
 std::size_t silent_connections() {
   rlimit limit{};
   ::getrlimit(RLIMIT_NOFILE, &limit);
@@ -75,7 +75,7 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
     EXPECT_NO_THROW(Client(honest).server_status());
     EXPECT_LT(Clock::now() - asked, 4s) << "keys: " << keys;
     EXPECT_NO_THROW(step(session, 0));
-    // All are shown the door after the handshake's time of 5 s.
+    // The server closes all of them after the handshake's time limit of 5 s.
     std::uint64_t files = ~0ULL;
     for (const auto end = Clock::now() + 20s; files > files_before + 5 && Clock::now() < end;) {
       std::this_thread::sleep_for(200ms);
@@ -86,7 +86,7 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
   }
 }
 
-// UBSan's check of a virtual call opens a pipe, and where it cannot takes every object for a wrong one.
+// UBSan checks a virtual call by opening a pipe; if that fails, it reports every object as wrong.
 #if !defined(__SANITIZE_ADDRESS__)
 TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   const ScratchDirectory scratch;
@@ -107,7 +107,7 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   {
     std::vector<RawStream> silent;
-    for (int i = 0; i < 150; ++i) silent.emplace_back(tcp);  // the kernel accepts what the server cannot
+    for (int i = 0; i < 150; ++i) silent.emplace_back(tcp);  // the kernel accepts connections that the server cannot
     for (int i = 0; i < 20; ++i) EXPECT_NO_THROW(step(session, i));
     EXPECT_TRUE(logged("ALARM: four fifths of the files", 10s)) << support::text_of(log);
     EXPECT_NO_THROW(step(session, 20));
@@ -120,13 +120,14 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
 }
 #endif
 
-// Frozen for longer than the heartbeat's patience, it is disconnected; thawed, it connects anew and goes on.
+// A client that is frozen for longer than the heartbeat's limit is disconnected; after thawing it reconnects and goes
+// on.
 TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
   ASSERT_TRUE(server.ready()) << server.log();
   constexpr int kSteps = 40;
-  const pid_t frozen = ::fork();  // before this process has a context of its own
+  const pid_t frozen = ::fork();  // forks before this process has a ZeroMQ context of its own
   if (frozen == 0) {
     int done = 0;
     try {

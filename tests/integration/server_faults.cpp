@@ -1,5 +1,5 @@
-// Faults and abuse over real sockets. After each the server answers at once, and the states of a bystander are, bit for
-// bit, those of a server that nobody troubled.
+// Faults and abuse over real sockets. After each the server answers at once, and the states of a bystander's session
+// are, bit for bit, those of a server that was left alone.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -56,7 +56,8 @@ std::vector<std::string> frames_of_reply(RawDealer& dealer) {
   return frames;
 }
 
-// A server with a session that has nothing to do with the abuse, and a quiet server with the same session beside it.
+// A server whose bystander session has nothing to do with the abuse, and a quiet server with the same session for
+// comparison.
 class Faults : public testing::Test {
  protected:
   Faults()
@@ -101,7 +102,7 @@ class Faults : public testing::Test {
   Session bystander_;
   Session twin_;
   int steps_ = 0;
-  std::uint64_t foreign_node_steps_ = 0;  // that the test itself had run
+  std::uint64_t foreign_node_steps_ = 0;  // node-steps that the test itself has run
 };
 
 TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
@@ -112,14 +113,14 @@ TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
   dealer.send(request);
   const auto first = frames_of_reply(dealer);
   ASSERT_EQ(first.size(), 2u);
-  // The same bytes again, also from another connection: the payload is the same, byte for byte.
+  // The same bytes are sent again, also from another connection: the payload of the reply is the same, byte for byte.
   RawDealer elsewhere(server_.endpoint());
   for (RawDealer* from : {&dealer, &elsewhere, &dealer}) {
     from->send(request);
     const auto again = frames_of_reply(*from);
     ASSERT_EQ(again.size(), 2u);
     EXPECT_EQ(again[1], first[1]);
-    EXPECT_NE(again[0], first[0]);  // it says that it is a repetition
+    EXPECT_NE(again[0], first[0]);  // the header says that the reply is a repetition
   }
   foreign_node_steps_ = kNodes.size();
   EXPECT_EQ(status().replayed, 3u);
@@ -179,13 +180,13 @@ TEST_F(Faults, GarbageIsMalformed) {
   EXPECT_EQ(status().sessions, 1u);
 }
 
-// Small messages that a parser would turn into large memory: refused by their size and shape.
+// Small messages that a parser would turn into large memory are refused by their size and shape.
 TEST_F(Faults, AmplifyingBodiesAreRefused) {
   RawDealer dealer(server_.endpoint());
   const std::string good = RawDealer::frames_of(opening(1))[0];
-  std::string submessages = good;  // field 16 (hello), length 0, again and again: 3 bytes each
+  std::string submessages = good;  // field 16 (hello) of length 0, many times: 3 bytes each
   for (int i = 0; i < 3'000'000; ++i) submessages += std::string("\x82\x01\x00", 3);
-  std::string unknown = good;  // field 1000, varint
+  std::string unknown = good;  // field 1000, a varint
   for (int i = 0; i < 2'000'000; ++i) unknown += std::string("\xc0\x3e\x01", 3);
   for (const std::string& header : {submessages, unknown}) {
     dealer.send({header});
@@ -228,14 +229,14 @@ TEST_F(Faults, UnknownAndDuplicateNodesAreRefused) {
   }
 }
 
-// Each node's answer is 50 bytes: 20,000 nodes fill the buffers of a connection within a few replies.
+// The answer for a node has 50 bytes, so 20,000 nodes fill the buffers of a connection within a few replies.
 TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   const auto nodes = support::node_ids(20'000);
   RawDealer slow(server_.endpoint("tcp"), 1);
   slow.send(opening(1, nodes));
   ASSERT_TRUE(slow.receive_status()->ok());
   const auto request = RawDealer::frames_of(step_request(1, 1, nodes));
-  for (int i = 0; i < 60; ++i) slow.send(request);  // and never receives
+  for (int i = 0; i < 60; ++i) slow.send(request);  // the peer never receives
   foreign_node_steps_ = nodes.size();
   std::chrono::nanoseconds slowest{0};
   for (int i = 0; i < 50; ++i) {
@@ -246,10 +247,10 @@ TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   EXPECT_LT(slowest, 5s);
   for (int i = 0; i < 100 && server_.transport().peer_full == 0; ++i) {
     std::this_thread::sleep_for(20ms);
-    status();  // a reply: its counters are ours to read
+    status();  // after a reply the server is idle, and its counters may be read
   }
   EXPECT_GT(server_.transport().peer_full, 0u);
-  // The last reply is still kept: whoever asks again on a connection that reads, gets it.
+  // The server still keeps the last reply: a peer that asks again on a connection that it reads receives it.
   RawDealer again(server_.endpoint());
   again.send(request);
   EXPECT_TRUE(again.receive_status()->ok());
@@ -281,7 +282,7 @@ TEST_F(Faults, ManySilentConnectionsDoNotKeepAnHonestClientWaiting) {
   const auto started = std::chrono::steady_clock::now();
   Client honest = server_.client("tcp");
   EXPECT_LT(std::chrono::steady_clock::now() - started, 4s);
-  // Whoever does not shake hands is shown the door.
+  // The server closes a connection without a handshake.
   EXPECT_TRUE(silent.front().closed_within(8s));
 }
 

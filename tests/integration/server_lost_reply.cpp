@@ -1,4 +1,5 @@
-// A network between client and server that loses what it is told to lose. The client repeats, the server remembers.
+// A proxy between client and server loses chosen messages. The client repeats its request; the server remembers its
+// reply.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -65,7 +66,7 @@ class LossyBus {
     return true;
   }
 
-  // The client's routing id travels in front of the request through one DEALER per client, as a proxy's does.
+  // Passes messages on through one DEALER per client, as a proxy does; the client's routing id precedes the request.
   void run(const std::string& server) {
     std::vector<std::pair<std::string, zmq::socket_t>> links;
     while (!stopping_) {
@@ -135,7 +136,8 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   EXPECT_EQ(losses, 10);
 }
 
-// A trial in two halves is the same request: lost on the way there or back it is repeated, and runs once.
+// A trial started and finished in two calls is one request: lost on the way there or back it is repeated, and it runs
+// once.
 TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   Client client(options());
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
@@ -146,7 +148,7 @@ TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
     if (step % 3 == 1) bus_.replies_to_lose = 1;
     if (step % 3 == 2) bus_.requests_to_lose = 1;
     session.start_trial(request, how);
-    std::this_thread::sleep_for(5ms);  // the host's other work
+    std::this_thread::sleep_for(5ms);  // stands for other work of the host
     const auto& a = session.finish_trial();
     const auto& b = twin.trial(request, how);
     ASSERT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa())) << step;
@@ -158,7 +160,8 @@ TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   EXPECT_THROW(session.finish_trial(), Error);
 }
 
-// What start_trial() sent is under way while the host works: the answer is there when it is asked for.
+// The request of start_trial() is on its way while the host works, and the answer has arrived when finish_trial() asks
+// for it.
 TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
   Client client(options());
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
@@ -187,7 +190,7 @@ TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
   bus_.replies_to_lose = 1000;
   EXPECT_THROW(client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"}), Error);
   bus_.replies_to_lose = 0;
-  // Another opening would find its nodes owned by a session that nobody knows.
+  // A second opening would find its nodes owned by a session whose ticket was lost.
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"});
   EXPECT_EQ(direct_.server_status().sessions, 1u);
   Session other =
@@ -231,7 +234,7 @@ TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
   } catch (const Error& fault) {
     EXPECT_EQ(fault.status().code, Code::kSequenceReused);
   }
-  // The session goes on from after the lost step.
+  // The session continues after the lost step.
   EXPECT_EQ(session.advance(columns(1), {.dt_s = 1e-9}).upscale().state_version, 2u);
 }
 

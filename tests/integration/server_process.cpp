@@ -1,4 +1,4 @@
-// The program itself: how it starts, refuses to start, and stops.
+// The program shearbus-server: how it starts, refuses to start, and stops.
 #include "tests/support/server_process.hpp"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,8 @@ TEST(ServerProgram, SigtermWhenIdleIsAPromptGoodExit) {
   }
 }
 
-// A step that is being solved when the signal comes is answered; the client behind it learns that the server is gone.
+// A step that is being solved when the signal arrives is still answered; then the client learns that the server is
+// gone.
 TEST(ServerProgram, SigtermMidRunAnswersTheStepAndExitsWithZero) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
@@ -92,7 +93,7 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
   ASSERT_TRUE(server.ready()) << server.log();
-  ::pid_t victim = ::fork();  // before this process has a context of its own
+  ::pid_t victim = ::fork();  // forks before this process has a ZeroMQ context of its own
   if (victim == 0) {
     try {
       Client client({.endpoint = scratch.ipc()});
@@ -119,7 +120,7 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
     ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
         << step;
   }
-  // States are precious: nobody has said goodbye, so they are kept.
+  // The server keeps the states of both sessions, because neither client has closed its session.
   EXPECT_EQ(client.server_status().sessions, 2u);
 }
 
@@ -133,7 +134,7 @@ TEST(ServerProgram, ASecondServerOnThePathRefusesAndTheFirstGoesOn) {
   EXPECT_NE(second.log().find("another server listens on " + scratch.ipc()), std::string::npos) << second.log();
   EXPECT_NO_THROW(client.server_status());
   EXPECT_NO_THROW(Client({.endpoint = scratch.ipc()}));
-  // The lock dies with its holder, however it dies.
+  // The kernel releases the lock when its holder dies, even by SIGKILL.
   first.process().signal(SIGKILL);
   ASSERT_TRUE(first.process().exit_code(5s));
   ServerProcess third({"--bind", scratch.ipc()});
@@ -188,8 +189,8 @@ TEST(ServerProgram, TheSocketIsForItsOwnerOnly) {
             std::filesystem::perms::none);
 }
 
-// A short queue per peer must not be mistaken for a full one: then an answer is dropped and the client waits for its
-// retry.
+// A short queue per peer must not be mistaken for a full queue: then the server would drop an answer, and the client
+// would wait until its retry.
 TEST(ServerProgram, NoAnswerIsLostToAClientThatReads) {
   for (int round = 0; round < 5; ++round) {
     const ScratchDirectory scratch;

@@ -1,4 +1,5 @@
-// Client and server over real sockets: the answers are the same bits by every way there is.
+// Client and server over real sockets: the answers have the same bits for every transport, thread count and message
+// size.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -52,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Strategies, RoundTrip, testing::Values(Strategy::kVeloc
                          });
 
 TEST_P(RoundTrip, SameBitsByEveryTransportAndThreadCount) {
-  for (const std::size_t nodes : {10u, 300u}) {  // replies below and above the size that ZeroMQ aligns
+  for (const std::size_t nodes : {10u, 300u}) {  // replies below and above the size from which ZeroMQ aligns
     std::vector<std::byte> expected;
     for (const unsigned threads : {1u, 2u, 4u}) {
       server::ServerOptions options;
@@ -119,7 +120,7 @@ TEST(ClientSession, RequestsHaveTheColumnsOfTheScene) {
   Session session = client.open(support::text_of(support::force_scene()), "scene", ids);
   EXPECT_EQ(session.node_ids(), ids);
   EXPECT_GT(session.bytes_per_node(), 0u);
-  EXPECT_FALSE(session.warnings().empty());  // an insulated layer of 20 um says how long it is good for
+  EXPECT_FALSE(session.warnings().empty());  // a warning: an insulated layer of 20 um is valid for a limited time
   const Batch all = session.request();
   EXPECT_EQ(all.columns().size(), 6u);
   EXPECT_EQ(all.f64(Field::kMassHard).size(), 3u);
@@ -139,7 +140,7 @@ TEST(ClientSession, InitialTemperaturesReachTheirNodes) {
   const std::vector<double> temperatures = {300, 400, 500, 600};
   Session session =
       client.open(support::text_of(support::velocity_scene()), "scene", ids, {.initial_temperature_k = temperatures});
-  const Batch still = session.request();  // open interface, no slip: the temperature stays
+  const Batch still = session.request();  // an open interface without slip keeps its temperature
   const auto result = session.advance(still, {.dt_s = 1e-9}).interface_temperature_k();
   for (std::size_t i = 0; i < ids.size(); ++i) EXPECT_NEAR(result[i], temperatures[i], 1e-9);
 }

@@ -1,4 +1,4 @@
-// Slip in two directions through client, wire, server and back.
+// Slip in two directions, from the client through the wire to the server and back.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ v1::Scene plane_scene(Strategy strategy) {
 
 constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressSoft, Field::kStressHard};
 
-// The columns of a scalar step along a direction of the plane.
+// Fills the columns with those of a scalar step, turned into the direction `angle` of the interface plane.
 void fill_along(double angle, const Batch& scalar, Batch& request) {
   for (const wire::Column& column : scalar.columns()) {
     const auto values = scalar.f64(column.field);

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""The studies of accuracy as a user runs them, on few settings: the errors that `precision` reports are those the methods have, what it calls
-efficient nothing beats, and a scene of the user's own is studied too; `tolerance` delivers what is requested; the cone's layer is closer than its
-zones."""
+"""Runs the accuracy studies as a user does, on few settings. The errors that `precision` reports are the known errors of the methods, no
+setting beats the settings that it calls efficient, and it accepts a scene of the user's own; `tolerance` delivers the accuracy that is
+requested; the cone's error from the layer is smaller than the error from its zones."""
 import argparse
 import json
 import math
@@ -51,13 +51,13 @@ def main():
             assert front == sorted(front, key=lambda r: -r[1]), front
             assert all(r["message_ns_per_node_step"] > 0 for r in runs if r["efficient"])
             assert f"\n{problem['title']}\n" in text
-        # 20 and 100 steps of constant flux: backward Euler is low by 1/(8 n) of the rise, modes follow it exactly.
+        # 20 and 100 steps of constant flux: backward Euler is low by 1/(8 n) of the rise after n steps; modes are exact.
         coarse, fine = errors(problems["constant_flux"], "backward_euler", 60)
         assert math.isclose(coarse / fine, 5, rel_tol=0.35), (coarse, fine)
         assert max(errors(problems["constant_flux"], "sdirk2", 60)) < 0.3 * coarse
         assert max(errors(problems["constant_flux"], "backward_euler", 0)) < 1e-6
         assert problems["paper_velocity_driven"]["runs"][0]["state_bytes"] > problems["fixed_slip"]["runs"][-1]["state_bytes"]
-        # A scene of the user's own.
+        # The study accepts a scene of the user's own, too.
         scene = pathlib.Path(out) / "mine.toml"
         scene.write_text(SCENE)
         mine, text = study(program, out, str(scene), "--end", "3e-7")
@@ -65,7 +65,7 @@ def main():
         scene.write_text(SCENE.replace("aluminium_dlp", "cheese"))
         ran = subprocess.run([program, "precision", str(scene), "--no-plot"], capture_output=True, text=True)
         assert ran.returncode == 1 and "cheese" in ran.stderr, ran
-        # Requests are kept, and the stricter one delivers less.
+        # The requested tolerances are kept, and the stricter tolerance delivers a smaller error.
         kept, text = study(program, out, name="tolerance")
         for problem in kept["problems"]:
             loose, strict = problem["runs"]
@@ -73,7 +73,7 @@ def main():
             assert loose["temperature_error"] < 1e-2 and strict["temperature_error"] < 1e-4, problem
             assert strict["temperature_error"] < loose["temperature_error"], problem
             assert f"\n{problem['name']}\n" in text
-        # Zones of two millimetres and of one: what 80 cells are off is less than what the zones are.
+        # With zones of 2 mm and 1 mm, the error of 80 cells is smaller than the error of the zones.
         ran = subprocess.run([sys.executable, options.cone_sweep, "--hydro", options.hydro, "--zones", "2e-3,1e-3", "--layers", "80 cells",
                               "--end", "6e-6", "--out", out], capture_output=True, text=True)
         assert ran.returncode == 0, ran.stderr

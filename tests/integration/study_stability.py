@@ -1,13 +1,13 @@
 #!/usr/bin/python3
-"""shearbus-study stability as a user runs it, on one row, and on scenes of the user's own: table, JSON, picture and exit code say the same; scenes
-without a layer are refused, and values that no solver can do justice to are seen."""
+"""Runs `shearbus-study stability` as a user does, on one row and on scenes of the user's own. Table, JSON, picture and exit code agree;
+scenes without a layer are refused; values that no solver can handle are reported."""
 import argparse
 import json
 import pathlib
 import subprocess
 import tempfile
 
-# Nothing of it is the paper's: metals, thickness, start, host.
+# Metals, thickness, initial state and host all differ from the paper's.
 SCENE = """
 name = "mine"
 strategy = "force_driven"
@@ -32,7 +32,7 @@ zones = 100
 velocity_jump_m_per_s = [50.0]
 pressure_pa = [20e9, 3e9]
 """
-OF_LAYERS = ("hardening", "saturation", "host_shear")  # rows that are not about a layer at rest
+OF_LAYERS = ("hardening", "saturation", "host_shear")  # rows that need a layer that deforms; the layer of SCENE does not
 
 
 def run(program, *arguments):
@@ -66,7 +66,8 @@ def own_scene(program, out, scene):
     assert (pathlib.Path(out) / "stability.png").stat().st_size > 10000
     told = found["scene"]
     assert told["name"] == "mine" and told["file"] == str(scene) and "copper_ofhc on steel_304" in told["physics"], told
-    # The largest pressure of the problem, its zones, and the time a shear wave takes across one: not the paper's.
+    # The host's values come from the scene: its largest pressure, its zones, and the time of a shear wave across a zone. None is the
+    # paper's.
     assert told["pressure_pa"] == 20e9 and told["soft_zone_width_m"] == 1e-5 and 2e-9 < told["dt_s"] < 6e-9, told
     assert f"mine: {told['physics']}" in text and f"host: {told['host']}" in text, text
     assert found["physics"] == ["mine"] and not found["refusals"] and not found["controls"], found
@@ -75,7 +76,7 @@ def own_scene(program, out, scene):
     assert all(v != "broken" for v in verdicts.values()) and verdicts["three_roots"] == "held", verdicts
     (drawn,) = found["random"]
     assert drawn["name"] == "mine" and drawn["node_steps"] == 4000 and not drawn["faults"], drawn
-    # What the scene does not say, or the command line says in its place.
+    # Values that the scene does not give, or that the command line replaces.
     found, _ = study(program, out, scene, "--row", "pressure", "--pressure", 1e9, "--zone-width", 4e-6, "--dt", 1e-10, "--no-plot")
     told = found["scene"]
     assert (told["pressure_pa"], told["hard_zone_width_m"], told["dt_s"]) == (1e9, 4e-6, 1e-10) and "--pressure" in told["host"], told
@@ -104,7 +105,7 @@ def bad_scenes(program, out, scene, source):
     refused(program, scene, SCENE.replace("[20e9, 3e9]", "[-1e9]"), "pressure above 0", "--pressure")
     ran = run(program, "--pressure", "1e9")
     assert ran.returncode == 1 and "name the scene" in ran.stderr, ran
-    # A metal that conducts no heat is none; the server takes it, the campaign sees it.
+    # A metal that conducts no heat is unphysical; the server accepts it, and the campaign reports it.
     scene.write_text(SCENE.replace('"copper_ofhc"', '"copper_ofhc"\nthermal_conductivity_w_per_m_k = 1e-300'))
     ran = run(program, scene, "--row", "fourier_number", "--no-plot", "--out", out)
     assert ran.returncode == 1 and "BROKEN fourier_number, mine" in ran.stdout, ran

@@ -1,4 +1,4 @@
-// The map of the velocity-driven model against what is known of it in closed form.
+// The map of the velocity-driven model, compared with relations in closed form.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ TEST(ValidityMap, AxesAreAtEqualRatios) {
   EXPECT_NEAR(kAxes.velocity_m_per_s[4] / kAxes.velocity_m_per_s[3], std::pow(10.0, 0.25), 1e-12);
 }
 
-// sqrt(3) integral(ep) = V t - h s / G0: what is not slip is elastic.
+// sqrt(3) integral(ep) = V t - h s / G0: the part of the displacement that is not slip is elastic.
 TEST(ValidityMap, WhatIsNotCarriedIsElastic) {
   const double G0 = physics::make_material("aluminium_dlp", {}).material.shear_modulus;
   for (const map::Observation& seen : small_map().observations) {
@@ -64,7 +64,8 @@ TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
       EXPECT_EQ(line[p].has_value(), expected > 1.0) << p << ": " << expected;
       if (!line[p]) continue;
       ++drawn;
-      EXPECT_NEAR(*line[p] / expected, 1.0, 0.15) << p;  // hardened by the first node that slips
+      // 15 %: at the first point of the map that slips the layer has already hardened
+      EXPECT_NEAR(*line[p] / expected, 1.0, 0.15) << p;
     }
   }
   EXPECT_GE(drawn, 8);
@@ -77,7 +78,7 @@ TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
     const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
     for (std::size_t p = 0; p < before.size(); ++p) {
       ASSERT_TRUE(before[p]);
-      // As s/t: by 1/t, less what the layer has hardened meanwhile.
+      // The velocity falls as s/t: by 1/t, reduced by the hardening of the layer in the meantime.
       const double elapsed = seen[k].time_s / seen[k - 1].time_s;
       if (after[p]) {
         EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;

@@ -1,4 +1,4 @@
-// A node's answer depends on its own state and inputs only, to the last bit.
+// The answer of a node depends on its own state and inputs only, to the last bit.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ bool same_bits(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
-// Lane j of `b` answers as lane i of `a`.
+// Lane j of `b` must have the same outputs and states as lane i of `a`, bit for bit.
 void expect_same(const Rig& a, int i, const Rig& b, int j) {
   const TileOutputs& x = a.outputs;
   const TileOutputs& y = b.outputs;
@@ -136,8 +136,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsLanes,
                          ::testing::Values(Solver::kVelocityDriven, Solver::kForceDriven, Solver::kInertia),
                          [](const auto& test) { return name_of(test.param); });
 
-// (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) changes neither temperature nor stress, in the scheme
-// either.
+// The scaling (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) changes neither temperature nor stress, and
+// the numerical scheme must preserve this.
 class PhysicsSimilarity : public ::testing::TestWithParam<Strategy> {};
 
 TEST_P(PhysicsSimilarity, ScaledProblemsHaveTheSameAnswer) {

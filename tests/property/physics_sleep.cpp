@@ -1,5 +1,5 @@
-// Nodes at rest (server/physics/METHODS.md, "Sleep"), over all that can be combined with sleep: whatever a sleeper
-// answers is what it would have answered awake, in that very step. Over many steps: tests/unit/physics_sleep.cpp.
+// Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"), with everything that can be combined with it: in each
+// single step a sleeping node must answer as if it were awake. tests/unit/physics_sleep.cpp compares over many steps.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,7 +23,7 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   return options;
 }
 
-// What the host does with each lane for a while.
+// Behaviour of the host towards each lane during a number of steps.
 struct Phase {
   bool open[kLanes], quiet[kLanes], lets_go[kLanes];
 };
@@ -38,7 +38,7 @@ Phase begin_phase(Draw& draw, Rig& rig, bool extreme) {
     if (!phase.open[l] && rig.inputs.pressure[l] <= 0.0) rig.inputs.pressure[l] = draw.log_uniform(1e6, 30e9);
     if (phase.open[l]) rig.inputs.pressure[l] = -1.0;
     if (!phase.quiet[l]) continue;
-    // Little is left of what pulls, and nothing of the slip where the host imposes it.
+    // A quiet lane has a small share of its far stresses, and no slip if the host imposes the jump.
     const double share = draw.log_uniform(1e-3, 1.0);
     TileInputs& in = rig.inputs;
     in.velocity_jump[l] = in.second_velocity_jump[l] = in.soft_plastic_strain_rate[l] = 0.0;
@@ -80,7 +80,7 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
     for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
       if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
       within_phase(phase, rig, forced);
-      // 1. The node awake, with the temperatures it sleeps on.
+      // 1. Give the model without sleep the same states, with the temperatures that the sleeping node represents.
       std::copy_n(rig.committed.begin(), layout.doubles, awake.committed.begin());
       std::uint32_t slept = 0;
       for (int l = 0; l < kLanes; ++l) {
@@ -92,7 +92,7 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
       const double dt = random_dt(draw, extreme);
       rig.step(dt);
       awake.step(dt);
-      // 2. The same bits, but for T0 of those that sleep on.
+      // 2. Compare: all bits must be equal, except those of T0 in lanes that continue to sleep.
       for (int l = 0; l < kLanes; ++l) {
         const TileOutputs &here = rig.outputs, &there = awake.outputs;
         const bool sleeps = (here.outcome[l] & kAsleep) != 0;

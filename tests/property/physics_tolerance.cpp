@@ -1,5 +1,5 @@
-// Steps whose error is controlled: the slow twin's decisions and answers, no lane's decision another's, and what holds
-// for every step.
+// Steps with a tolerance: the fast solver and the slow reference model choose the same substeps and find the same
+// answers, the substeps of a lane do not depend on other lanes, and the invariants of a step hold.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr int kMostEffort = 3000;  // of the fast step, where the slow one is to follow
+constexpr int kMostEffort = 3000;  // evaluations of the fast step, above which the twin is skipped
 
 ModelOptions controlled(Draw& draw, Strategy strategy) {
   ModelOptions options = random_options(draw, strategy, false);
@@ -18,7 +18,7 @@ ModelOptions controlled(Draw& draw, Strategy strategy) {
   options.tolerance = draw.log_uniform(1e-5, 1e-2);
   options.grid.cells = draw.integer(1, 16);
   options.grid.matched = draw.chance(0.5);
-  if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
+  if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // DLP (48) divides by it
   return options;
 }
 
@@ -48,8 +48,9 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step));
       ++compared;
       finer += twin.error_estimate > 0.25 * *options.tolerance;
-      // A change that is the limit itself to rounding, or a first-order step where the criterion of a single answer
-      // sent only the fast solver back, leave the two with different substeps: what either promises.
+      // Solver and twin may use different substeps if an error equals its limit to rounding, or if the criterion of a
+      // unique answer sent only the fast solver to the first-order scheme. The answers of the two must then agree
+      // within the sum of their error estimates.
       const double difference = std::abs(rig.outputs.interface_temperature[l] - twin.interface_temperature);
       worst = std::max(worst, difference);
       if (difference > 1e-8) {
@@ -62,12 +63,13 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
                                   std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l]);
       EXPECT_NEAR(rig.outputs.velocity_jump_new[l], twin.velocity_jump_new,
                   1e-8 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-10 * driven);
-      // The criterion of a single answer is sufficient, not necessary: it may send the fast solver alone to first
-      // order.
+      // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone to the
+      // first-order scheme. The error estimates are then not comparable.
       if (twin.first_order != ((rig.outputs.outcome[l] & kFirstOrder) != 0)) continue;
-      // Nor does the sign of a jump that is rounding.
+      // The error estimates are not comparable either if the new jump is mere rounding, because its sign is then
+      // arbitrary.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
-      // Jumps are differences: their rounding is a change, too, tenfold where there is a kink.
+      // The jump is a difference of velocities, and its rounding enters the estimate, ten times as much at a kink.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =

@@ -1,5 +1,5 @@
-// Slip with two tangential components: isotropic, so that a turned problem has the turned answer, and one along an axis
-// is the scalar one.
+// Slip with two tangential components is isotropic: a rotated problem has the rotated answer, and a problem along an
+// axis has the answer of the scalar problem.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ void copy_turned(const Rig& from, double angle, Rig& to) {
        to.inputs.second_velocity_jump);
   turn(from.inputs.stress_soft, from.inputs.second_stress_soft, to.inputs.stress_soft, to.inputs.second_stress_soft);
   turn(from.inputs.stress_hard, from.inputs.second_stress_hard, to.inputs.stress_hard, to.inputs.second_stress_hard);
-  // Each step starts from the same state, turned: near melting rounding grows from step to step.
+  // Each step starts from the same state, rotated, because near melting the rounding errors grow from step to step.
   to.committed = from.committed;
   const TileLayout& layout = from.model.layout();
   turn(from.committed.data() + layout.shear_stress, from.committed.data() + layout.second_stress,
@@ -59,7 +59,7 @@ TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
       for (int l = 0; l < kLanes; ++l) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         if ((rig.outputs.outcome[l] | turned.outputs.outcome[l]) & kSubstepped)
-          continue;  // several answers: rounding chooses
+          continue;  // several answers exist, and rounding chooses one
         const double T0 = rig.outputs.interface_temperature[l];
         const double to_melting =
             std::max(1e-6, std::abs(at_pressure(options.soft, rig.inputs.pressure[l]).melting_temperature - T0));
@@ -133,7 +133,8 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         const TileOutputs& want = scalar.outputs;
         ASSERT_EQ(first.outputs.shear_stress[l], want.shear_stress[l]);
-        // What passes freely in substeps has a mean, rounded in its own way.
+        // With a tolerance, the slip of an open contact is a mean over substeps, which the two models round
+        // differently.
         const bool rounded = plane.tolerance && want.regime[l] == Regime::kOpen;
         const double ulps = rounded ? 1e-14 * std::abs(want.sliding_velocity[l]) : 0.0;
         ASSERT_NEAR(first.outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
@@ -159,7 +160,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, ::testing::Values(Strategy::kVe
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
-// The scalar twin, told the problem along the trial stress by a hand that knows nothing of the solver's vectors.
+// The scalar reference model solves the problem along the trial stress. This test projects the inputs itself,
+// independently of the solver's vector code.
 TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
   Draw draw(63);
   int compared = 0;
@@ -206,7 +208,8 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
   EXPECT_GT(compared, 150);
 }
 
-// A slip that turns: the stress follows it, the old one dying away along the new direction of the trial stress.
+// The slip turns by 90 degrees. The stress turns with it: its old component decays while the new one grows along the
+// new direction of the trial stress.
 TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   ModelOptions options = graded(paper_options());
   options.tangential_components = 2;
@@ -229,7 +232,8 @@ TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   EXPECT_LT(rig.stress(), 1e-3 * before);
 }
 
-// The least numbers there are have no digits to make a direction of; the stress of the host's own shear has it anyway.
+// A jump of denormal numbers has too few digits for a unit vector. The stress, which comes from the host's plastic
+// shear, must still have the size of the scalar answer.
 TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven));
   options.plastic_layer = true;
@@ -257,7 +261,7 @@ TEST(PhysicsTwoComponentsPath, OneComponentPaysNothing) {
   EXPECT_EQ(Model(options).layout().doubles, one.doubles + kLanes);
 }
 
-// The energy ledger of a turned problem is that of the problem.
+// The energy ledger of a rotated problem equals that of the scalar problem.
 TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
   Draw draw(77);
   for (int scene = 0; scene < 60; ++scene) {
@@ -288,7 +292,8 @@ TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
       plane.model.record_energy(*plane.operators, plane.inputs, plane.outputs, plane.trial.data(),
                                 plane.committed.data(), two);
       for (int l = 0; l < kLanes; ++l) {
-        // Rounding of the turn grows near melting and from step to step: what the two layers differ by bounds it.
+        // Rounding of the rotation grows near melting and from step to step. Lanes whose stresses differ by more than
+        // 1e-9 are skipped.
         const double apart = std::abs(std::hypot(plane.outputs.shear_stress[l], plane.outputs.second_shear_stress[l]) -
                                       std::abs(scalar.outputs.shear_stress[l]));
         if (!(apart <= 1e-9 * std::abs(scalar.outputs.shear_stress[l]))) continue;

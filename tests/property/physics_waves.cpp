@@ -1,4 +1,4 @@
-// A layer with inertia over random scenes, states and inputs: every equation of the step, to rounding.
+// A layer with inertia over random scenes, states and inputs: every equation of the step holds to rounding.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,12 +15,13 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kTiny = 1e-280;
-// Faults are relative to what the node has, and to the least a metal at work has: a layer about to melt carries any
-// number of decades less.
+// Residuals are relative to the largest stress or velocity of the node, but at least to these values, because a layer
+// close to melting carries a stress that is smaller by many decades.
 constexpr double kLeastStress = 1e6;      // [Pa]
 constexpr double kLeastVelocity = 1e-20;  // [m/s]
 
-// The stress a vertex carries may miss its limit by what an ulp of its temperature makes of it.
+// Relative tolerance of the stress limit of a vertex: rounding of its temperature by an ulp changes the limit by this
+// much.
 double limit_tolerance(const Material& soft, double pressure, double T) {
   const Softening soften = softening(soft, pressure, T);
   if (soften.g <= 0.0) return 1.0;
@@ -55,7 +56,7 @@ class Step {
     return v;
   }
 
-  // DLP (36): the worst cell's imbalance of momentum.
+  // Residual of DLP (36): the largest imbalance of momentum of a cell.
   double momentum_fault() const {
     double worst = 0.0;
     for (int c = 0; c < cells(); ++c) {
@@ -68,15 +69,15 @@ class Step {
 
   double mass(int cell) const { return soft_.density * step_.grid->width[cell]; }
 
-  // The impulse of the stresses and the momentum; and since a velocity resolves to an ulp of itself, many times the
-  // impulse of the stress such an ulp makes in the two vertices.
+  // Scale of a cell's momentum balance: its momentum and the impulse of the stresses. A velocity is known to an ulp
+  // only, so the impulse of the stress that such an ulp makes in the two vertices is included, with a large factor.
   double momentum_size(int c) const {
     const double ulp_stress = soft_.shear_modulus * step_.dt * 2.2e-16 * largest_velocity() *
                               (1 / step_.grid->weight[c] + 1 / step_.grid->weight[c + 1]);
     return step_.dt * (largest_stress() + kLeastStress + 1e10 * ulp_stress) + mass(c) * largest_velocity();
   }
 
-  // DLP (37) at every vertex.
+  // Residual of DLP (37), the largest of all vertices.
   double kinematic_fault() const {
     double worst = 0.0;
     for (int i = 0; i <= cells(); ++i) {
@@ -110,8 +111,8 @@ class Step {
     }
   }
 
-  // Work done on the layer = kinetic and elastic energy gained + dissipation; backward Euler adds its own, never less
-  // than none.
+  // Residual of the energy balance: work done on the layer = kinetic and elastic energy gained + plastic work + the
+  // numerical dissipation of backward Euler, which is never negative.
   double energy_fault() const {
     double balance = step_.dt * after_.stress[cells()] * step_.jump - step_.dt * after_.stress[0] * velocity(-1);
     double size = std::abs(balance);
@@ -161,7 +162,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
       random_inputs(draw, rig, extreme);
       const double dt = random_dt(draw, extreme);
       rig.operators = rig.model.operators(dt);
-      std::deque<Step> solved;  // a step points into itself
+      std::deque<Step> solved;  // not a vector: a Step holds pointers into itself
       for (int l = 0; l < kLanes; ++l) solved.emplace_back(rig, l);
       rig.step(dt);
       for (int l = 0; l < kLanes; ++l) {
@@ -176,7 +177,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         ASSERT_LE(step.kinematic_fault(), 1e-12);
         ASSERT_LE(step.energy_fault(), 1e-9);
         step.expect_flow_law();
-        // The step of the tile is this one.
+        // The tile's step must be this one.
         ASSERT_EQ(rig.outputs.shear_stress[l], step.fields().stress[0]);
         ASSERT_EQ(rig.outputs.friction_heat[l], step.answer().flux * dt);
         ASSERT_NEAR(step.answer().flux,
@@ -211,7 +212,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
   EXPECT_LT(guarded, steps / 500);
 }
 
-// Newton's method and the search behind it are two ways to one answer.
+// Newton's method, and the bracketing search that replaces Newton's method if it fails, must find the same answer.
 TEST_P(PhysicsWaves, TheSearchThatCannotFailFindsTheSameAnswer) {
   const bool extreme = GetParam();
   Draw draw(43 + (extreme ? 1 : 0));

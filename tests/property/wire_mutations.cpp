@@ -1,5 +1,5 @@
-// Hostile bytes under a fixed seed: whatever arrives, decoding and loading end in a value or in a typed error. Meant
-// for the sanitizers as much as for the expectations.
+// Damaged messages and scenes from a fixed seed: decoding must end in a value or in a typed error. The sanitizers check
+// the same runs for invalid memory accesses.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ class Mutator {
 
   std::size_t below(std::size_t n) { return n == 0 ? 0 : random_() % n; }
 
-  // One to four small damages, of the kinds networks, disks and enemies make.
+  // Applies one to four small damages, as networks, disks and attackers cause them.
   void damage(Bytes& bytes, const Bytes& donor) {
     for (std::size_t times = 1 + below(4); times > 0; --times) damage_once(bytes, donor);
   }
@@ -56,11 +56,11 @@ class Mutator {
       }
       case 5:
         insert(bytes, at, piece(donor, below(donor.size() + 1)));
-        break;  // of another message
+        break;  // inserts a piece of another message
       case 6:
         insert(bytes, at, piece(bytes, at));
-        break;  // said twice
-      default:  // a number of eight bytes: a size, an offset, a double
+        break;  // repeats a piece of the message
+      default:  // a random number of eight bytes, in place of a size, an offset or a double
         if (bytes.size() >= 8) {
           const std::uint64_t number = below(2) == 0 ? random_() : ~std::uint64_t{0} >> below(64);
           std::memcpy(bytes.data() + below(bytes.size() - 7), &number, sizeof number);
@@ -112,7 +112,7 @@ Tally bombard(const std::vector<std::pair<std::string, Message>>& messages, std:
       continue;
     }
     ++tally.taken;
-    // What was taken can be said again, and what its columns promise is there.
+    // An accepted message can be encoded again, and the memory of its columns lies within its payload.
     const Frames again = samples::frames_of(found);
     EXPECT_EQ(again.frames.size(), found.batch.columns().empty() ? 1U : 2U);
     for (const Column& column : found.batch.columns())
@@ -124,7 +124,7 @@ Tally bombard(const std::vector<std::pair<std::string, Message>>& messages, std:
 TEST(Mutations, DamagedRequestsEndInAValueOrATypedError) {
   const Tally tally = bombard(samples::requests(), 80'000, 1);
   EXPECT_GT(tally.refused, 40'000U);
-  EXPECT_GT(tally.taken, 1'000U);  // the damage is small enough to get past the first gate
+  EXPECT_GT(tally.taken, 1'000U);  // the damage is small enough to pass the first checks
 }
 
 TEST(Mutations, DamagedRepliesEndInAValueOrATypedError) {

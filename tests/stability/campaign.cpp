@@ -1,4 +1,4 @@
-// Every row of the stability campaign on every physics it is about.
+// Runs every row of the stability campaign on every physics it applies to.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ void PrintTo(const Row& row, std::ostream* os) {
 
 namespace {
 
-constexpr int kMostSteps = 10000;  // shearbus-study stability takes all
+constexpr int kMostSteps = 10000;  // "shearbus-study stability" runs all steps of a row
 
 class Campaign : public ::testing::TestWithParam<Row> {};
 
@@ -31,7 +31,8 @@ TEST_P(Campaign, HoldsOnEveryPhysics) {
 
 INSTANTIATE_TEST_SUITE_P(, Campaign, ::testing::ValuesIn(all_rows()), [](const auto& row) { return row.param.name; });
 
-// What the work of a row is bounded by, against the half-space whose interface is at melting: by
+// The campaign bounds the work of a row by the heat that a half-space with its interface at melting takes in.
+// MoltenLayer computes this bound, and must agree with the exact heat per area
 //   2 k/sqrt(alpha) (T_melt - T_ref) sqrt(t/pi).
 TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
   testing::ModelOptions options = testing::graded(testing::paper_options());
@@ -46,7 +47,8 @@ TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
     rig.step(dt);
     molten.step(rig);
     const double bound = 2.0 * effusivity * (1220.0 - 300.0) * std::sqrt(n * dt / M_PI);
-    // Backward Euler's first step takes sqrt(pi)/2 of it; later it is ahead by 1/(8n) at most, and the grid a little.
+    // In its first step backward Euler takes in sqrt(pi)/2 of the exact heat. Later it exceeds the exact heat by a
+    // share of at most 1/(8n), plus a little for the grid.
     ASSERT_LE(molten.heat(0), bound * (1.002 + 0.25 / n)) << n;
     nearest = std::min(nearest, std::abs(molten.heat(0) / bound - 1.0));
   }

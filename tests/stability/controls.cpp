@@ -1,4 +1,4 @@
-// Solvers that are wrong must be seen to fail under the invariants the campaign is judged by.
+// Solvers with deliberate errors must fail under the invariants that judge the campaign.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-// A short stretch of the random campaign; shearbus-study stability --random runs as long as it is told to.
+// A short run of the random campaign. "shearbus-study stability --random" runs for as long as its user asks.
 #include <gtest/gtest.h>
 
 #include <cstdio>

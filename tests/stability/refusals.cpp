@@ -1,4 +1,4 @@
-// What makes no sense is refused with a reason.
+// Scenes and inputs that make no sense must be refused with a reason.
 #include <gtest/gtest.h>
 
 #include "tests/campaign/refusals.hpp"

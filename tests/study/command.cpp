@@ -64,7 +64,7 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   if (!options.plot) return;
   const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
                                           SHEARBUS_SOURCE_DIR, name, path.string());
-  if (std::system(command.c_str()) != 0)  // NOLINT(cert-env33-c): the user's own file names
+  if (std::system(command.c_str()) != 0)  // NOLINT(cert-env33-c): the file names are the user's own
     throw std::runtime_error("the picture was not made; the study is whole in " + path.string());
 }
 

@@ -12,7 +12,7 @@ class App;
 namespace shearbus::study {
 
 struct CommandOptions {
-  std::filesystem::path scene;  // empty: none
+  std::filesystem::path scene;  // empty: no scene
   std::filesystem::path out = "out/study";
   bool plot = true;
 };
@@ -21,8 +21,8 @@ struct CommandOptions {
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options);
 
-// Writes the study as NAME.json, behind its name, the version, the commit, the date and the processor, and draws it
-// with plot_NAME.py. Throws std::runtime_error where either fails.
+// Writes the study as NAME.json, preceded by its name, the version, the commit, the date and the processor, and draws
+// it with plot_NAME.py. Throws std::runtime_error if either fails.
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study);
 
 }  // namespace shearbus::study

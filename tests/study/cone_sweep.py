@@ -1,12 +1,12 @@
 #!/usr/bin/python3
-"""The coupled cone: zones of the hydrodynamics against accuracy of the layer. Where is the layer's error below the hydro's?
+"""The coupled cone: zones of the hydrocode against accuracy of the layer. Where is the layer's error below the hydrocode's?
 
     cone_sweep.py --hydro build/bin/shearbus-hydro [--zones 2e-3,1e-3,0.5e-3] [--end 12e-6] [--out DIR]
 
-Each layer runs with each zone width, in steps the hydrodynamics chooses. Of a run: friction heat and mean slip of the whole interface, and
-T0 of every node at every output. The layer's error is its distance to the best layer in the same zones; the hydro's is the distance of
-those zones to ones half as wide, both with the best layer (T0 is compared in the same zones only: others have other nodes).
-Writes cone_sweep.json, with date, processor and commit, and prints the table."""
+Each layer runs with each zone width, in time steps that the hydrocode chooses. A run gives the friction heat and the mean slip of the whole
+interface, and T0 of every node at every output. The error of a layer is its distance to the best layer in the same zones. The error of the
+zones is the distance to zones half as wide, both with the best layer; T0 is compared only within the same zones, because other zones have
+other nodes. Writes cone_sweep.json, with date, processor and commit, and prints the table."""
 import argparse
 import datetime
 import json
@@ -22,7 +22,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCENE = ROOT / "hydro_stub/problems/cone_al_steel_coarse.toml"
 BEST = "modes 1e-6, sdirk2"
 COMMON = 'thickness_m = 100e-6\nfar_boundary = "half_space"'
-LAYERS = {  # what the scene's layer is replaced by
+LAYERS = {  # keys of [layer] that replace the scene's
     BEST: 'heat = "modes"\nmodes.accuracy = 1e-6\ntime_integrator = "sdirk2"',
     "profile, 640 cells x1.0075, sdirk2": 'cells = 640\ngrading = 1.0075\ntime_integrator = "sdirk2"',
     "profile, 160 cells x1.03": "cells = 160\ngrading = 1.03",
@@ -47,7 +47,7 @@ def scene_of(layer, zone, end):
 
 
 def run(hydro, layer, zone, end, out):
-    """Answers of a run, or why there are none."""
+    """Returns the results of a run, or the reason of its failure."""
     out.mkdir(parents=True, exist_ok=True)
     scene = out / "scene.toml"
     scene.write_text(scene_of(LAYERS[layer], zone, end))
@@ -64,7 +64,7 @@ def run(hydro, layer, zone, end, out):
 def distance(one, other, melting_range):
     found = {key: abs(one[key] / other[key] - 1.0) for key in ("friction_heat_j", "mean_slip_m")}
     a, b = one["temperature"], other["temperature"]
-    if a.shape == b.shape:  # the same zones, and as many outputs
+    if a.shape == b.shape:  # the same zones and the same number of outputs
         found["temperature_rms"] = float(numpy.sqrt(numpy.mean(((a - b) / melting_range) ** 2)))
         found["temperature_max"] = float(numpy.max(numpy.abs(a - b)) / melting_range)
     return found
@@ -86,7 +86,7 @@ def main():
     if any(abs(a / b - 2) > 1e-9 for a, b in zip(zones, zones[1:])):
         sys.exit("cone_sweep.py: --zones: each zone width is to be half the one before")
     layers = [name for name in LAYERS if name == BEST or options.layers in name]
-    melting_range = 1220.0 - 300.0  # of the scene's aluminium
+    melting_range = 1220.0 - 300.0  # T_melt - T_ref of the scene's aluminium [K]
     runs = {}
     for number, zone in enumerate(zones):
         for place, layer in enumerate(layers):

@@ -1,4 +1,4 @@
-"""What the pictures of the studies share: how they are called, and how they are kept small."""
+"""Common parts of the studies' pictures: the command line, and small files."""
 import argparse
 import json
 import pathlib
@@ -7,7 +7,7 @@ from PIL import Image
 
 
 def arguments(description):
-    """The study as its JSON file holds it, and where its picture goes: beside that file unless --out says otherwise."""
+    """Returns the study from its JSON file, and the path of its picture: next to that file unless --out names another."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("study", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Error against run time from precision.json: one panel per problem, one line per grid and method over the step length, the
-efficient front in black, first and second order as slopes of reference.   plot_precision.py precision.json [--out FILE.png]"""
+"""Draws error against run time from precision.json: one panel per problem, one line per grid and method over the step length, the efficient
+front in black, and slopes of first and second order for reference.   plot_precision.py precision.json [--out FILE.png]"""
 import matplotlib
 
 matplotlib.use("Agg")

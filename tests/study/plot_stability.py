@@ -1,7 +1,8 @@
 #!/usr/bin/python3
-"""The envelope from stability.json: rows by physics. Colour: what the most laborious step of eight nodes asked for; number: share
-of the heat a molten interface would take, in brackets where the row did not come to what it is for; a cross: broken; blank: not about
-it. Of a scene alone the evaluations too.   plot_stability.py stability.json [--out FILE.png]"""
+"""Draws the envelope from stability.json, rows against physics. The colour shows the largest effort of a step of eight nodes, in
+evaluations; the number is the share of the heat that a molten interface would take, in brackets if the row did not reach its regime; a
+cross marks a broken invariant; blank cells do not apply. For a single scene the evaluations are printed, too.   plot_stability.py
+stability.json [--out FILE.png]"""
 import textwrap
 
 import matplotlib

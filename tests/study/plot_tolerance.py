@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Error delivered against error requested from tolerance.json, one line per problem and number of the host's steps; below the diagonal
-the request is kept. Left: the error of T0; right: what it costs.   plot_tolerance.py tolerance.json [--out FILE.png]"""
+"""Draws the delivered against the requested error from tolerance.json, one line per problem and number of host steps; below the diagonal
+the request is met. Left: the error of T0; right: its cost.   plot_tolerance.py tolerance.json [--out FILE.png]"""
 import matplotlib
 
 matplotlib.use("Agg")

@@ -86,7 +86,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Runs a tile with equal lanes and calls `watch` after each step.
+// Runs one tile whose lanes are all equal, and calls `watch` after each step.
 template <class Watch>
 void run_tile(const StudyCase& study_case, const physics::Model& model, double dt, int steps, const Watch& watch) {
   std::vector<double> committed(model.layout().doubles), trial(model.layout().doubles);
@@ -116,7 +116,7 @@ bool allows(const StudyCase& study_case, const Setting& setting) {
     service::scene_model(scene_with(study_case, setting));
     return true;
   } catch (const wire::Error&) {
-    return false;  // refused by the rules of scenes
+    return false;  // the rules of scenes refuse the setting
   }
 }
 
@@ -129,8 +129,9 @@ Answer combined(const Answer& a, double wa, const Answer& b, double wb) {
   return sum;
 }
 
-// Extrapolates the finest settings: h^2 in space, if there are cells; dt^2 for sdirk2 and dt for backward Euler. The
-// uncertainty is the difference of two such values: of both integrators, or of backward Euler with longer steps.
+// Extrapolates from the finest settings: with errors of h^2 in space, if there are cells, and of dt^2 (sdirk2) or dt
+// (backward Euler) in time. The uncertainty is the difference between two such extrapolations: with both integrators,
+// or with two step lengths of backward Euler.
 Reference by_extrapolation(const StudyCase& study_case, bool quick) {
   const bool modes = allows(study_case, {.accuracy = 1e-9, .steps = 1000});
   const bool second_order = allows(study_case, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
@@ -269,7 +270,7 @@ Result sweep(const StudyCase& study_case, const SweepOptions& options) {
         if (!std::isfinite(outcome.temperature_error)) outcome.failure = "not a number";
         result.outcomes.push_back(outcome);
       } catch (const wire::Error&) {
-        break;  // the rules exclude the option for this scene
+        break;  // the rules exclude this option for the scene
       }
     }
   }
@@ -307,7 +308,7 @@ double message_ns(const StudyCase& study_case, const Setting& setting) {
     const StepResult& result = session.advance(request, {.dt_s = study_case.end / setting.steps});
     spent.push_back(static_cast<double>(result.round_trip().count()) - static_cast<double>(result.upscale().solver_ns));
   }
-  // The smallest time has the least waiting for a processor.
+  // The smallest time contains the least waiting for a processor.
   return *std::ranges::min_element(spent) / static_cast<double>(kNodes);
 }
 

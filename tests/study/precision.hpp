@@ -14,31 +14,31 @@
 namespace shearbus::study {
 
 struct Setting {
-  std::uint32_t cells = 0;  // 0: modes in place of a profile
+  std::uint32_t cells = 0;  // 0: modes instead of a profile
   double grading = 1.0;
   bool sdirk2 = false;
   double accuracy = 0.0;  // accuracy of the modes, if cells is 0
   int steps = 0;
-  double tolerance = 0.0;  // above 0: the server chooses everything except the steps
+  double tolerance = 0.0;  // if positive, the server chooses everything except the steps
 
   std::string text() const;
 };
 
-// Errors and cost of a setting. Errors are NaN if the run failed.
+// Errors and cost of a setting. The errors are NaN if the run failed.
 struct Outcome {
   Setting setting;
   double temperature_error = 0.0;  // max |T0 - reference| / (T_melt - T_ref)
   double impulse_error = 0.0;      // relative
   double work_error = 0.0;         // relative
-  double ns_per_node_step = 0.0;   // solver alone, CPU time, median of the repeats
-  double ns_per_node = 0.0;        // the whole run
-  double message_ns = 0.0;         // per node-step, round trip less solver; 0: not measured
-  double solves_per_step = 0.0;    // rows of heat updated in a step, stages included
+  double ns_per_node_step = 0.0;   // CPU time of the solver alone, median of the repeats
+  double ns_per_node = 0.0;        // CPU time of the solver in the whole run
+  double message_ns = 0.0;         // round trip without the solver, per node-step; 0: not measured
+  double solves_per_step = 0.0;    // rows of heat updated in a step, summed over stages
   std::uint64_t state_bytes = 0;   // per node, committed and trial state
-  double first_order_share = 0.0;  // share of sdirk2 steps that fell back to backward Euler
-  double divided_share = 0.0;      // share of steps that were divided into substeps
-  double estimate = 0.0;           // largest reported estimate of a setting with a tolerance
-  std::string failure;             // empty: none
+  double first_order_share = 0.0;  // share of the sdirk2 steps that fell back to backward Euler
+  double divided_share = 0.0;      // share of the steps that were divided into substeps
+  double estimate = 0.0;           // largest error estimate that was reported, for a setting with a tolerance
+  std::string failure;             // empty: the run succeeded
   bool efficient = false;          // no cheaper setting is as accurate
 };
 

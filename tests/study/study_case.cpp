@@ -28,7 +28,7 @@ void set_all(double (&lanes)[kLanes], double value) {
   std::fill_n(lanes, kLanes, value);
 }
 
-// An imposed jump: velocity-driven, or with bodies so heavy that friction does not change it.
+// A host that imposes a jump: velocity-driven, or with bodies so heavy that friction does not change the jump.
 class ImposedJump : public Host {
  public:
   explicit ImposedJump(const StudyCase& study_case) : case_(study_case) {}
@@ -51,9 +51,9 @@ test::HalfSpaces volterra_of(const StudyCase& study_case) {
           .yield_strength = study_case.scene.interface().yield_strength_pa()};
 }
 
-// Two elastic half-spaces in a leapfrog at unit Courant number, where it is exact: half a zone has the mass Z dt/2, and
-// the zones hold the stress of the waves emitted so far, so that [V]mid = V0 - s (1/Z_soft + 1/Z_hard). The waves of
-// the first contact have left before the first step.
+// Two elastic half-spaces in a leapfrog scheme at unit Courant number, at which the scheme is exact: half a zone has
+// the mass Z dt/2, and the zones hold the stress of the waves emitted so far, so that [V]mid = V0 - s (1/Z_soft +
+// 1/Z_hard). The waves of the first contact were emitted before the first step.
 class HalfSpaces : public Host {
  public:
   HalfSpaces(const StudyCase& study_case, double) : pair_(volterra_of(study_case)) {
@@ -86,7 +86,7 @@ class Shaken : public Host {
     set_all(inputs.pressure, case_.pressure);
     set_all(inputs.mass_soft, case_.mass);
     set_all(inputs.mass_hard, case_.mass);
-    // The mean of the pull over the step, so that every step length is given the same impulse.
+    // The pull is averaged over the step, so that runs of every step length receive the same impulse.
     const double omega = 2.0 * std::acos(-1.0) * 2.5 / case_.end;
     const double mean = kPull * (std::cos(omega * time) - std::cos(omega * (time + dt))) / (omega * dt);
     set_all(inputs.stress_soft, mean);
@@ -111,7 +111,8 @@ Reference constant_flux_reference(const StudyCase& study_case) {
           "exact: 2 q sqrt(alpha t / pi) / k"};
 }
 
-// Extrapolates three grids with errors h^2 and h^3: the limit, and the change by the last extrapolation.
+// Extrapolates from three grids, eliminating errors of h^2 and h^3. Returns the limit and its change by the last
+// extrapolation.
 struct Limit {
   double value, change;
 };
@@ -133,8 +134,8 @@ Integrals integrals_of(const std::vector<test::HalfSpaceState>& states) {
   return sum;
 }
 
-// Solves the Volterra equation by product integration on three grids and extrapolates at the nodes of the coarsest;
-// cubic interpolation in sqrt(t) between them.
+// Solves the Volterra equation by product integration on three grids and extrapolates at the times of the coarsest
+// grid; between these times the solution is interpolated with cubics in sqrt(t).
 template <class Solve>
 Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
   constexpr int kCoarse = 400;
@@ -173,7 +174,7 @@ Reference half_spaces_reference(const StudyCase& study_case) {
   return from_volterra(study_case, [&](int n) { return test::solve_two_half_spaces(pair, study_case.end, n); });
 }
 Reference extrapolated(const StudyCase&) {
-  return {};  // no exact solution: the caller extrapolates
+  return {};  // without an exact solution the caller extrapolates
 }
 
 template <class H>

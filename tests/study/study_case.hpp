@@ -19,7 +19,7 @@ struct Answer {
   double work = 0.0;                // friction work  [J/m2]
 };
 
-// A host that drives a layer: the same inputs for every lane of a tile, computed from the answers so far.
+// A host that drives a layer. It sets the same inputs in every lane of a tile, computed from the answers so far.
 class Host {
  public:
   virtual ~Host() = default;
@@ -28,27 +28,28 @@ class Host {
 };
 
 struct Reference {
-  std::function<double(double)> temperature;  // T0 at a time; none: made by extrapolation of the finest settings
+  // T0 at a time; empty: the reference is extrapolated from the finest settings.
+  std::function<double(double)> temperature;
   double impulse = 0.0;
   double work = 0.0;
-  double uncertainty = 0.0;  // of T0, of what it has to melting
+  double uncertainty = 0.0;  // uncertainty of T0, relative to T_melt - T_ref
   std::string method;
 };
 
 struct StudyCase {
   std::string name;
   std::string title;
-  v1::Scene scene;  // the layer's grid and methods are what is swept
+  v1::Scene scene;  // the sweep replaces the layer's grid and methods
   double end;       // [s]
   std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
   Reference (*reference)(const StudyCase&);
   double velocity_jump = 100.0;  // [m/s]
   double pressure = 11.2e9;      // [Pa]
-  double mass = 1.0;             // of each side  [kg/m2]
-  bool coupled = false;          // the host takes part in the answer
+  double mass = 1.0;             // mass of each side  [kg/m2]
+  bool coupled = false;          // the host's inputs depend on the answers
 };
 
-inline constexpr int kSamples = 10;  // of T0 in a run: every tenth of it
+inline constexpr int kSamples = 10;  // samples of T0 in a run, one every tenth of it
 
 std::vector<StudyCase> fixed_cases();
 StudyCase case_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end);

@@ -18,15 +18,15 @@ constexpr double kQuickRequests[] = {1e-2, 1e-4};
 constexpr int kSteps[] = {10, 100, 1000};
 constexpr int kQuickSteps[] = {20};
 
-// Resolution of a reference.
+// Resolution of a reference solution.
 struct Fineness {
-  int substeps;     // number of substeps of the whole run
-  int cells;        // if the model has cells: matched to the half-space, the first a few atoms wide
+  int substeps;     // substeps of the whole run
+  int cells;        // cells of each grid, if the model has cells; graded so that the first cells resolve kFirstCells
   double accuracy;  // accuracy of the modes
 };
 constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
 constexpr int kQuickCoarser = 4;
-constexpr double kFirstCells = 0.5e-9;  // these resolve [m]
+constexpr double kFirstCells = 0.5e-9;  // the cell at depth z has a width of about (grading - 1) (z + kFirstCells)  [m]
 
 Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fineness) {
   const double dt = study_case.end / steps;
@@ -60,8 +60,9 @@ Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fine
   return answer;
 }
 
-// A host that reacts to the answer has an error of its own, which the layer cannot reduce. Its layer is compared with a
-// finer layer in the same steps of the host; a second resolution gives the uncertainty.
+// Solves a reference for one number of host steps. A host that reacts to the answer has an error of its own, which the
+// layer cannot reduce, so the layer is compared with a finer layer in the same host steps. A second resolution gives
+// the uncertainty.
 Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   StudyCase strict = study_case;
   strict.scene = scene_with(study_case, {.tolerance = kRequests[std::size(kRequests) - 1]});

@@ -1,5 +1,4 @@
-// Compares the error delivered by scenes with a tolerance with the error requested, at several step lengths of the
-// host.
+// Compares the delivered with the requested error of scenes with a tolerance, at several step lengths of the host.
 #pragma once
 
 #include <filesystem>
@@ -14,7 +13,7 @@ namespace shearbus::study {
 struct Tracked {
   std::string study_case;
   std::string reference;
-  std::vector<Outcome> outcomes;  // by setting.tolerance and setting.steps
+  std::vector<Outcome> outcomes;  // one for each setting.tolerance and setting.steps
 };
 
 std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const SweepOptions& options);

@@ -1,5 +1,5 @@
-// What a model can be combined of: every option of the table of solver/parts.cpp and every law of the lists, so that a
-// new row or law is tested without an edit.
+// Combinations of model options for tests: every option of the table of solver/parts.cpp and every law of the lists, so
+// that a new row or law is tested without an edit here.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ inline void follow_flow_law(Material& soft, FlowLaw law) {
     if (entry.material.flow_law != law) continue;
     const Material aluminium = soft;
     soft = entry.material;
-    // The compression at a pressure, which not every metal of the catalog has.
+    // These constants give the compression at a pressure; not every metal of the catalog has them.
     if (!std::isfinite(soft.sound_speed)) soft.sound_speed = aluminium.sound_speed;
     if (!std::isfinite(soft.hugoniot_slope)) soft.hugoniot_slope = aluminium.hugoniot_slope;
     if (!std::isfinite(soft.grueneisen)) soft.grueneisen = aluminium.grueneisen;
@@ -38,7 +38,7 @@ inline void follow_flow_law(Material& soft, FlowLaw law) {
   throw Broken(fmt::format("no material of the catalog follows {}", FlowLaws::name_of(law)));
 }
 
-// The strength of one metal, and its law, with the heat and the melting of the other.
+// Returns a material with the strength and flow law of one metal and the heat and melting constants of the other.
 inline Material with_strength_of(const Material& heat, Material strength) {
   strength.conductivity = heat.conductivity;
   strength.specific_heat = heat.specific_heat;
@@ -49,7 +49,7 @@ inline Material with_strength_of(const Material& heat, Material strength) {
   return strength;
 }
 
-// Laws first: the typical values of an option may be those of the material.
+// Laws come first, because typical values of an option may depend on the material.
 inline std::vector<Item> items() {
   std::vector<Item> all;
   for (int n = 2; const auto law = FlowLaws::numbered(n); ++n)
@@ -70,21 +70,22 @@ inline std::vector<Item> items() {
   return all;
 }
 
-// The options of a strategy with some items. `rubs`: friction holds the stress of the histories below, else the yield
-// limit or the layer does.
+// Returns the options of a strategy with some items. With `rubs` friction limits the stress in the histories below,
+// otherwise the yield limit or the layer does.
 inline ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen, bool rubs) {
   ModelOptions options = graded(paper_options(strategy), 6, 1.4);
   options.grid.far_boundary = rubs ? FarBoundary::kHalfSpace : FarBoundary::kInsulated;
   options.interface.friction_coefficient = rubs ? 0.02 : 2.0;
   options.initial_temperature = 600.0;
-  std::sort(chosen.begin(), chosen.end());  // as in the list: laws first
+  std::sort(chosen.begin(), chosen.end());  // in the order of the list: laws first
   for (const Item* item : chosen) item->apply(options);
   if (options.friction_coefficient) options.friction_coefficient = rubs ? 0.005 : 2.0;
   if (options.tolerance) options = discretised(options, 1e-2);
   return options;
 }
 
-// The items, or with one more item where they need it: plastic heating needs the table [hard_layer].
+// Returns the options with the chosen items, if needed with one more item that they depend on; plastic heating, for
+// example, needs the table [hard_layer].
 inline std::optional<ModelOptions> possible(Strategy strategy, const std::vector<const Item*>& chosen,
                                             const std::vector<Item>& all, bool rubs) {
   ModelOptions options = combined(strategy, chosen, rubs);

@@ -1,4 +1,4 @@
-// A service with a store, without sockets. A new one on the same disk recovers the states.
+// A service with a store, without sockets. A new DurableServer on the same disk recovers the states.
 #pragma once
 
 #include <cstdint>

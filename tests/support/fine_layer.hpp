@@ -1,5 +1,5 @@
-// A reference for steps with a tolerance: the layer of one node in many equal substeps of each host step, without error
-// control.
+// A reference solution for steps with a tolerance: the layer of one node, advanced in many equal substeps of each host
+// step without error control.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace shearbus::test {
 
-// Force-driven substeps in which the slip reverses or stops are divided at that time.
+// Advances force-driven substeps. A substep in which the slip reverses or stops is halved repeatedly down to that time.
 class FineLayer {
  public:
   FineLayer(const physics::ModelOptions& options, double substep)
@@ -31,8 +31,8 @@ class FineLayer {
     return options.hard_grid ? 1.0 : physics::heat_partition(options.soft, options.hard);
   }
 
-  // Takes one substep of lane 0, `share` of the host's step: adds to the means of `step` and stores the new jump in
-  // `inputs`.
+  // Advances lane 0 by one substep of `share` of the host's step: adds to the means of `step` and stores the new jump
+  // in `inputs`.
   void advance(physics::TileInputs& inputs, double share, physics::TileOutputs& step, std::size_t cuts = 0) {
     physics::TileOutputs out{};
     model_.advance(*operators_[cuts], inputs, state_.data(), next_.data(), out);

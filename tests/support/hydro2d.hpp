@@ -26,7 +26,7 @@ using lagrange::Symmetry;
 using lagrange::Vec2;
 using lagrange::Wall;
 
-// A constant flow stress, independent of the temperature.
+// Returns a material with a constant flow stress, independent of temperature.
 inline physics::Material constant_yield(double density, double shear_modulus, double yield) {
   return {.density = density,
           .shear_modulus = shear_modulus,
@@ -35,7 +35,7 @@ inline physics::Material constant_yield(double density, double shear_modulus, do
           .melting_temperature = 1e15};
 }
 
-// Mie-Grueneisen constants (Steinberg, LLNL UCRL-MA-106439), strength as named.
+// Mie-Grueneisen constants of the named alloys (Steinberg, LLNL UCRL-MA-106439).
 inline MieGrueneisen aluminium_6061() {
   return {.density = 2703.0, .sound_speed = 5240.0, .s1 = 1.400, .gamma0 = 1.97, .specific_heat = 900.0};
 }
@@ -43,7 +43,7 @@ inline MieGrueneisen steel_304() {
   return {.density = 7900.0, .sound_speed = 4570.0, .s1 = 1.490, .gamma0 = 1.93, .specific_heat = 500.0};
 }
 
-// Sets a uniform state in each block.
+// Sets a uniform state in one block.
 inline void fill(Bodies& bodies, std::size_t block, double density, double energy, Vec2 velocity) {
   const lagrange::Block& b = bodies.mesh.blocks()[block];
   for (int z = 0; z < b.num_zones(); ++z) {
@@ -53,12 +53,12 @@ inline void fill(Bodies& bodies, std::size_t block, double density, double energ
   for (int n = 0; n < b.num_nodes(); ++n) bodies.velocity[b.first_node + n] = velocity;
 }
 
-// Makes a rectangle of nx by ny zones from `low` to `high`.
+// Returns the node positions of a rectangle of nx by ny zones from `low` to `high`.
 inline std::function<Vec2(int, int)> rectangle(int nx, int ny, Vec2 low, Vec2 high) {
   return [=](int i, int j) { return Vec2{low.x + (high.x - low.x) * i / nx, low.y + (high.y - low.y) * j / ny}; };
 }
 
-// A perfectly plastic metal.
+// Returns a perfectly plastic metal.
 inline hydro::Metal plastic_metal(const MieGrueneisen& eos, double shear_modulus, double yield) {
   return {.eos = eos, .strength = constant_yield(eos.density, shear_modulus, yield)};
 }
@@ -71,7 +71,7 @@ inline double found(const std::vector<hydro::Comparison>& comparisons, const std
   throw std::invalid_argument("nothing is compared under the name " + what);
 }
 
-// Returns the change of the total energy that the boundaries do not explain, relative.
+// Returns the relative change of the total energy that the work of the boundaries does not explain.
 inline double energy_residual(const lagrange::Ledger& start, const lagrange::Ledger& end) {
   return (end.total_energy() - end.work_given - start.total_energy()) /
          std::max(start.total_energy(), end.total_energy());

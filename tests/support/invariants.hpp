@@ -1,5 +1,6 @@
-// server/physics/MODEL.md, "What always holds", as checks of one step that throw Broken. The property tests, the
-// stability campaign and its wrong solvers are judged by the same checks; tests/support/invariants has a file for each.
+// The invariants of server/physics/MODEL.md, "What always holds", as checks of one step that throw Broken. The property
+// tests, the stability campaign and its deliberately wrong solvers use the same checks; tests/support/invariants has a
+// file for each.
 #pragma once
 
 #include <cstddef>
@@ -19,13 +20,14 @@
 
 namespace shearbus::testing {
 
-// 1, 3, 5: a finite answer, temperatures in their range, dissipation, balances of heat and work.
+// Invariants 1, 3 and 5: the answer is finite, temperatures are in their range, friction dissipates, heat and work
+// balance.
 inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;
   require_numbers(a);
   require_temperatures(rig, a, lane, figures);
-  // With inertia [v] is the slip of the whole layer, whose stresses may have both signs.
+  // With inertia [v] is the slip of the whole layer, in which stresses may have both signs.
   if (options.inertia) {
     require(a.heat >= 0.0, "heat {} < 0", a.heat);
   } else {
@@ -38,7 +40,7 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   require_heat_of_work(options, rig.conducted_share(), a);
 }
 
-// Holds one lane of the rig's last step to all invariants.
+// Checks all invariants for one lane of the rig's last step.
 inline void require_invariants(const Rig& rig, int lane, double dt, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const Answered a = answered(rig, lane, dt);

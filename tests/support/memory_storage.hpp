@@ -1,8 +1,8 @@
-// A disk in memory that can fail, or die with the process or the power, at any of its calls.
+// A disk in memory that can fail at any of its calls, or there die with the process or with the power.
 //
-// Each file keeps its written and its synced content, the directory its written and synced names. After the death of
-// the process the next server finds everything written; after a loss of power it finds the synced content and a random
-// part of the rest.
+// Each file has a written and a synced content, the directory has written and synced names. After a death of the
+// process the next server finds everything written; after a loss of power it finds the synced content and a random part
+// of the rest.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 
 namespace shearbus::support {
 
-// Thrown in place of every call after the death of the server.
+// Thrown by every call after the server has died.
 struct Died : store::StorageError {
   Died() : StorageError("the machine has died", EIO) {}
 };
@@ -29,8 +29,8 @@ class MemoryStorage final : public store::Storage {
   struct Fault {
     std::uint64_t at_call = 0;  // number of the call, from 1, among the calls selected by `of`
     int code = 0;               // errno of the failure; 0: the machine dies
-    bool for_ever = false;      // later calls of the kind fail, too
-    std::optional<Call> of;     // none: every call
+    bool for_ever = false;      // later calls of the same kind fail, too
+    std::optional<Call> of;     // kind of call that fails; absent: every kind
   };
 
   void plan(Fault fault) {
@@ -43,7 +43,7 @@ class MemoryStorage final : public store::Storage {
   bool dead() const { return dead_; }
   bool fired() const { return fault_ && calls_ >= fault_->at_call; }
 
-  // Restarts the machine.
+  // Restarts the machine after a death of the process or after a loss of power.
   void die_of_process() {
     dead_ = false;
     heal();
@@ -51,7 +51,7 @@ class MemoryStorage final : public store::Storage {
   void die_of_power(std::mt19937& random) {
     dead_ = false;
     heal();
-    // Names: a random prefix of the changes since the last sync of the directory is kept.
+    // A random number of the name changes since the last sync of the directory survives, in their order.
     const std::size_t kept =
         changes_.empty() ? 0 : std::uniform_int_distribution<std::size_t>(0, changes_.size())(random);
     auto names = durable_names_;
@@ -64,7 +64,7 @@ class MemoryStorage final : public store::Storage {
         const std::size_t more =
             std::uniform_int_distribution<std::size_t>(0, file.written.size() - file.synced.size())(random);
         file.written.resize(file.synced.size() + more);
-        // The last blocks of a file that grew may be unwritten.
+        // The last blocks of a file that grew may have never been written: they read as zeros.
         if (random() % 4 == 0)
           std::fill(file.written.begin() + static_cast<std::ptrdiff_t>(file.synced.size()), file.written.end(),
                     std::byte{0});
@@ -143,7 +143,7 @@ class MemoryStorage final : public store::Storage {
       std::vector<std::byte> all;
       for (const store::Bytes part : parts) all.insert(all.end(), part.begin(), part.end());
       const bool fails = disk_.fails(Call::kAppend);
-      // A call that fails may have written any part; half of it is hardest to distinguish from all of it.
+      // A failing call may have written any part; half of it is hardest to distinguish from all of it.
       if (fails) all.resize(all.size() / 2);
       node_->written.insert(node_->written.end(), all.begin(), all.end());
       if (fails) disk_.fail();

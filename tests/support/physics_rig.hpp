@@ -1,4 +1,4 @@
-// A model with one tile of states for tests: sets inputs, steps, reads lanes.
+// A model with one tile of states for tests. It sets inputs, takes steps and reads lanes.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@
 
 namespace shearbus::testing {
 
-using namespace shearbus::physics;  // NOLINT(google-build-using-namespace): tests of that room
+using namespace shearbus::physics;  // the tests of the physics use its names unqualified
 
 inline ModelOptions paper_options(Strategy strategy = Strategy::kVelocityDriven) {
   ModelOptions options;
@@ -51,7 +51,7 @@ inline double shortest_step(const ModelOptions& options) {
   return options.modes ? std::max(controlled, options.modes->shortest_step) : controlled;
 }
 
-// Returns the index of a row's value in a tile; rows before z = 0 are negative.
+// Returns the index in a tile of the value in `row` of a part; rows before z = 0 are negative.
 inline std::size_t place(std::size_t part, int row, int lane) {
   return part + static_cast<std::size_t>(std::ptrdiff_t{row} * kLanes + lane);
 }
@@ -93,7 +93,7 @@ class Rig {
     }
   }
 
-  // Returns a temperature of a lane that is awake. Negative vertices belong to a conducting hard body.
+  // Returns the temperature of an awake lane at a vertex. Negative vertices belong to a conducting hard body.
   double T(int vertex, int lane = 0) const { return committed[place(model.layout().temperature, vertex, lane)]; }
   double ep(int vertex, int lane = 0) const { return ep_of(committed, vertex, lane); }
   double ep_of(const std::vector<double>& tile, int vertex, int lane) const {
@@ -108,7 +108,7 @@ class Rig {
 
   const HeatGrid& heat_grid() const { return heat_grid_; }
 
-  // Returns the temperatures of the rows of heat_grid() in a tile of this model; those of a sleeping lane are computed
+  // Returns the temperatures of the rows of heat_grid() in a tile of this model; for a sleeping lane they are computed
   // from its modes. A model without a profile has T0 only.
   std::vector<double> temperatures(const std::vector<double>& tile, int lane) const {
     const TileLayout& layout = model.layout();
@@ -130,7 +130,7 @@ class Rig {
     all.erase(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(model.layout().num_hard_vertices));
     return all;
   }
-  // The arguments select the state before or after the last step.
+  // Returns true if the lane sleeps before or after the last step.
   bool slept(int lane) const {
     return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
   }
@@ -139,7 +139,7 @@ class Rig {
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
   double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
     if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
-      // Without a profile the heat is known for a slab only, whose mode of rate 0 is its mean temperature.
+      // Without a profile the heat is known only for a slab, whose mode of rate 0 is its mean temperature.
       const double* rows = tile.data() + layout.heat_modes + lane;
       const ModelOptions& o = model.options();
       return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);

@@ -1,4 +1,4 @@
-// Random states and histories; every step is held to the invariants.
+// Random states and histories; every step is checked against the invariants.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace shearbus::testing {
 
-// Draws a state that a history need not be able to reach: temperatures that fall with the distance from the interface,
+// Draws a state that need not be reachable by any history: temperatures that fall with the distance from the interface,
 // any strain, and a stress left from a higher pressure.
 inline void random_state(Draw& draw, Rig& rig) {
   const TileLayout& layout = rig.model.layout();
@@ -61,7 +61,7 @@ inline void random_state(Draw& draw, Rig& rig) {
   }
 }
 
-// Steps a history of random inputs. `after_step` is called after each step, before the invariants.
+// Runs a history of random inputs. `after_step` is called after each step, before the invariants are checked.
 template <class AfterStep>
 void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figures, const AfterStep& after_step) {
   const ModelOptions& options = rig.model.options();

@@ -181,7 +181,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
       options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
     }
   }
-  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
+  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {  // else ConstantFriction
     options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
     options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
     options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);

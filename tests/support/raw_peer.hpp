@@ -27,7 +27,8 @@ class RawDealer {
   explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000)
       : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
-    socket_.set(zmq::sockopt::sndtimeo, 1000);  // sending to a server that refused the connection would block
+    // limits the time of sending to a server that refused the connection, which would block
+    socket_.set(zmq::sockopt::sndtimeo, 1000);
     socket_.set(zmq::sockopt::rcvhwm, receive_hwm);
     socket_.connect(endpoint);
   }
@@ -78,7 +79,7 @@ class RawDealer {
 
 class RawStream {
  public:
-  // tcp://127.0.0.1:PORT or ipc://PATH.
+  // `endpoint` is tcp://127.0.0.1:PORT or ipc://PATH.
   explicit RawStream(const std::string& endpoint) {
     if (endpoint.starts_with("ipc://")) {
       file_ = ::socket(AF_UNIX, SOCK_STREAM, 0);

@@ -1,4 +1,4 @@
-// A server with real sockets on a thread of the test's process: like Embedded, with its own endpoints.
+// A server with real sockets on a thread of the test's process. It resembles Embedded but has endpoints of its own.
 #pragma once
 
 #include <sys/eventfd.h>
@@ -60,7 +60,7 @@ class RunningServer {
 
   server::Server& server() { return server_; }
 
-  // Returns the counters. Call it only when the server is stopped or idle after a reply.
+  // Returns the counters. Call it only while the server is stopped, or idle after a reply.
   const transport::RouterCounters& transport() const { return server_.transport(); }
 
  private:

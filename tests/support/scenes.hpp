@@ -1,4 +1,4 @@
-// Small scenes of both strategies, and columns of inputs that differ from node to node.
+// Small scenes of both strategies, and input columns that differ from node to node.
 #pragma once
 
 #include <cstddef>
@@ -43,7 +43,7 @@ inline wire::Strategy strategy_of(const v1::Scene& scene) {
   return static_cast<wire::Strategy>(scene.strategy());
 }
 
-// What a client sends.
+// Returns the scene as TOML, the text that a client sends.
 inline std::string text_of(const v1::Scene& scene) {
   return scene::to_toml(scene);
 }

@@ -1,5 +1,4 @@
-// A service without a socket. Requests and replies pass through the codec as on the wire; the clock is a
-// counter.
+// A service without a socket. Requests and replies pass through the codec as on the wire; the clock is a counter.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +16,7 @@ namespace shearbus::support {
 
 struct Answer {
   service::ReplyFrames frames;
-  wire::Reply reply;  // its batch points into frames
+  wire::Reply reply;  // decoded reply; its batch points into `frames`
 
   std::vector<std::byte> payload() const { return {frames.payload.begin(), frames.payload.end()}; }
   wire::Code code() const { return reply.status.code; }

@@ -1,4 +1,4 @@
-// One message of every kind with every field set, and their frames as a socket delivers them.
+// One message of every kind with every field set, and its frames as a socket delivers them.
 #pragma once
 
 #include <cstddef>

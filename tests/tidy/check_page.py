@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Holds a committed page to the program that prints it: check_page.py PAGE COMMAND... With --self-test it must see a page
-that differs."""
+"""Checks that a committed page equals the output of the program that prints it: check_page.py PAGE COMMAND... With --self-test it checks
+that a page which differs is detected."""
 import difflib
 import pathlib
 import subprocess

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Holds the tree to the design: who may include whom (the table in server/ARCHITECTURE.md), what the top level holds, that every
-source is built, that references to pages and their headings resolve, and that no file names a machine. Run with --self-test to see
-each rule fail on a tree made for it.
+"""Checks the tree against its design: which room may include which (the table in server/ARCHITECTURE.md), the contents of the top level,
+that every source is built, that references to pages and their headings resolve, and that no file names a machine. With --self-test each
+rule must fail on a tree made for it.
 
 A reference to a page of the tree is `PAGE.md` or `PAGE.md, "Heading"`; in a page it may be a link, [text](PAGE.md#heading)."""
 import argparse
@@ -14,7 +14,7 @@ import tempfile
 
 TOP_LEVEL = {"CMakeLists.txt", "README.md", "proto", "server", "client", "hydro_stub", "tests", "deploy"}
 SOURCES = ("proto", "server", "client", "hydro_stub")
-LIBRARIES = {  # library of the table -> what its headers look like
+LIBRARIES = {  # library of the table -> pattern of its headers
     "protobuf": r"google/protobuf/.*|(shearbus/v1|hydro_stub)/.*\.pb\.h",
     "tomlplusplus": r"toml\+\+/.*|toml\.hpp",
     "xxhash": r"xxhash\.h",
@@ -31,7 +31,7 @@ LIBRARIES = {  # library of the table -> what its headers look like
 STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|experimental/simd|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
 MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b|\bFIXM[E]\b")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
-# References: in comments and texts of these files, except the corpora of fuzzing.
+# References are searched in comments and texts of these files, except in the corpora of fuzzing.
 REFERRING = {".md", ".cpp", ".hpp", ".h", ".py", ".proto", ".cmake", ".txt", ".toml"}
 COMMENT = re.compile(r"^\s*(?://+|#)\s?")
 PAGE = re.compile(r'(?<![\w/.*<-])((?:[\w.-]+/)*[\w-]+\.md)\b(?:,? \\?"([^"\\]+)\\?")?')
@@ -41,7 +41,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
 def table(page):
-    """Room -> what it may include, from the table of the page server/ARCHITECTURE.md."""
+    """Returns room -> allowed includes, from the table of the page server/ARCHITECTURE.md."""
     rows = {}
     section = page.split("## Who may include whom", 1)[1].split("\n## ", 1)[0]
     for line in section.splitlines():
@@ -73,7 +73,7 @@ def include_faults(root, rows):
             elif bracket == "<" and not target.startswith("client/include/"):
                 allowed = bool(STANDARD.fullmatch(target))
             else:
-                # A room of its own inside an allowed one (client/replay inside client) is not part of it.
+                # A room nested in an allowed room (client/replay inside client) does not belong to it.
                 owner = max((r for r in rows if below(target, r)), key=len, default="")
                 allowed = owner == room or any(below(target, entry) and len(owner) <= len(entry) for entry in rows[room])
             if not allowed:
@@ -96,14 +96,14 @@ def machine_faults(root):
 
 
 def headings(page):
-    """Heading -> the anchor that GitHub makes of it."""
+    """Returns heading -> the anchor that GitHub makes of it."""
     text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
     found = [re.sub(r"[`*]", "", h).strip() for h in re.findall(r"^#+ (.+)$", text, re.M)]
     return {h: re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in found}
 
 
 def joined(text):
-    """The text with its lines joined without the marks of comments, and the place of each line's beginning."""
+    """Returns the text with its lines joined and without comment marks, and the offset of each line's beginning."""
     starts, parts, at = [], [], 0
     for line in text.splitlines():
         line = COMMENT.sub("", line).strip() + " "
@@ -114,7 +114,7 @@ def joined(text):
 
 
 def page_named(name, path, root, pages):
-    """The page that a reference means: in the file's directory or the nearest one above, or the only one whose path ends so."""
+    """Returns the page that a reference names: in the file's directory or the nearest one above, or the only page whose path ends so."""
     for directory in path.resolve().parents:
         if (directory / name).is_file():
             return directory / name
@@ -168,7 +168,7 @@ def faults(root, compile_commands):
 
 
 def self_test():
-    """A tree with one breach of every rule must give exactly those faults."""
+    """Checks that a tree with one violation of every rule gives exactly these faults."""
     with tempfile.TemporaryDirectory() as scratch:
         root = pathlib.Path(scratch)
         for house in ("proto", "server/physics/layer", "server/service", "client", "hydro_stub", "tests", "deploy", "extra"):

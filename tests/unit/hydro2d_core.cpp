@@ -1,4 +1,4 @@
-// The pieces of the two-dimensional hydrocode, and what a step must conserve whatever happens in it.
+// The components of the two-dimensional hydrocode, and the conservation laws of its step.
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -14,7 +14,7 @@ namespace {
 
 using namespace test;  // NOLINT(google-build-using-namespace)
 
-// Hugoniot pressure at a density.
+// Hugoniot pressure [Pa] at a density [kg/m3].
 double hugoniot_pressure(const MieGrueneisen& m, double density) {
   const double n = 1.0 - m.density / density;
   const double d = 1.0 - n * (m.s1 + n * (m.s2 + n * m.s3));
@@ -29,7 +29,7 @@ class Random {
   std::mt19937_64 generator_{20240229};
 };
 
-// A block whose inner and outer nodes stand up to `part` of a zone from their places; nodes on the axis stay there.
+// A block of unit zones whose nodes are displaced at random by up to `part` of a zone. Nodes on the axis stay on it.
 Mesh crooked(Symmetry symmetry, int nx, int ny, double part, Random& random) {
   Mesh mesh(symmetry);
   mesh.add_block(nx, ny, [&](int i, int j) {
@@ -113,7 +113,7 @@ TEST(Hydro2dMesh, AZoneTurnedInsideOutIsRefusedByName) {
   EXPECT_THROW(round.add_block(2, 2, [](int i, int j) { return Vec2{i - 0.5, 1.0 * j}; }), std::invalid_argument);
 }
 
-// Uniform compression, rotation and any other linear field, on any mesh.
+// The viscosity must vanish in uniform compression, rotation or any other linear velocity field, on any mesh.
 TEST(Hydro2dViscosity, LinearVelocitiesCostNothing) {
   Random random;
   for (const Symmetry symmetry : kBoth) {
@@ -168,7 +168,7 @@ TEST(Hydro2dStrength, ARigidTurnKeepsTheInvariantsAndTurnsTheAxes) {
   const physics::Material metal = constant_yield(2700.0, 27e9, 1e12);
   lagrange::Deviator s = {2e8, -0.5e8, 1e8};
   const double start = equivalent_stress(s);
-  // A quarter turn in 50 steps: xx and yy change places, xy its sign.
+  // A quarter turn in 50 steps: xx and yy exchange their values, and xy changes its sign.
   const double angle = 2.0 * std::tan(0.25 * std::numbers::pi / 50.0);
   const lagrange::Gradient spin = {0.0, -angle, angle, 0.0, 0.0};
   for (int i = 0; i < 50; ++i) s = advance_deviator(metal, s, spin, 1.0, 0.0, 0.0, 300.0).deviator;
@@ -211,7 +211,7 @@ TEST(Hydro2dEos, SoundSpeedIsTheSlopeAlongTheIsentrope) {
                                .s2 = -2.905,
                                .s3 = 2.544,
                                .gamma0 = 1.93,
-                               .specific_heat = 500.0};  // SS 21-6-9
+                               .specific_heat = 500.0};  // stainless steel 21-6-9
   for (const MieGrueneisen& m : {aluminium_6061(), steel_304(), cubic}) {
     const Eos eos(m);
     for (double ratio = 0.9; ratio < 1.35; ratio += 0.03) {
@@ -250,7 +250,7 @@ TEST(Hydro2dEos, HugoniotOfAluminiumPassesTheMeltingTemperatureAt46GPa) {
 TEST(Hydro2dEos, TemperatureStaysOnTheIsentrope) {
   const MieGrueneisen m = steel_304();
   const Eos eos(m);
-  double energy = 0.0;  // de = -P dV by the middle rule, finely
+  double energy = 0.0;  // integrates de = -P dV by the midpoint rule
   double volume = 1.0 / m.density;
   for (int i = 0; i < 20000; ++i) {
     const double step = -1e-5 * 0.25 / m.density / 2.0;
@@ -261,7 +261,8 @@ TEST(Hydro2dEos, TemperatureStaysOnTheIsentrope) {
   EXPECT_NEAR(eos.temperature(1.0 / volume, energy), 300.0 * std::exp(m.gamma0 * (1.0 - m.density * volume)), 0.01);
 }
 
-// A crooked body with random velocities, strength, shocks: total energy and momentum are what they were.
+// A distorted mesh with strength and random velocities that cause shocks: total energy and momentum do not change,
+// except by the work and the impulse of the load.
 TEST(Hydro2dCycle, EnergyAndMomentumCloseToRounding) {
   Random random;
   for (const Symmetry symmetry : kBoth) {
@@ -286,7 +287,7 @@ TEST(Hydro2dCycle, EnergyAndMomentumCloseToRounding) {
       EXPECT_NEAR(end.momentum.x - start.momentum.x - end.impulse_given.x, 0.0, scale);
     }
     EXPECT_GT(std::abs(end.impulse_given.y), 0.0);
-    EXPECT_LT(end.kinetic, 0.9 * start.kinetic);  // it did something
+    EXPECT_LT(end.kinetic, 0.9 * start.kinetic);  // the body did dissipate kinetic energy
   }
 }
 
@@ -328,7 +329,7 @@ TEST(Hydro2dCycle, TurnedAndDriftingBodiesDoTheSame) {
   }
 }
 
-// A body that flies freely, expanding homogeneously without pressure, keeps its velocities to the last bit of a sum.
+// A gas without pressure that expands homogeneously keeps its velocities, to rounding.
 TEST(Hydro2dCycle, FreeHomogeneousExpansionIsExact) {
   for (const Symmetry symmetry : kBoth) {
     Random random;
@@ -355,7 +356,7 @@ TEST(Hydro2dCycle, AStepThatTurnsAZoneInsideOutIsTakenBack) {
   fill(bodies, 0, 2703.0, 0.0, {});
   for (std::size_t n = 0; n < bodies.velocity.size(); ++n) bodies.velocity[n].x = n % 5 < 2 ? 1500.0 : 0.0;
   bodies.time_step.first = 1e-6;
-  bodies.time_step.cfl = 1e3;  // so that only the volume can object
+  bodies.time_step.cfl = 1e3;  // CFL limit off: only the volume limits the step
   bodies.time_step.volume_change = 0.2;
   Cycle cycle(std::move(bodies));
   cycle.advance(1.0);

@@ -1,4 +1,5 @@
-// Slide lines: what they must conserve, meshes that do not match, opening and closing, curved lines.
+// Slide lines of the two-dimensional hydrocode: conservation, meshes that do not match, opening and closing, curved
+// lines.
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -20,7 +21,7 @@ using lagrange::surface;
 
 constexpr Symmetry kBoth[] = {Symmetry::kPlane, Symmetry::kAxisymmetric};
 
-// Two blocks that meet on y = slope x, the upper one soft, with unlike numbers of zones across.
+// Two blocks in contact along y = slope x. The upper one is soft, and the numbers of zones along the line may differ.
 Bodies two_blocks(Symmetry symmetry, int soft_across, int hard_across, double slope, double length = 4e-3) {
   Mesh mesh(symmetry);
   const auto block = [&](int nx, double from, double to) {
@@ -66,7 +67,7 @@ TEST(Hydro2dSlideLine, BothSidesOfEveryWeightCancel) {
   }
 }
 
-// Uniform pressure in both bodies and on their outsides, over a line where no nodes match: nothing moves.
+// Both bodies and their outer faces are under the same pressure, and no nodes match across the line. Nothing may move.
 TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
   constexpr double kPressure = 5e9;
   for (const Symmetry symmetry : kBoth) {
@@ -83,7 +84,7 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
       for (int i = 0; i < 200; ++i) cycle.advance(1.0);
       double fastest = 0.0;
       for (const Vec2 v : cycle.state().velocity) fastest = std::max(fastest, norm(v));
-      EXPECT_LT(fastest, 1e-8);  // [m/s], of a sound speed of some 6 km/s
+      EXPECT_LT(fastest, 1e-8);  // [m/s], compared with a sound speed of about 6 km/s
       for (int z = 0; z < cycle.mesh().num_zones(); ++z) EXPECT_NEAR(cycle.state().pressure[z] / kPressure, 1.0, 1e-10);
       for (int i = 0; i < cycle.contact().size(); ++i)
         EXPECT_NEAR(cycle.contact().inputs().pressure[i] / kPressure, 1.0, 1e-9);
@@ -91,7 +92,8 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
   }
 }
 
-// Impact, sliding and separation with every law: momentum and energy are what they were, heat of friction included.
+// Impact, sliding and separation with each interface law: the sums of momentum and of energy (with friction heat) do
+// not change.
 TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
   for (const Symmetry symmetry : kBoth) {
     for (const double limit : {kFreeSlip, 100e6, kBonded}) {
@@ -103,7 +105,7 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
           bodies.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
         const lagrange::Block& b = bodies.mesh.blocks()[0];
         for (int n = b.first_node; n < b.first_node + b.num_nodes(); ++n) {
-          bodies.velocity[n].x = 5e4 * bodies.mesh.places()[n].x;  // spreads over the hard body
+          bodies.velocity[n].x = 5e4 * bodies.mesh.places()[n].x;  // so that it slides over the hard body
         }
       }
       ConstantFrictionLaw law(limit);
@@ -127,7 +129,8 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
   }
 }
 
-// What a restart dump holds is all that one step hands to the next: half way, in sliding contact, with plastic flow.
+// A second cycle that receives the arrays of a restart dump continues with the same bits, from a state of sliding
+// contact with plastic flow.
 TEST(Hydro2dSlideLine, ACycleThatIsGivenTheMemoryOfAnotherGoesOnToTheBit) {
   const auto bodies = [] {
     Bodies made = two_blocks(Symmetry::kAxisymmetric, 7, 5, 0.1);
@@ -157,7 +160,8 @@ TEST(Hydro2dSlideLine, ACycleThatIsGivenTheMemoryOfAnotherGoesOnToTheBit) {
   EXPECT_GT(straight.ledger().friction_heat, 0.0);
 }
 
-// A sliver of a step before a time that must be met would ask the slide line to close its gaps in no time.
+// The time step must not become much shorter than usual in order to reach a given time exactly, because the slide line
+// closes its gaps within one step.
 TEST(Hydro2dSlideLine, TimesThatMustBeMetCostNoSliverOfAStep) {
   Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
   fill(bodies, 0, 2703.0, 0.0, {30.0, -100.0});
@@ -185,8 +189,8 @@ TEST(Hydro2dSlideLine, BodiesThatFlyApartDoNotKnowEachOther) {
   }
 }
 
-// Friction beyond what the soft zones carry makes them flow in shear: the rate that the law is told adds up to their
-// plastic strain. Turned lines must say the same.
+// Friction stronger than the soft zones makes them flow in shear. The plastic strain rate that the contact passes to
+// the law must integrate to the zone's plastic strain, and must not depend on the angle of the line.
 TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
   for (const double angle : {0.0, 0.7}) {
     Plates p;
@@ -204,7 +208,7 @@ TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
       const hydro::InterfaceInputs& in = cycle.contact().inputs();
       ASSERT_GE(in.soft_plastic_strain_rate[middle], 0.0);
       const double begin = in.time - in.dt;
-      sum += in.soft_plastic_strain_rate[middle] * (begin - time);  // of the step before
+      sum += in.soft_plastic_strain_rate[middle] * (begin - time);  // the rate is that of the previous step
       time = begin;
     }
     const double strain = cycle.contact().inputs().zone_plastic_strain[middle];
@@ -214,7 +218,7 @@ TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
   }
 }
 
-// Pulls neighbouring nodes apart the first time it is asked, and is no friction at all after that.
+// An interface law whose first answer tears neighbouring nodes apart; every later answer is free slip.
 class TearsOnce : public hydro::FreeSlipLaw {
  public:
   explicit TearsOnce(bool tears) : tears_(tears) {}
@@ -227,14 +231,15 @@ class TearsOnce : public hydro::FreeSlipLaw {
   }
   void take_back() override { ++taken_back; }
 
-  std::vector<double> asked_for;  // dt  [s]
+  std::vector<double> asked_for;  // dt of each call [s]
   int taken_back = 0;
 
  private:
   bool tears_;
 };
 
-// The law is told to forget the step, asked again for a shorter one, and nothing is left of the first.
+// The cycle rejects a step that the law's answer makes invalid, calls `take_back` on the law and repeats the step with
+// a shorter dt. The result must equal that of a run that began with the shorter dt.
 TEST(Hydro2dSlideLine, AStepThatTheLawsAnswerSpoilsIsTakenBackFromTheLawToo) {
   Plates p;
   p.length = 1e-3;
@@ -262,7 +267,7 @@ TEST(Hydro2dSlideLine, AStepThatTheLawsAnswerSpoilsIsTakenBackFromTheLawToo) {
   EXPECT_EQ(a.deviator_xy, b.deviator_xy);
 }
 
-// A gap of a fifth of a zone closes on time: the soft block feels nothing before.
+// A gap of a fifth of a zone closes at time gap / speed; before that the contact pressure is 0.
 TEST(Hydro2dSlideLine, AGapClosesWhenTheSurfacesMeet) {
   Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
   Mesh mesh(Symmetry::kPlane);
@@ -281,7 +286,8 @@ TEST(Hydro2dSlideLine, AGapClosesWhenTheSurfacesMeet) {
   }
 }
 
-// A disc turns in a ring as a rigid body, its polygon of 64 sides in one of 48, without friction: it must not lock.
+// A disc rotates in a ring without friction. The contour of the disc is a polygon of 64 sides, that of the ring has 48
+// sides: their corners must not interlock.
 TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   const auto angular = [](const Cycle& cycle, int block) {
     const lagrange::Block& b = cycle.mesh().blocks()[block];
@@ -297,7 +303,7 @@ TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
         around, 3,
         [=](int i, int j) {
           const double angle = 2.0 * std::numbers::pi * i / around;
-          const double r = outer + (inner - outer) * j / 3.0;  // rows inward: zones are counter-clockwise
+          const double r = outer + (inner - outer) * j / 3.0;  // rows run inward, so that zones are counter-clockwise
           return Vec2{r * std::cos(angle), r * std::sin(angle)};
         },
         true);
@@ -309,7 +315,7 @@ TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   bodies.materials.push_back({.eos = Eos(steel_304()), .strength = constant_yield(7900.0, 77e9, 340e6)});
   fill(bodies, 0, 2703.0, 0.0, {});
   fill(bodies, 1, 7900.0, 0.0, {});
-  constexpr double kTurning = 5e3;  // [1/s]: 40 m/s at the line
+  constexpr double kTurning = 5e3;  // angular velocity [1/s]: 40 m/s at the slide line
   const lagrange::Block soft = bodies.mesh.blocks()[0];
   for (int n = soft.first_node; n < soft.first_node + soft.num_nodes(); ++n) {
     bodies.velocity[n] = kTurning * lagrange::left_of(bodies.mesh.places()[n]);
@@ -317,7 +323,7 @@ TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   bodies.slide_lines.push_back({surface(soft, Side::kBottom), surface(bodies.mesh.blocks()[1], Side::kTop)});
   Cycle cycle(std::move(bodies));
   const double start = angular(cycle, 0);
-  cycle.run_to(20e-6);  // a tenth of a turn, more than four segments
+  cycle.run_to(20e-6);  // a tenth of a turn: more than four sides of the ring's polygon
   std::printf("angular momentum kept by the disc: %.6f, passed to the ring: %.2e\n", angular(cycle, 0) / start,
               angular(cycle, 1) / start);
   EXPECT_NEAR(angular(cycle, 0) / start, 1.0, 0.01);

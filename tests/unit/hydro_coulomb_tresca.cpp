@@ -1,4 +1,4 @@
-// The macroscopic limit law (DLP 5) at one interface node and between two plates.
+// The macroscopic limit law, DLP (5), at one interface node and between two plates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -32,7 +32,7 @@ TEST(CoulombTresca, SlidesInTheStateThatSlipsMost) {
     const double found = physics::sliding_stress(kPaper, pressure, velocity, compliance);
     const auto residual = [&](double s) { return kPaper.coefficient(velocity - compliance * s) * pressure - s; };
     ASSERT_LT(std::abs(residual(found)), 1e-11 * pressure) << draw;
-    // Nothing below the answer is a root: the residual stays positive there.
+    // The stress found is the smallest root, which is the state with the most slip: below it the residual is positive.
     int changes = 0;
     for (int k = 0; k < 500; ++k) ASSERT_GT(residual(found * (k + 0.5) / 500.5), 0.0) << draw;
     for (int k = 1; k <= 500; ++k) {
@@ -73,7 +73,7 @@ TEST(CoulombTresca, StressIsAtTheLimitWhereItSlipsAndBelowWhereItSticks) {
     const Plates plates({2.0, 10.0, 28.0, 60.0, -150.0, 400.0}, pressure, guest::FAR_END_FREE);
     ShearColumn column(plates.problem);
     hydro::CoulombTrescaLaw law = plates.law();
-    std::vector<double> temperature = plates.problem.initial_temperature;  // of the zone, at the start of the step
+    std::vector<double> temperature = plates.problem.initial_temperature;  // of the zone at the start of the step [K]
     int slips = 0;
     for (int step = 0; step < 1500; ++step) {
       column.advance(law);

@@ -1,4 +1,4 @@
-// How the lists of a shear column become columns.
+// The lists of values in a shear column's scene, paired or combined, and the columns that result from them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// The elastic column against exact solutions, with interface laws that have them.
+// The elastic shear column against exact solutions, with interface laws for which they exist.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,19 +21,19 @@ double jump(const ShearColumn& column, std::size_t i = 0) {
   return column.soft().velocity_at(0)[i] - column.hard().velocity_at(0)[i];
 }
 
-// [V] = V0 - s (1/Z_soft + 1/Z_hard): Al/SS, 50 MPa, 100 m/s.
+// Aluminium on steel, friction stress s = 50 MPa, V0 = 100 m/s: [V] = V0 - s (1/Z_soft + 1/Z_hard).
 TEST(ShearColumn, ConstantFrictionGivesTheExactJumpFromTheFirstInstant) {
   ShearColumn column(aluminium_on_steel({100.0}, 50));
   ConstantFrictionLaw law(50e6);
   const double exact = 100.0 - 50e6 * (1.0 / std::sqrt(2703.0 * 27.6e9) + 1.0 / std::sqrt(7900.0 * 77e9));
   EXPECT_NEAR(exact, 92.184, 5e-4);
-  for (int step = 0; step < 1000; ++step) {  // twenty times the columns' length: nothing may come back
+  for (int step = 0; step < 1000; ++step) {  // twenty crossings of the columns: no wave may return from the far ends
     column.advance(law);
     ASSERT_NEAR(jump(column), exact, 1e-9) << "step " << step;
   }
 }
 
-// A plate with a free back: the face loses 2 s / Z at every return of the wave.
+// A plate with a free back: the velocity of its face falls by 2 s / Z at every return of the wave.
 TEST(ShearColumn, FinitePlateSlowsByTwiceTheWaveAtEveryReturn) {
   hydro::ColumnProblem problem = aluminium_on_steel({100.0}, 200);
   problem.soft.far_end = guest::FAR_END_FREE;
@@ -100,8 +100,8 @@ TEST(ShearColumn, ColumnsDoNotKnowEachOther) {
   }
 }
 
-// Momentum and energy close for any law, Courant number and end: here stresses drawn at random, which heat, cool, drive
-// and brake.
+// Momentum and energy are conserved for any law, Courant number and far end. This law returns random stresses, whose
+// work has either sign.
 class RandomTraction : public hydro::InterfaceLaw {
  public:
   void advance(const hydro::InterfaceInputs& in, hydro::InterfaceAnswer& out) override {
@@ -141,7 +141,8 @@ TEST(ShearColumn, LedgersCloseToRoundingForAnyLaw) {
   }
 }
 
-// A free plate set into its second standing wave, V = A cos(2 pi z / L), comes back after L / c.
+// Largest velocity error of a free plate in its second standing wave, V = cos(2 pi z / L) cos(2 pi c t / L), after 1.3
+// periods L / c.
 double standing_wave_error(std::size_t zones, double courant) {
   hydro::ColumnProblem problem = aluminium_on_steel({0.0}, zones, 2e-3, courant);
   problem.soft.far_end = guest::FAR_END_FREE;
@@ -176,10 +177,11 @@ TEST(ShearColumn, SmoothWavesConvergeWithSecondOrder) {
   EXPECT_LT(standing_wave_error(50, 1.0), 2e-3);
 }
 
-// The stated reflection of a transmitting end, measured on a wave of 16 zones; none at unit Courant number.
+// The reflection coefficient stated for a transmitting end, measured with a wave packet of 16 zones per wavelength.
+// There is no reflection at Courant number 1.
 TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
   constexpr std::size_t kZones = 1280;
-  constexpr std::size_t kStart = 960;  // of a packet, half of which travels each way
+  constexpr std::size_t kStart = 960;  // zone at which the packet starts; half of it travels each way
   for (const double courant : {1.0, 0.7}) {
     ShearColumn column(aluminium_on_steel({0.0}, kZones, 2e-3, courant));
     const double half_k = std::numbers::pi / 16.0;
@@ -189,7 +191,8 @@ TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
     }
     ConstantFrictionLaw law(test::kFreeSlip);
     const int steps =
-        static_cast<int>(640.0 / courant);  // out to the end and back, while the other half is well inside
+        // Enough for the packet to travel to the end and back, while its other half is still well inside.
+        static_cast<int>(640.0 / courant);
     for (int step = 0; step < steps; ++step) column.advance(law);
     double reflected = 0.0;
     for (std::size_t j = 640; j <= kZones; ++j)

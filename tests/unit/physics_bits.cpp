@@ -1,4 +1,4 @@
-// The bits of an answer do not depend on the machine, the build type or the width of its registers.
+// The bits of an answer do not depend on the machine, the build type or the width of the vector registers.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -9,7 +9,7 @@
 namespace shearbus::testing {
 namespace {
 
-// FNV-1a over the states of a tile after a history that loads, flows, melts, opens and sticks in different lanes.
+// FNV-1a hash of the states of a tile after a history in which the lanes load, flow, melt, open and stick.
 std::uint64_t fingerprint(const ModelOptions& options) {
   Rig rig(options);
   for (int l = 0; l < kLanes; ++l) {

@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-// Backward Euler on a uniform grid with an insulated end, exactly: METHODS.md, "Conduction".
+// The exact response of one step of backward Euler on a uniform grid with an insulated end: METHODS.md, "Conduction".
 double exact_response(double dt, double dz, int cells, const Material& m) {
   const double Fo = m.diffusivity * dt / (dz * dz);
   const double theta = 2.0 * std::asinh(0.5 / std::sqrt(Fo));
@@ -48,9 +48,10 @@ TEST(PhysicsHeat, ResponseHoldsExactlyTheHeatOfOneStep) {
   }
 }
 
-// A step of backward Euler from a uniform body responds with sqrt(alpha dt)/k coth(h / sqrt(alpha dt)); a graded grid
-// is (ln grading)^2/16 too stiff at all times, one that is matched is not. Deep in a slab, where all cells take part in
-// one parabola, they are off by their resistance.
+// From a uniform temperature one step of backward Euler raises T0 per unit of flux by
+// sqrt(alpha dt)/k coth(h / sqrt(alpha dt)). A graded grid is too stiff by (ln grading)^2/16 for all dt, a matched grid
+// is not. When the heat fills a slab, all cells share one parabola of temperature, and a matched grid is off by the
+// resistance of its cells.
 TEST(PhysicsHeat, AMatchedGridRespondsAsTheBodyItDivides) {
   const Material m = paper_options().soft;
   const double h = 20e-6, first = 1e-9;
@@ -96,7 +97,7 @@ TEST(PhysicsHeat, OneLaneConductsAsTheTileDoes) {
   for (std::size_t i = 0; i < tile.size(); ++i) ASSERT_EQ(one[i], i % kLanes == 5 ? all[i] : tile[i]);
 }
 
-// A flux is left out where nobody feels it.
+// `add_flux` skips the vertices whose temperature would keep its bits.
 TEST(PhysicsHeat, FluxLeavesOutOnlyWhatKeepsItsBits) {
   ModelOptions two = two_sided(graded(paper_options()));
   for (const HeatGrid& grid : {HeatGrid(Grid({20e-6, 60, 1.08}), FarBoundary::kHalfSpace), Rig(two).heat_grid()}) {
@@ -123,7 +124,8 @@ TEST(PhysicsHeat, FluxLeavesOutOnlyWhatKeepsItsBits) {
   }
 }
 
-// Open contact only conducts: what heat there is stays, spreads and never leaves the range it had.
+// In an open contact heat is only conducted: the sum of the heat does not change, and no temperature leaves the initial
+// range.
 TEST(PhysicsHeat, AnOpenLayerOnlyConducts) {
   for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
     ModelOptions options = graded(paper_options());

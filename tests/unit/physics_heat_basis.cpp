@@ -1,4 +1,5 @@
-// Heat in the modes of its grid (server/physics/METHODS.md, "Sleep").
+// Heat in the modes of its grid (server/physics/METHODS.md, "Sleep"): decay of the modes must equal steps of the heat
+// operator.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,5 @@
-// Where no heat has arrived nothing is computed, and nobody can tell: the bits are those of sweeps from end to end.
+// Conduction skips the vertices that heat has not reached, and yet its results must have the bits of sweeps over the
+// whole grid.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +31,7 @@ std::vector<std::uint64_t> bits(const std::vector<double>& values) {
   return all;
 }
 
-// One lane's step with nothing left out, on the operator's own factors.
+// Conducts one lane for one step by sweeps over the whole grid, with the factors of the operator.
 std::vector<double> swept_from_end_to_end(const HeatOperator& heat, const std::vector<double>& old) {
   const std::size_t n = old.size();
   const auto m = static_cast<std::size_t>(heat.interface);
@@ -70,38 +71,38 @@ class Draw {
                          : HeatGrid(Grid(soft), soft.far_boundary, Grid(hard), hard.far_boundary);
   }
 
-  // What a lane may hold, likely or not.
+  // A temperature profile of one lane; some of the kinds drawn are unlikely in a run.
   std::vector<double> profile(const HeatOperator& heat) {
     const int n = static_cast<int>(heat.outward.size());
     const double far = between(1.0, 1500.0);
     std::vector<double> T(static_cast<std::size_t>(n), far);
     const int soft = heat.interface + below(n - heat.interface), hard = below(heat.interface + 1);
     switch (below(8)) {
-      case 0:  // nothing
+      case 0:  // uniform
         break;
-      case 1:  // as friction leaves it, for some steps
+      case 1:  // heated at z = 0 over some steps, as by friction
         for (int steps = below(12), step = 0; step < steps; ++step) {
           T = swept_from_end_to_end(heat, T);
           const double flux = decades(-20.0, 3.0) / heat.response[heat.interface];
           for (int i = 0; i < n; ++i) T[i] += flux * heat.response[i];
         }
         break;
-      case 2:  // heat around z = 0
+      case 2:  // heat in some vertices around z = 0
         for (int i = hard; i <= soft; ++i) T[i] += decades(-18.0, 3.0);
         break;
-      case 3:  // one vertex, by an ulp
+      case 3:  // one vertex, one ulp hotter
         T[below(n)] = std::nextafter(far, 2.0 * far);
         break;
       case 4:  // heat everywhere
         for (double& t : T) t += decades(-18.0, 3.0);
         break;
-      case 5:  // a hard body at another temperature
+      case 5:  // a hard body of other temperatures
         for (int i = 0; i <= heat.interface; ++i) T[i] = between(1.0, 1500.0);
         break;
-      case 6:  // colder inside than far away
+      case 6:  // colder around z = 0 than far away
         for (int i = hard; i <= soft; ++i) T[i] *= between(0.6, 1.0);
         break;
-      default:  // an interface that is the coldest
+      default:  // z = 0 is the coldest place
         T[heat.interface] *= 0.9;
     }
     return T;
@@ -141,7 +142,8 @@ TEST(PhysicsHeatReach, TheBitsAreThoseOfSweepsFromEndToEnd) {
   EXPECT_GT(tails, cases / 10);
 }
 
-// The outermost vertices of both bodies at which any lane is not as its end is.
+// The outermost vertices of the two bodies at which the temperature of any lane differs from that at the end of the
+// grid.
 struct Reach {
   int hard, soft;
 };
@@ -157,8 +159,9 @@ Reach reach_of(const std::vector<double>& tile, int interface) {
   return reach;
 }
 
-// An operator without factors for what is not to be computed: before z = 0's outermost heated vertices no elimination,
-// behind the first ones that keep their temperature no substitution. `spare`: so many vertices fewer.
+// Sets to NaN those factors of an operator that `conduct` must not read: the elimination factors outside the heated
+// vertices, and the substitution factors outside the vertices that change. The `spare_` arguments extend the range of
+// NaN by so many vertices, to show that `conduct` does read the factors next to that range.
 void forget(HeatOperator& heat, const Reach& heated, const Reach& felt, int spare_eliminated, int spare_substituted) {
   const int n = static_cast<int>(heat.outward.size());
   for (int i = 0; i < n; ++i) {
@@ -193,7 +196,7 @@ TEST(PhysicsHeatReach, WhereNoHeatHasArrivedNothingIsComputed) {
         forget(least, heated, felt, 0, 0);
         conduct(least, n, T.data(), again.data());
         ASSERT_EQ(bits(again), bits(after)) << "step " << step;
-        // Nor can it do with less.
+        // One factor less, of either sweep, changes the result.
         for (int spared = 0; spared < 2 && step > 0; ++spared) {
           HeatOperator too_little(grid, options.soft, options.hard, 1e-9);
           forget(too_little, heated, felt, spared, 1 - spared);
@@ -207,7 +210,8 @@ TEST(PhysicsHeatReach, WhereNoHeatHasArrivedNothingIsComputed) {
   }
 }
 
-// Made when they are asked for, by several at once.
+// Operators of shorter steps are created on first use, here by two threads at once, and must equal operators that were
+// made for this dt.
 TEST(PhysicsHeatReach, OperatorsOfShorterStepsAreThoseOfTheirLength) {
   ModelOptions profile = graded(paper_options(Strategy::kForceDriven)), modes = profile;
   modes.modes = {.accuracy = 1e-4, .shortest_step = 1e-9, .longest_time = 1e-6};

@@ -1,4 +1,4 @@
-// A layer with inertia: what a host meets. Its equations and exact solutions are tested in tests/property and
+// A layer with inertia, as a host sees it. The equations of the layer are tested in tests/property, exact solutions in
 // tests/convergence.
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kPressure = 1e9;  // [Pa]
-constexpr double kElastic = 3.0;   // a jump whose waves stay below the yield stress  [m/s]
+constexpr double kElastic = 3.0;   // jump whose waves stay below the yield stress [m/s]
 
 TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   const ModelOptions options = with_inertia(paper_options());
@@ -29,7 +29,7 @@ TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   for (int n = 1; n * dt < 2.9 * cross; ++n) {
     rig.step(dt);
     const double t = n * dt;
-    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of what it will be
+    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of the final stress
     if (t < 0.85 * cross) {
       ASSERT_LT(std::abs(rig.stress()), 1e-3 * Z * kElastic) << t;
     }
@@ -54,13 +54,13 @@ TEST(PhysicsInertia, AContactThatClosesMeetsTheLayerMovingWithItsBody) {
   EXPECT_EQ(rig.outputs.regime[0], Regime::kOpen);
   EXPECT_EQ(rig.outputs.sliding_velocity[0], kElastic);
   for (int c = 0; c < 60; ++c) EXPECT_EQ(velocity_in(rig, c), kElastic);
-  // Closed: the interface stops at once, and the stress is that of a wave into the layer.
+  // The contact closes: the layer stops at z = 0 at once, and the stress is that of a wave into the layer.
   rig.set_all(kElastic, kPressure);
   for (int n = 0; n < 100; ++n) rig.step(1e-11);
   EXPECT_NEAR(rig.stress(), impedance(options.soft) * kElastic, 1e-3 * impedance(options.soft) * kElastic);
   EXPECT_NEAR(velocity_in(rig, 0), 0.0, 1e-3 * kElastic);
   EXPECT_NEAR(velocity_in(rig, 59), kElastic, 1e-3 * kElastic);
-  // Open again: no stress is kept.
+  // The contact opens again: no stress is kept.
   rig.set_all(kElastic, 0.0);
   rig.step(1e-10);
   for (int i = 0; i <= 60; ++i) EXPECT_EQ(stress_at(rig, i), 0.0);
@@ -75,10 +75,10 @@ TEST(PhysicsInertia, CoulombHoldsTheInterfaceAndTheLayerSlipsThere) {
   for (int n = 0; n < 50; ++n) rig.step(1e-11);
   EXPECT_EQ(rig.stress(), 0.01 * kPressure);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-  // A wave of mu P leaves: the layer's face slows by mu P / Z, the rest of the jump is slip.
+  // A wave of stress mu P leaves z = 0 and slows the layer's face by mu P / Z. The rest of the jump is slip.
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], 20.0 - 0.01 * kPressure / impedance(options.soft), 1e-3);
   EXPECT_EQ(rig.plastic_slip(), 0.0);
-  // What slips heats as the imposed jump does.
+  // The whole imposed jump heats, not only the slip.
   EXPECT_NEAR(rig.outputs.friction_heat[0], rig.conducted_share() * 0.01 * kPressure * 20.0 * 1e-11, 1e-12);
 }
 
@@ -104,7 +104,7 @@ TEST(PhysicsInertia, MomentumOfTheLayerIsTheImpulseOfItsTwoFaces) {
   }
 }
 
-// (v, t, z, h, dt, rho) -> (L v, t/L^2, z/L, h/L, dt/L^2, rho/L^2) changes neither temperature nor stress.
+// The scaling (v, t, z, h, dt, rho) -> (L v, t/L^2, z/L, h/L, dt/L^2, rho/L^2) changes neither temperature nor stress.
 TEST(PhysicsInertia, ScaledProblemsHaveTheSameAnswer) {
   for (double L : {2.0, 3.7}) {
     ModelOptions options = with_inertia(graded(paper_options()));

@@ -1,4 +1,5 @@
-// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limits, and what they cost those who do not ask.
+// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limiting cases, the search for the answer of a step, and the
+// size of a state without junctions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,7 +30,7 @@ void expect_same_bits(const Rig& with, const Rig& without, int lane) {
   ASSERT_EQ(with.outputs.outcome[lane], without.outputs.outcome[lane]);
 }
 
-// Contact everywhere and no hardening is DLP (65) itself, whatever the inputs.
+// With full contact (f = 1) and no hardening, junctions are exactly DLP (65), bit for bit and for any inputs.
 TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   Draw draw(31);
   int compared = 0;
@@ -38,7 +39,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
     options.plastic_layer = false;
     options.junctions.reset();
-    options.time_integrator = TimeIntegrator::kBackwardEuler;  // the one junctions go with
+    options.time_integrator = TimeIntegrator::kBackwardEuler;  // the only one that junctions allow
     ModelOptions junctions = options;
     junctions.junctions = {1.0, 1e-7, options.soft};
     junctions.junctions->metal.flow_law = {};
@@ -46,7 +47,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;
     junctions.junctions->metal.hardening_exponent = 0.1;  // the flow law of the soft metal may have none
-    if (!refusals(junctions).empty()) continue;  // friction that depends on slip
+    if (!refusals(junctions).empty()) continue;  // friction that depends on slip excludes junctions
     ++compared;
     Rig rig(junctions), other(options);
     for (int step = 0; step < 20; ++step) {
@@ -61,8 +62,8 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   }
 }
 
-// Junctions of no height are hardened out by the first slip: with full contact that is DLP (65) with their saturation
-// strength, to the last bit.
+// Junctions of nearly no height reach their saturation strength within the first slip. With full contact the answer is
+// that of DLP (65) with this strength, to the last bit.
 TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
   ModelOptions options = with_junctions(1.0, 1e-12);
   options.junctions->metal.yield_strength_max = 350e6;
@@ -93,7 +94,7 @@ TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
   EXPECT_TRUE(stuck && slipping);
 }
 
-// Heavy bodies keep their jump: ep_a = V t / (sqrt(3) d) then, and without softening s = f Y_a(ep_a) g / sqrt(3), at
+// Heavy bodies keep their jump, so ep_a = V t / (sqrt(3) d). Without thermal softening s = f Y_a(ep_a) g / sqrt(3) for
 // every step length.
 TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   ModelOptions options = with_junctions(0.4, 1e-6);
@@ -115,7 +116,7 @@ TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   }
 }
 
-// An open contact leaves the junctions as they were; a sticking one does not work them.
+// Only slip strains the junctions: open and sticking contacts leave their strain unchanged.
 TEST(PhysicsJunctions, OnlySlipWorksThem) {
   Rig rig(with_junctions(0.5, 1e-7), 1);
   rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 0.01;
@@ -134,8 +135,9 @@ TEST(PhysicsJunctions, OnlySlipWorksThem) {
   EXPECT_EQ(rig.junction_strain(), worked);
 }
 
-// Near melting the step may have several answers. The search must end at the one with the most slip, the first zero a
-// scan of the stress meets, however steeply slip hardens the junctions; the criterion must not miss a step with two.
+// Near melting a step may have several answers. The search must return the one with the most slip, which is the first
+// zero found by a scan of the stress from 0, however steeply the junctions harden. The criterion of a unique answer
+// must not accept a step that has two.
 TEST(PhysicsJunctions, TheSearchForTheMostSlipFindsTheFirstZero) {
   const ModelOptions paper = paper_options(Strategy::kForceDriven);
   const double rise =

@@ -1,4 +1,5 @@
-// The energy ledger (MODEL.md, "Energy ledger"): what closes to rounding, and bounds of what does not.
+// The energy ledger (MODEL.md, "Energy ledger"): which balances close to rounding, and bounds of the residuals of the
+// others.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,9 +12,9 @@
 namespace shearbus::testing {
 namespace {
 
-// A step of the rig and what became of its energy.
+// Steps the rig and returns the energy ledger of the step.
 TileLedger booked_step(Rig& rig, double dt) {
-  rig.step(dt);  // swaps: what was committed is in trial now
+  rig.step(dt);  // swaps the states: the old state is now in `trial`
   TileLedger ledger;
   rig.model.record_energy(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
   return ledger;
@@ -30,7 +31,8 @@ double sum_of_sizes(TileLedger& ledger, int lane) {
 
 class PhysicsLedger : public ::testing::TestWithParam<Strategy> {};
 
-// Heat is conserved by every scheme, whatever the state: released is stored, to rounding of the heat that is there.
+// Every scheme conserves heat in any state: the heat released equals the growth of the heat stored, to rounding of the
+// heat stored.
 TEST_P(PhysicsLedger, HeatReleasedIsHeatStored) {
   Draw draw(41);
   for (int scene = 0; scene < 80; ++scene) {
@@ -61,10 +63,11 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsLedger, ::testing::Values(Strategy::kVelocityD
                          });
 
 constexpr double kNothing =
-    1e-200;  // work under what a molten interface still carries, of which no digit counts [J/m2]
+    1e-200;  // work under the stress of a molten interface, of which no digit is accurate [J/m2]
 
-// Force-driven: the interface's work is friction heat and, in a flowing layer, plastic work. What the clip at [v] = 0
-// of a stopping or starting jump leaves over is at most |s| |[V]new - [V]old| dt / 2; a slip to its end leaves nothing.
+// Force-driven step: the work of the interface is friction heat and, in a flowing layer, plastic work. A jump that
+// stops or starts is clipped at [v] = 0, which leaves a residual of at most |s| |[V]new - [V]old| dt / 2. A slip that
+// lasts the whole step leaves none.
 TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
   Draw draw(42);
   int exact = 0, clipped = 0;
@@ -81,7 +84,7 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
         const double s = std::abs(rig.outputs.shear_stress[l]);
         const double driven =
             dt * (std::abs(in.stress_soft[l]) / in.mass_soft[l] + std::abs(in.stress_hard[l]) / in.mass_hard[l]);
-        // Jumps are differences, and a flow is a difference of strains: their rounding.
+        // Rounding: jumps are differences of velocities, and flow is a difference of strains.
         double grain = kNothing + 1e-12 * s * (std::abs(in.velocity_jump[l]) + driven) * dt;
         if (rig.model.options().plastic_layer) grain += 1e-8 * s * (rig.plastic_slip(l) + driven * dt);
         const double size = sum_of_sizes(ledger, l);
@@ -101,12 +104,12 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
     }
   }
   EXPECT_GT(exact, 200);
-  EXPECT_GT(clipped, 20);  // the bound is met by something
+  EXPECT_GT(clipped, 20);  // the clip does occur, so its bound is tested
 }
 
-// Velocity-driven: all the work of the jump is taken for heat, elastic work too. That is the whole residual, h s^2 /
-// 2G0 of what the layer holds: 0.03 % of the work in the paper's first microsecond. Work is plastic work, elastic
-// energy, and what backward Euler loses, h (ds)^2 / 2G0 a step.
+// Velocity-driven step: the scheme turns all work of the jump into heat, elastic work too. The residual is therefore
+// exactly the elastic energy h s^2 / 2G0 of the layer, 0.03 % of the work in the first microsecond of the paper's case.
+// The work is the sum of plastic work, elastic energy and the loss h (ds)^2 / 2G0 per step of backward Euler.
 TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
   Rig rig(graded(paper_options()), 1);
   rig.set_all(100.0, 11.2e9);
@@ -129,8 +132,9 @@ TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
   EXPECT_LT(lost, 1e-3 * work);
 }
 
-// Heat where the layer flows: the cold share of the plastic work stays in the metal. The shape of the heat lags the
-// flow by a step and the elastic work heats too: the residual stays below them.
+// With plastic-work heating (Taylor-Quinney factor 0.9) a tenth of the plastic work stays in the metal as cold work.
+// The residual stays below twice the largest elastic energy: the spatial distribution of the heat lags the flow by one
+// step, and elastic work heats too.
 TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   ModelOptions options = two_sided(graded(paper_options()));
   options.taylor_quinney_factor = 0.9;
@@ -150,8 +154,8 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   EXPECT_NEAR(work - heat - 0.1 * plastic, residual, 2.0 * most_elastic);
 }
 
-// Of second order the heat is the work of the stresses of both stages, and the ledger's that of the step's answer: what
-// the stress moves within the step, through the jump, stays over.
+// The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, the ledger uses the stress at
+// the end of the step. The residual is at most |change of s| times the slip of the step.
 TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   ModelOptions options = graded(paper_options());
   options.time_integrator = TimeIntegrator::kSdirk2;
@@ -175,7 +179,8 @@ TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   EXPECT_LT(std::abs(residual), 1e-2 * work);
 }
 
-// Without a profile a slab's heat is its slowest mode's, a half-space's what has entered it.
+// In a model without a temperature profile the stored heat of an insulated slab is that of its slowest mode, and that
+// of a half-space is the heat that has entered it.
 TEST(PhysicsLedgerOfForces, WithoutAProfileTheHeatIsStillStored) {
   for (const FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
     ModelOptions options = paper_options(Strategy::kForceDriven);

@@ -1,4 +1,4 @@
-// Models that keep the heat in modes against models with a temperature profile, under the same inputs
+// Models that keep the heat in modes, compared with models that keep a temperature profile under the same inputs
 // (server/physics/METHODS.md, "Conduction").
 #include <gtest/gtest.h>
 
@@ -25,7 +25,7 @@ ModelOptions with_profile(ModelOptions options) {
   return options;
 }
 
-// Lanes whose bodies rub, stop and turn; every third opens for a while.
+// Bodies that slide, stop and reverse. Every third lane opens for a while.
 void fill(TileInputs& in, const TileOutputs& last, int n) {
   for (int l = 0; l < kLanes; ++l) {
     in.velocity_jump[l] = n % 90 == 0 ? (l % 2 == 0 ? 40.0 : -25.0) + 7.0 * l : last.velocity_jump_new[l];
@@ -37,12 +37,12 @@ void fill(TileInputs& in, const TileOutputs& last, int n) {
 
 class ModesAndProfile : public ::testing::TestWithParam<TimeIntegrator> {};
 
-// Under a constant flux T0 is known. Modes answer it to their accuracy, so the distance of a model with a profile is
-// the profile's own error, as large as METHODS.md, "Conduction" says of its method.
+// T0 under a constant flux is known, and modes reproduce it to their accuracy. The difference between the models is
+// therefore the error of the temperature profile, which METHODS.md, "Conduction" gives for each scheme.
 TEST_P(ModesAndProfile, UnderConstantFluxTheDistanceIsTheProfilesOwnError) {
   Rig rig(without_profile(GetParam())), profile(with_profile(without_profile(GetParam())));
   const ModelOptions& o = rig.model.options();
-  rig.set_all(100.0, 1e8);  // mu P, and bodies that nothing stops
+  rig.set_all(100.0, 1e8);  // slip at mu P; the bodies are too heavy to stop
   rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
   profile.inputs = rig.inputs;
   const double flux = rig.conducted_share() * 0.3e8 * 100.0;
@@ -71,7 +71,8 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ModesAndProfile,
                            return param.param == TimeIntegrator::kSdirk2 ? "Sdirk2" : "BackwardEuler";
                          });
 
-// Modes that forget heat which the run still feels are wrong by far more than their accuracy, and a profile shows it.
+// Modes whose longest time is too short forget heat that still matters. The error of such modes is far larger than
+// their accuracy, and the comparison with a profile must show it.
 TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
   double apart[2];
   for (const bool forgets : {false, true}) {
@@ -88,11 +89,12 @@ TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
           apart[forgets], std::abs(profile.outputs.interface_temperature[0] - rig.outputs.interface_temperature[0]));
     }
   }
-  EXPECT_LT(apart[0], 5.0);  // [K], of the 900 to melting
+  EXPECT_LT(apart[0], 5.0);  // [K]; T0 can rise by about 900 K until melting
   EXPECT_GT(apart[1], 20.0 * apart[0]);
 }
 
-// With a tolerance the server chooses modes; a profile under the same tolerance answers the same within it.
+// With a tolerance the server chooses modes. A model with a profile and the same tolerance must give the same answers
+// within it.
 TEST(PhysicsModesAndProfile, UnderAToleranceBothAreWithinIt) {
   constexpr double kTolerance = 1e-3;
   ModelOptions options = paper_options(Strategy::kForceDriven);

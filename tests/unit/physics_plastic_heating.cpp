@@ -30,7 +30,8 @@ double shape_sum(const Rig& rig) {
   return sum;
 }
 
-// Response to heat at z = 0 alone is B; to any shape it holds exactly the heat of a step, over both bodies.
+// For heat at z = 0 alone the response is that of the heat operator. For any distribution phi the response holds
+// exactly the heat of one step, summed over both bodies.
 TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
   const ModelOptions o = paper_options();
   for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
@@ -63,7 +64,7 @@ TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
   }
 }
 
-// The paper's case: the hottest place moves off the interface into the soft metal.
+// The paper's case: the hottest place moves from the interface into the soft metal.
 TEST(PhysicsPlasticHeating, PaperCaseIsHotInsideAndColdAtTheInterface) {
   const ModelOptions options = heated(paper_options());
   Rig rig(options, 1), surface(two_sided(paper_options()), 1);
@@ -78,7 +79,8 @@ TEST(PhysicsPlasticHeating, PaperCaseIsHotInsideAndColdAtTheInterface) {
     work += rig.stress() * 100.0 * kDt;
     heat += rig.outputs.friction_heat[0];
     ASSERT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-10) << n;
-    // No vertex melts, so the layer never holds more than all of it at melting, the hard body what such a face gives.
+    // No vertex melts, so the work is bounded: the layer holds at most its heat at melting, and the rest flows into the
+    // bodies from a face at the melting temperature at most.
     const double most = 20e-6 * options.soft.conductivity / options.soft.diffusivity * (1220 - 300) +
                         2 * e * (1220 - 300) * std::sqrt(n * kDt / M_PI);
     ASSERT_LE(work, most) << n;
@@ -106,7 +108,7 @@ TEST(PhysicsPlasticHeating, TheFactorIsTheShareOfTheWorkThatHeats) {
   EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-11);
 }
 
-// The heat of a step lies where the slip of the step before was.
+// The heat of a step is distributed like the plastic slip of the previous step.
 TEST(PhysicsPlasticHeating, HeatFollowsTheFlow) {
   Rig rig(heated(graded(paper_options())), 1);
   for (int n = 0; n < 500; ++n) {
@@ -123,7 +125,7 @@ TEST(PhysicsPlasticHeating, HeatFollowsTheFlow) {
   }
 }
 
-// Work of slip past the Coulomb limit is the interface's: all of it heats z = 0, as without plastic heating.
+// Slip beyond the Coulomb limit is slip of the interface: its work heats z = 0 only, as without plastic-work heating.
 TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
   ModelOptions options = graded(paper_options());
   options.friction_coefficient = 0.3;
@@ -141,7 +143,7 @@ TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
     surface.step(kDt);
     ASSERT_NEAR(rig.outputs.friction_heat[0] / surface.outputs.friction_heat[0], 1.0, 1e-13);
   }
-  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // what the first steps spread differently is forgotten
+  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference from the first steps dies out
 }
 
 TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
@@ -156,7 +158,7 @@ TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
   EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-12);
 }
 
-// With Y_max the weakest vertex takes the surplus, wherever it is, and the layer still carries the jump.
+// With Y_max the weakest vertex takes the surplus slip, wherever it is, and the layer carries the whole jump.
 TEST(PhysicsPlasticHeating, TheCeilingHoldsAtEveryVertex) {
   ModelOptions options = heated(graded(paper_options()));
   options.soft.yield_strength_max = 0.25e9;

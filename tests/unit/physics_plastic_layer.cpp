@@ -1,4 +1,5 @@
-// The force-driven step with a flowing layer: its limits, and what it must not do.
+// The force-driven step with a flowing layer (MODEL.md, "Plastic layer"): its limiting cases, its order of accuracy,
+// and artefacts that it must not show.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,16 +25,17 @@ void set_masses(Rig& rig, double zone = 5e-6) {
   }
 }
 
-// A layer of unlimited strength is the simplified model, to the last bit and whatever the inputs.
+// A layer of unlimited strength never flows, so the step equals that of the model without a plastic layer, to the last
+// bit and for any inputs.
 TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
   Draw draw(21);
   for (int scene = 0; scene < 60; ++scene) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, scene % 2 == 1);
     if (!properties_of(options.soft.flow_law).has_ceiling) continue;  // only Steinberg's law can be made so strong
     options.soft.yield_strength = 1e300;
-    options.soft.melting_curve = MeltingCurve::kConstant;  // a vertex molten by release has no strength left
+    options.soft.melting_curve = MeltingCurve::kConstant;  // a vertex molten by pressure release has no strength
     options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
-    options.interface.friction_law = FrictionLaw{};  // the one a flowing layer goes with
+    options.interface.friction_law = FrictionLaw{};  // Coulomb, the only law that a flowing layer allows
     options.plastic_layer = true;
     options.junctions.reset();
     options.modes.reset();
@@ -44,8 +46,9 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     for (int step = 0; step < 20; ++step) {
       random_inputs(draw, rig, scene % 2 == 1);
       for (int l = 0; l < kLanes; ++l) {
-        rig.inputs.soft_plastic_strain_rate[l] = 0.0;  // the simplified model knows no such thing
-        // Of the masses, those a server lets through: below, the jump's last digit decides what sticks.
+        rig.inputs.soft_plastic_strain_rate[l] = 0.0;  // without a plastic layer this input has no effect
+        // A server refuses smaller masses. Below 1e-9 kg/m2 rounding of the jump would decide whether the interface
+        // sticks.
         rig.inputs.mass_soft[l] = std::max(rig.inputs.mass_soft[l], 1e-9);
         rig.inputs.mass_hard[l] = std::max(rig.inputs.mass_hard[l], 1e-9);
       }
@@ -75,13 +78,13 @@ TEST(PhysicsPlasticLayer, StateIsThereOnlyWhenAskedFor) {
   const TileLayout without = Model(options).layout();
   EXPECT_EQ(without.plastic_strain, TileLayout::kAbsent);
   EXPECT_EQ(without.sticking, TileLayout::kAbsent);
-  EXPECT_EQ(without.doubles, (61u + 2u) * kLanes);  // T, s, regime
+  EXPECT_EQ(without.doubles, (61u + 2u) * kLanes);  // rows T (61 vertices), s and regime
   EXPECT_EQ(with.doubles, without.doubles + (61u + 1u) * kLanes);
 }
 
-// Heavy bodies keep their jump: the force-driven layer under a stiff drive is the velocity-driven one. An interface
-// stronger than the layer leaves all the shear to the flow, which makes no friction heat: compare at low speed, where
-// the velocity-driven law's surface heating is small.
+// Heavy bodies keep their jump, so the force-driven layer must flow like the velocity-driven layer. The interface is
+// stronger than the layer: all shear is flow and none is friction heat. The jump is low (1 m/s) because the
+// velocity-driven law does heat z = 0, which must stay negligible.
 TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
   ModelOptions options = plastic_options();
   options.interface = {10.0, 1e12};
@@ -97,15 +100,16 @@ TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
     other.step(1e-7);
     ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump, 1e-4);
   }
-  // The layer of (64) has no elastic shear of its own to load, the velocity-driven one does: h s/G0 of slip apart.
+  // DLP (64) has no elastic shear of the layer, the velocity-driven balance has: their slips differ by h s / G0.
   const double elastic = options.grid.thickness * other.stress() / options.soft.shear_modulus;
   EXPECT_NEAR(rig.plastic_slip(), other.plastic_slip() + elastic, 1e-3 * rig.plastic_slip());
   EXPECT_EQ(rig.outputs.regime[0], Regime::kTresca);
   EXPECT_NEAR(rig.stress() / other.stress(), 1.0, 0.02);
 }
 
-// Bodies thrown against each other with a weak layer between. The interface of `yield` sticks and the layer alone stops
-// them, or both give way at once.
+// Two bodies with a relative velocity of 60 m/s and a weak layer between them. Depending on the interface's yield
+// strength, either the interface sticks and the flow of the layer alone brakes the bodies, or the interface slips and
+// the layer flows at the same time.
 struct Stop {
   double stress, T0, jump, plastic_slip, interface_slip;
 };
@@ -139,7 +143,7 @@ TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
     double zone, prestrain, end;
     bool interface_slips;
   };
-  // Beside a slip at mu P a layer hardened to just that stress flows because it is heated.
+  // Second case: the prestrain hardens the layer to exactly mu P, so it flows only because friction at mu P heats it.
   const double carried = 210e6;
   const Material soft = plastic_options().soft;
   const double hardened = carried * kSqrt3 / flow_stress(soft, 0.0, 11.2e9, 300.0);
@@ -149,7 +153,7 @@ TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
     SCOPED_TRACE(c.name);
     const auto stop = [&](int steps) { return stop_bodies(c.interface, c.zone, c.prestrain, c.end / steps, c.end); };
     const Stop exact = stop(4096);
-    EXPECT_GT(exact.jump, 1.0);  // still moving: the comparison is of a flow, not of rest
+    EXPECT_GT(exact.jump, 1.0);  // the bodies still move, so the comparison is not one of bodies at rest
     const double before = kSqrt3 * 20e-6 * c.prestrain;
     EXPECT_GT(exact.plastic_slip, before * 1.001);
     double error[3][4];
@@ -163,7 +167,7 @@ TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
     constexpr const char* kNames[] = {"s", "T0", "[V]", "layer slip"};
     for (int i = 0; i < 4; ++i) {
       std::printf("%s, %s: relative error %.2e %.2e %.2e\n", c.name, kNames[i], error[0][i], error[1][i], error[2][i]);
-      if (error[2][i] < 1e-10) continue;  // under mu P s and [V] do not depend on the step length
+      if (error[2][i] < 1e-10) continue;  // when sliding at mu P, s and [V] do not depend on the step length
       EXPECT_NEAR(error[0][i] / error[1][i], 2.0, 0.25) << kNames[i];
       EXPECT_NEAR(error[1][i] / error[2][i], 2.0, 0.25) << kNames[i];
       EXPECT_LT(error[2][i], 0.01) << kNames[i];
@@ -192,7 +196,7 @@ TEST(PhysicsPlasticLayer, StickingDoesNotRing) {
     } else {
       ++flowing;
       ASSERT_GT(rig.plastic_slip(), strain) << n;
-      // What flows goes the way of the stress: no sign flips from step to step.
+      // Flow has the direction of the stress: the jump does not change its sign from step to step.
       ASSERT_GE(jump * rig.stress(), 0.0) << n << " from " << before;
     }
     strain = rig.plastic_slip();
@@ -200,14 +204,14 @@ TEST(PhysicsPlasticLayer, StickingDoesNotRing) {
   EXPECT_GT(flowing, 5);
 }
 
-// At constant drive near melting neither stress nor regime may jump back and forth.
+// Under a constant jump neither the stress nor the regime may oscillate near melting.
 TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
   for (double dt : {1e-9, 0.25e-9}) {
     for (double yield : {200e6, 260e6, 400e6}) {
       ModelOptions options = plastic_options();
       options.interface.yield_strength = yield;
       Rig rig(options, 1);
-      rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e3;  // keeps the jump
+      rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e3;  // heavy bodies (1000 kg/m2) keep the jump
       int turns = 0, changes = 0;
       double s_before = 0.0, ds_before = 0.0;
       Regime regime = Regime::kOpen;
@@ -228,11 +232,12 @@ TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
   }
 }
 
-// mu P above what the softened layer carries: slip and flow share the jump so that T0 stays where both hold.
+// mu P exceeds the strength of the softened layer. Slip and flow then share the jump such that T0 stays where the
+// ceiling equals mu P.
 TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
   ModelOptions options = plastic_options();
   options.soft.yield_strength_max = 300e6;
-  options.interface = {0.0125, 1e9};  // mu P = 140 MPa, below 300 MPa g / sqrt(3) when cold
+  options.interface = {0.0125, 1e9};  // mu P = 140 MPa, below 300 MPa g / sqrt(3) of the cold layer
   Rig rig(options, 1);
   rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e3;
   bool shared = false;
@@ -255,8 +260,8 @@ TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
   EXPECT_TRUE(shared);
 }
 
-// A layer that the hard body has cooled from below is weakest inside: there its ceiling acts, and there the surplus
-// goes.
+// The cold hard body cools the layer at z = 0, so the layer is hottest and weakest at its far face (vertex 60). The
+// stress ceiling of the layer must act at that face, and the surplus flow must go there.
 TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   ModelOptions options = two_sided(plastic_options());
   options.soft.hardening_coefficient = 0.0;
@@ -276,7 +281,8 @@ TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   EXPECT_EQ(rig.committed[rig.model.layout().sticking], 1.0);
 }
 
-// Vernotte: on grids scaled like the heat depths both bodies share the heat as the partition coefficient says.
+// Vernotte's solution: if the grids of both bodies are scaled with their diffusion lengths, the bodies share the heat
+// exactly as the partition coefficient beta_T says.
 TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   ModelOptions options = plastic_options();
   options.interface.yield_strength = 230e6;
@@ -297,7 +303,8 @@ TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   EXPECT_EQ(one.outputs.regime[0], Regime::kMelting);
 }
 
-// Options of the material under pressure are worked into its constants: under a constant pressure nothing else differs.
+// The pressure-dependent constants are replaced by their values at the pressure. Under a constant pressure the result
+// must equal that of a material with these values, bit for bit.
 TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
   ModelOptions options = plastic_options();
   options.interface.yield_strength = 230e6;
@@ -320,11 +327,11 @@ TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
   EXPECT_GT(varying.T(0), 1300.0);
 }
 
-// The plastic shear of the host's own zone is not slip of the interface twice: it adds to [v], and a stuck interface
-// gives it back.
+// Plastic shear of the host's zone adds sqrt(3) h Ep_dot to the slip [v] (DLP 64). A sticking interface must return it:
+// the jump then ends at -sqrt(3) h Ep_dot.
 TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
   ModelOptions options = plastic_options();
-  options.soft.yield_strength = 1e12;  // the layer itself does not flow
+  options.soft.yield_strength = 1e12;  // too strong to flow
   Rig rig(options, 1), still(options, 1);
   for (Rig* r : {&rig, &still}) {
     set_masses(*r);

@@ -1,4 +1,5 @@
-// Nodes at rest (server/physics/METHODS.md, "Sleep"): asleep or solved, the answers are the same.
+// Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"): a model with sleep must give the same answers as the
+// same model without.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -67,8 +68,8 @@ ModelOptions sleeping(ModelOptions options) {
   return options;
 }
 
-// A host of rigid half zones: lanes rub, stop and stick, are sheared slowly, let go or pulled at, open for a while and
-// close again, each in its own time.
+// A random history of a host with rigid half zones. Each lane changes its phase at times of its own: the lane slides,
+// stops, sticks, is sheared slowly, is unloaded or loaded by the far stresses, opens and closes again.
 class History {
  public:
   History(unsigned seed, const ModelOptions& options)
@@ -122,7 +123,8 @@ class Sleep : public ::testing::TestWithParam<std::size_t> {
   ModelOptions options() const { return cases()[GetParam()].options; }
 };
 
-// The same histories with and without sleep. Nothing but rounding may tell them apart.
+// Two models step through the same histories, one with sleep and one without. The answers of the two may differ by
+// rounding only.
 TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   double apart_T = 0.0, apart_s = 0.0, apart_heat = 0.0;
   int asleep = 0, stuck = 0, woke = 0, flowed = 0;
@@ -136,7 +138,7 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
       const double dt = history.dt();
       sleeper.step(dt);
       solved.step(dt);
-      TileLedger mine, theirs;  // step() has swapped the states
+      TileLedger mine, theirs;  // step() swaps the states: `trial` holds the old state, `committed` the new one
       sleeper.model.record_energy(*sleeper.operators, sleeper.inputs, sleeper.outputs, sleeper.trial.data(),
                                   sleeper.committed.data(), mine);
       solved.model.record_energy(*solved.operators, solved.inputs, solved.outputs, solved.trial.data(),
@@ -166,14 +168,14 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   EXPECT_GT(woke, 20);
   EXPECT_LT(apart_T, 2e-9);
   EXPECT_LT(apart_s, 1e-3);
-  EXPECT_LT(apart_heat, 3e-5);  // of some 10 kJ/m2
+  EXPECT_LT(apart_heat, 3e-5);  // compared with about 10 kJ/m2 of stored heat
   printf(
       "%s: asleep %d node-steps, %d of them stuck under stress, woke %d times, %d without heat; apart by %.1e K, "
       "%.1e Pa, %.1e J/m2\n",
       cases()[GetParam()].name.c_str(), asleep, stuck, woke, flowed, apart_T, apart_s, apart_heat);
 }
 
-// Where nothing has ever happened, in an open contact or a closed one, asleep or awake, the bits are the same.
+// A node that never slid keeps the same bits with and without sleep, in an open contact (P < 0) and in a closed one.
 TEST_P(Sleep, ANodeThatNeverMovedKeepsItsBits) {
   for (const double pressure : {-1.0, 8e9}) {
     Rig sleeper(sleeping(options())), solved(options());
@@ -191,11 +193,11 @@ TEST_P(Sleep, ANodeThatNeverMovedKeepsItsBits) {
         ASSERT_EQ(sleeper.outputs.friction_heat[l], solved.outputs.friction_heat[l]) << n;
       }
     }
-    EXPECT_GT(sleeper.outputs.friction_heat[0], 0.0);  // awake in the step that moved it
+    EXPECT_GT(sleeper.outputs.friction_heat[0], 0.0);  // the node is awake in the step in which the bodies move again
   }
 }
 
-// A lane's bits are its own: alone in its tile, or among others that sleep and wake as they like.
+// The bits of a lane do not depend on the other lanes: they are the same when the lane is alone in its tile.
 TEST_P(Sleep, LanesDoNotLookAtEachOther) {
   Rig together(sleeping(options()));
   std::vector<Rig> alone;
@@ -220,15 +222,16 @@ TEST_P(Sleep, LanesDoNotLookAtEachOther) {
   }
 }
 
-// A stuck layer is sheared slowly up to its yield stress, or the pressure that strengthens it falls: it is awake when
-// it flows, and not much earlier. What it answers up to there has the bits of the one that is solved.
+// A sticking layer is loaded slowly up to its yield stress, or the falling pressure lowers its yield stress to the
+// stress that it carries. The node must wake no later than the step in which the layer flows, and not much earlier.
+// Until then the answers of the node have the bits of the model without sleep.
 TEST(PhysicsSleep, AStuckLayerWakesBeforeItFlows) {
   for (const bool forced_host : {false, true}) {
     for (const bool released : {false, true}) {
       ModelOptions options = forced_host ? forced() : graded(paper_options());
       options.drive = Drive::kInterfaceSlip;  // sheared without heat
       options.plastic_layer = forced_host;
-      options.interface = {1.0, 2e9};  // the layer yields first
+      options.interface = {1.0, 2e9};  // the layer yields before the interface
       Rig sleeper(sleeping(options)), solved(options);
       int slept = 0, first_awake = 0, first_flow = 0;
       double stress = 0.0, stress_of_last_sleep = 0.0;
@@ -267,7 +270,8 @@ std::string name_of(const ::testing::TestParamInfo<std::size_t>& param) {
 }
 INSTANTIATE_TEST_SUITE_P(Models, Sleep, ::testing::Range(std::size_t{0}, cases().size()), name_of);
 
-// A stuck layer that is still cold, before a hard body that is hot deep inside: what it will flow by has yet to arrive.
+// A sticking layer is still cold, and the hard body is hot deep inside. A node may sleep only if its stress is below
+// the strength that remains when this heat arrives at the interface.
 TEST(PhysicsSleep, HeatThatIsUnderWayInTheHardBodyIsMinded) {
   const ModelOptions options = two_sided(graded(paper_options()));
   Rig sleeper(sleeping(options)), solved(options);
@@ -287,12 +291,12 @@ TEST(PhysicsSleep, HeatThatIsUnderWayInTheHardBodyIsMinded) {
       ASSERT_NEAR(sleeper.outputs.shear_stress[l], solved.outputs.shear_stress[l], 1e-3) << n;
     }
   }
-  EXPECT_EQ(slept, 0x0fu);  // those that carry little
+  EXPECT_EQ(slept, 0x0fu);  // lanes 0 to 3, whose stress is low
   EXPECT_GT(solved.plastic_slip(7), 0.0);
   EXPECT_EQ(sleeper.plastic_slip(0), 0.0);
 }
 
-// Slip and stress as vectors, which turn as they like.
+// The sleep criterion works with slip and stress as vectors: two independent histories drive the two components.
 TEST(PhysicsSleep, TwoComponentsSleepAsOneDoes) {
   for (ModelOptions options : {forced(), graded(paper_options())}) {
     options.tangential_components = 2;

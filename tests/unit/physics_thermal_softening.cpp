@@ -1,4 +1,4 @@
-// Friction that softens with the interface temperature, and the strength of an interface as one object.
+// Friction that softens with the interface temperature, and the strength of the interface that results from it.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -51,7 +51,8 @@ TEST(PhysicsThermalSoftening, ConstantsThatHaveNoMeaningAreRefused) {
   EXPECT_EQ(refusals(options)[0].key, "interface.friction_softening_exponent");
 }
 
-// The criterion is sufficient: where it holds H falls everywhere, seen on a fine scan.
+// The criterion is sufficient: wherever it promises a unique answer, a fine scan must find that the balance H falls
+// monotonically.
 TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   const Material soft = paper_options().soft;
   int unique = 0, several = 0;
@@ -63,7 +64,7 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
           law.yield_strength = yield;
           const StressLimit limit = interface_strength(law, soft, kP, nullptr);
           const FrictionHeating heating{T_ad, rise, 100.0, 2e-7};
-          // Above this stress the interface carries less at any temperature.
+          // Stresses above this one exceed the strength at any temperature that friction can reach.
           const double a_max = std::min(heating.c / heating.b, limit.at(T_ad).stress);
           bool falls = true;
           double before = spare_strength(limit, heating, 0.0);
@@ -80,7 +81,7 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   EXPECT_GT(several, 5);
 }
 
-// With an exponent so large that mu stays what it is below melting, it is Coulomb's law.
+// With a reference temperature just below melting (1219 K) mu is constant below it, which is Coulomb's law.
 TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   ModelOptions constant = graded(paper_options(Strategy::kForceDriven), 20, 1.1);
   constant.interface = {0.02, 400e6};
@@ -100,7 +101,7 @@ TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   }
 }
 
-// Where friction falls with the temperature that it makes, the interface is hot without melting.
+// The strength is the smaller of friction and yield stress, and the result states which of the two it is.
 TEST(PhysicsThermalSoftening, StrengthIsTheLesserOfBothBranchesAndSaysWhich) {
   const Material soft = paper_options().soft;
   InterfaceOptions law = softening_friction(0.3, 1.0);

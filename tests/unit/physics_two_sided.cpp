@@ -1,4 +1,4 @@
-// Heat in both bodies: one operator through z = 0 instead of the partition coefficient, DLP (18-19).
+// Conduction in both bodies by one operator through z = 0, in place of the partition coefficient, DLP (18-19).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,11 +19,11 @@ ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary fa
   return options;
 }
 
-// Drives both from the same jump at the paper's pressure and calls `look` after every step.
+// Steps two rigs from the same jump [m/s] at the paper's pressure and calls `look` after every step.
 template <typename Look>
 void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Look& look) {
   double jump_one = jump, jump_two = jump;
-  for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;  // keeps it sliding
+  for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;  // keeps both sliding
   for (int n = 1; n <= steps; ++n) {
     one.set_all(jump_one, 11.2e9);
     two.set_all(jump_two, 11.2e9);
@@ -62,8 +62,8 @@ TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
   for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
 }
 
-// Vernotte: two half-spaces heated at their contact share the heat as beta_T says, at all times. On grids scaled like
-// the heat depths that is so in the scheme too, and the partition coefficient is exact.
+// Vernotte's solution: two half-spaces heated at their contact share the heat by beta_T at all times. On grids scaled
+// with the diffusion lengths the discrete scheme does so too, so the partition coefficient gives the same answer.
 TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Rig one(paper(strategy), 1), two(two_sided(paper(strategy)), 1);
@@ -75,7 +75,7 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
       ASSERT_NEAR(two.outputs.interface_temperature[0] / one.outputs.interface_temperature[0], 1.0, 1e-11) << n;
       ASSERT_NEAR(two.outputs.shear_stress[0] / one.outputs.shear_stress[0], 1.0, 1e-8) << n;
       worst = std::max(worst, std::abs(two.outputs.shear_stress[0] / one.outputs.shear_stress[0] - 1.0));
-      // Each body its share: as deep in cells, as hot.
+      // At the same number of cells from z = 0 both bodies have the same temperature.
       for (int i = 1; i < 60; ++i) ASSERT_NEAR(two.T(-i) / two.T(i), 1.0, 1e-11) << n << ", vertex " << i;
     });
     std::printf("partition against two-sided on scaled grids, worst s apart: %.1e\n", worst);
@@ -83,7 +83,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   }
 }
 
-// The hard body's grid is free: with cells of its own the answer is the partition's to the accuracy of the grids.
+// The grid of the hard body is free. On another grid the answer agrees with that of the partition coefficient to the
+// accuracy of the grids.
 TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     for (const GridOptions& hard :
@@ -97,13 +98,13 @@ TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
         worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
       });
       EXPECT_LT(worst, 2e-3) << hard.cells;
-      EXPECT_GT(worst, 1e-12) << hard.cells;  // another grid it is
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // not equal to rounding: the grids do differ
     }
   }
 }
 
-// Where the bodies are not half-spaces the share is not beta_T: an insulated soft layer of 20 um fills up within
-// microseconds while the hard half-space goes on taking heat.
+// If a body is not a half-space, its share is not beta_T: an insulated soft layer of 20 um fills within microseconds,
+// and the hard half-space goes on taking heat.
 TEST(PhysicsTwoSided, PartsFromThePartitionOnceTheLayerHasFilled) {
   ModelOptions filling = paper(Strategy::kVelocityDriven, FarBoundary::kInsulated);
   filling.drive = Drive::kInterfaceSlip;
@@ -123,8 +124,8 @@ TEST(PhysicsTwoSided, PartsFromThePartitionOnceTheLayerHasFilled) {
   EXPECT_LT(apart_12us, -0.05);
 }
 
-// After sliding stops the hard half-space draws the heat back out of the insulated layer: the interface is then the
-// layer's coldest place, and still no vertex leaves the range.
+// After the contact has opened, the hard half-space draws the heat back out of the insulated layer. The interface is
+// then the coldest place of the layer, and no temperature leaves the range between the initial and the highest one.
 TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
   ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
   options.hard_grid->far_boundary = FarBoundary::kHalfSpace;
@@ -144,7 +145,8 @@ TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
   }
 }
 
-// Its stress ceiling is then set inside the layer, where it is hottest, and that is where the surplus slip goes.
+// After the layer has cooled at z = 0 it is hottest at its far face. The stress ceiling must act there, and the surplus
+// slip must go there.
 TEST(PhysicsTwoSided, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
   options.hard_grid->far_boundary = FarBoundary::kHalfSpace;

@@ -10,7 +10,7 @@ namespace {
 
 struct Point {
   int step;
-  double T0, s;  // K, Pa
+  double T0, s;  // [K], [Pa]
 };
 
 void expect_history(const ModelOptions& options, const std::vector<Point>& points) {
@@ -24,7 +24,7 @@ void expect_history(const ModelOptions& options, const std::vector<Point>& point
   }
 }
 
-// server/physics/MEASURED.md, "Exact solutions": h/500, dt = 1 ns, to rounding.
+// The values of server/physics/MEASURED.md, "Exact solutions": 500 uniform cells, dt = 1 ns, reproduced to rounding.
 TEST(PhysicsVelocityDriven, PaperCaseToTenDigits) {
   expect_history(paper_options(), {{10, 398.146970801, 229.2063259e6},
                                    {100, 685.320394816, 280.5250815e6},
@@ -46,7 +46,7 @@ TEST(PhysicsVelocityDriven, AnElasticStepIsTheTrialStress) {
   EXPECT_DOUBLE_EQ(rig.outputs.shear_stress[0], 27.6e9 * 1e-9 * 10.0 / 20e-6);
   EXPECT_EQ(rig.outputs.sliding_velocity[0], 0.0);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
-  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // the layer does not carry the imposed jump yet
+  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // the layer does not yet carry the imposed jump
   EXPECT_GT(rig.outputs.friction_heat[0], 0.0);       // the imposed jump heats all the same: DLP (18)
 }
 
@@ -143,7 +143,7 @@ TEST(PhysicsVelocityDriven, AMoltenLayerCarriesNothing) {
   EXPECT_EQ(rig.outputs.regime[0], Regime::kMelting);
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);
   EXPECT_EQ(rig.T(0), 1300.0);
-  EXPECT_EQ(rig.ep(0, 1), 0.0);  // open: nothing flows
+  EXPECT_EQ(rig.ep(0, 1), 0.0);  // open contact: nothing flows
 }
 
 TEST(PhysicsVelocityDriven, ReversalUnloadsElastically) {
@@ -160,7 +160,7 @@ TEST(PhysicsVelocityDriven, ReversalUnloadsElastically) {
 
 TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   ModelOptions options = paper_options();
-  EXPECT_EQ(Model(options).warnings().size(), 1u);  // insulated far face
+  EXPECT_EQ(Model(options).warnings().size(), 1u);  // it warns of the insulated far face
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   EXPECT_TRUE(Model(options).warnings().empty());
   std::swap(options.soft, options.hard);
@@ -168,11 +168,11 @@ TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   EXPECT_NE(Model(options).warnings()[0].find("weaker body"), std::string::npos);
 }
 
-// Heat that goes inward softens a layer that is held: what it flows is what the stress gives way, even where a vertex
-// begins to flow within the last digits of the stress.
+// A layer under stress is held (V = 0), and heat that flows inward softens it. The plastic slip of the layer must equal
+// the elastic relaxation h ds / G0, even if a vertex begins to flow within the last digits of the stress.
 TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   ModelOptions options = graded(paper_options(), 40, 1.1);
-  options.soft.hardening_exponent = 0.05;  // a high power of the stress
+  options.soft.hardening_exponent = 0.05;  // the strain grows with the 20th power of the stress
   options.initial_temperature = 900.0;
   Rig rig(options);
   for (int l = 0; l < kLanes; ++l) {
@@ -194,7 +194,8 @@ TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   }
 }
 
-// A stress that starts within a last digit of mu P, as of a rounded direction, slips beyond it all the same.
+// The old stress is up to seven ulps below mu P, as after rounding of a direction. The step must slip at mu P all the
+// same.
 TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
   ModelOptions options = graded(paper_options());
   options.friction_coefficient = 0.01;

@@ -25,7 +25,7 @@ TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
     EXPECT_NEAR(friction.holding, h(a_stick) + a_stick, 1e-9 * P);
     EXPECT_NEAR(h(friction.sliding), 0.0, 1e-11 * P);
     for (int i = 0; i < 300; ++i) ASSERT_GT(h(friction.sliding * (i + 0.5) / 300.5), 0.0);
-    // Above the sliding state friction is too weak up to `exceeds_again`, and from there on strong enough again.
+    // For stresses above that of sliding, friction is too weak up to `exceeds_again`, and strong enough again above it.
     const double end = std::min(c / b, 2.0 * 0.3 * P);
     for (int i = 1; i < 300 && friction.sliding < end; ++i) {
       const double a = friction.sliding + (end - friction.sliding) * i / 300;
@@ -57,7 +57,8 @@ TEST(PhysicsVelocityWeakening, WithoutDecayItIsCoulombsLaw) {
   }
 }
 
-// One node: the friction may hold at rest and slide beside it. Who sticks goes on sticking, who slips slipping.
+// One node whose step may have two answers: to stick under the friction at rest, or to slide under a lower friction. An
+// interface that sticks must go on sticking, one that slides must go on sliding.
 struct TwoAnswers {
   TwoAnswers() : rig(options(), 1) {
     rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 6.8e-3;
@@ -66,10 +67,10 @@ struct TwoAnswers {
   static ModelOptions options() {
     ModelOptions o = graded(paper_options(Strategy::kForceDriven));
     o.interface = kPaper;
-    o.interface.velocity_decay = 1.0;  // falls within a few m/s
+    o.interface.velocity_decay = 1.0;  // friction falls within a few m/s
     return o;
   }
-  // From a jump, under far stresses that pull at both bodies.
+  // Steps from the given jump [m/s] under the far stress `pull` [Pa] on both bodies.
   void step(double jump, double pull, double dt) {
     rig.inputs.velocity_jump[0] = jump;
     rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = pull;
@@ -91,7 +92,8 @@ TEST(PhysicsVelocityWeakening, AStuckInterfaceHoldsUpToTheFrictionOfRest) {
 
 TEST(PhysicsVelocityWeakening, ASlippingInterfaceGoesOnSlippingWhereItCould) {
   TwoAnswers node;
-  // 20 m/s under 100 MPa: friction of rest would hold that, friction at speed does not, and carries 20 MPa.
+  // 20 m/s under far stresses of 100 MPa: friction at rest (300 MPa) would hold this, friction at this speed carries 20
+  // MPa only.
   double jump = 20.0;
   for (int n = 0; n < 20; ++n) {
     node.step(jump, 100e6, 1e-9);
@@ -102,7 +104,7 @@ TEST(PhysicsVelocityWeakening, ASlippingInterfaceGoesOnSlippingWhereItCould) {
   EXPECT_NEAR(node.rig.outputs.shear_stress[0], 20e6, 1e4);
 }
 
-// A step that would stick, and would slide as well: divided until each part has one answer, and the reply says so.
+// A step that could stick or slide is divided until each substep has one answer, and the outcome reports the substeps.
 TEST(PhysicsVelocityWeakening, AnAmbiguousStepIsDividedAndSaysSo) {
   TwoAnswers coarse;
   coarse.step(2.0, 100e6, 1e-9);
@@ -118,7 +120,8 @@ TEST(PhysicsVelocityWeakening, AnAmbiguousStepIsDividedAndSaysSo) {
   EXPECT_NEAR(coarse.rig.outputs.velocity_jump_new[0], jump, 0.02 * jump);
 }
 
-// Where the shortest substep is still ambiguous, a slipping interface slips on and the reply says that it had a choice.
+// If even the shortest substep has two answers, a sliding interface continues to slide, and the outcome reports the
+// ambiguity.
 TEST(PhysicsVelocityWeakening, AnUnresolvedChoiceIsTold) {
   TwoAnswers node;
   for (double* mass : {node.rig.inputs.mass_soft, node.rig.inputs.mass_hard}) mass[0] = 1e-5;

@@ -1,5 +1,5 @@
-// The search of a layer with inertia is bounded: whoever asks for a step that would take hours is told that there is no
-// answer, and keeps the state.
+// The search for the answer of a layer with inertia is bounded. A step that would take hours reports a failure and
+// keeps its state.
 #include <gtest/gtest.h>
 
 #include <cstddef>
@@ -9,8 +9,8 @@
 namespace shearbus::testing {
 namespace {
 
-// Cells of 0.25 nm and steps of 10 us, alpha dt/dz^2 = 1e10: among fluxes just below melting the search takes hundreds
-// of Newton steps at each, and thousands of evaluations for some.
+// Cells of 0.25 nm and steps of 10 us give alpha dt/dz^2 = 1e10. For fluxes just below melting the search then takes
+// hundreds of Newton steps at each flux, and thousands of evaluations at some.
 Rig thin_layer() {
   ModelOptions options = paper_options(Strategy::kVelocityDriven);
   options.grid.thickness = 25e-9;

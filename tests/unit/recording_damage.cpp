@@ -1,4 +1,5 @@
-// A history comes from a person's script, over a disk that may be full: every damage is refused in one clear line.
+// Users write histories with scripts of their own, to disks that may be full. Every kind of damage must be refused with
+// one clear line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <hdf5.h>
@@ -13,9 +14,9 @@
 #include "proto/wire/status.hpp"
 #include "tests/support/scratch.hpp"
 
-// HDF5 loses track of what it opened half-way in a file with broken metadata: it leaks that, and may say "infinite loop
-// closing library" at exit. Both are its own and harmless; handles of ours that stay open are not leaks to this
-// checker.
+// After damaged metadata HDF5 leaks the objects that it had half opened, and may print "infinite loop closing library"
+// at exit. Both faults are in HDF5 and harmless. The suppression hides no fault of ours: a handle that our code forgets
+// to close is no leak to this checker.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:libhdf5\n";
@@ -32,7 +33,7 @@ namespace fs = std::filesystem;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// A file written by somebody else's hand.
+// Writes HDF5 files without HistoryWriter, as a user's script would.
 class RawFile {
  public:
   explicit RawFile(const fs::path& path) : id_(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT)) {}
@@ -71,7 +72,7 @@ class RawFile {
   hid_t id_;
 };
 
-// Three steps of two nodes, all as it should be; a test then replaces one part.
+// The parts of a valid file of three steps and two nodes. Each test replaces one part.
 struct Parts {
   std::function<void(RawFile&)> time = [](RawFile& f) { f.put("time", {3}, {1e-9, 2e-9, 3e-9}); };
   std::function<void(RawFile&)> node_id = [](RawFile& f) { f.put("node_id", {2}, {7, 8}, H5T_NATIVE_INT64); };
@@ -253,7 +254,7 @@ TEST(RecordingDamage, NodeIdsAreUniqueAndNotNegative) {
               HasSubstr("/node_id[1] repeats node 7 of [0]"));
 }
 
-// Claims a size without storing it: the reader must not allocate first.
+// The file states a huge size without storing the data: the reader must check the size before it allocates memory.
 TEST(RecordingDamage, AbsurdSizesAreRefusedBeforeTheyAreAllocated) {
   const hsize_t huge = 1'000'000'000'000'000;
   EXPECT_THAT(
@@ -308,7 +309,7 @@ TEST(RecordingDamage, TruncatedFileIsRefused) {
   }
 }
 
-// Finds the one chunk of a dataset and flips one bit of its stored bytes.
+// Flips one bit of the stored bytes of a dataset that has a single chunk.
 void flip_bit_of_chunk(const fs::path& path, const char* name) {
   haddr_t address = 0;
   hsize_t size = 0;
@@ -342,8 +343,8 @@ TEST(RecordingDamage, FlippedBitOfTimesIsCaughtByItsChecksum) {
   EXPECT_THAT(error_of_reading(path), HasSubstr("/time cannot be read"));
 }
 
-// A single flipped bit anywhere in a small file: an error, or the same numbers (a byte that nobody reads), never other
-// ones.
+// A single flipped bit anywhere in a small file either causes an error or is in a byte that no reader uses. No flipped
+// bit may change a number that is read.
 TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   const Scratch scratch;
   const fs::path path = written(scratch, 3);

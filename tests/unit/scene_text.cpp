@@ -1,4 +1,4 @@
-// Scenes as text: read, checked, written.
+// Scenes as TOML text: reading, checking and writing them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// The scene every example starts from.
+// The scene on which the other examples are based.
 constexpr const char* kPaper = R"(name = "paper_velocity_driven"
 strategy = "velocity_driven"            # or "force_driven"
 [soft]
@@ -47,7 +47,8 @@ friction_coefficient = 0.3
 yield_strength_pa = 200e6
 )";
 
-// What the programs say of a text: the reader of shearbus-hydro, which knows every table, and then the server.
+// Returns the faults that the programs report for a text, "" if none. First shearbus-hydro reads it with all its
+// tables, then the server.
 std::string refusal_of(const std::string& toml) {
   try {
     const hydro::SceneFile file = hydro::parse_scene(toml, "scene.toml");
@@ -170,14 +171,15 @@ TEST(SceneText, ABooleanIsTrueOrFalse) {
 TEST(SceneText, PlacesPointIntoTheFile) {
   const Document document = parse(kPaper, "paper.toml").document;
   EXPECT_EQ(document.where("layer.cells"), "paper.toml:9:1");
-  EXPECT_EQ(document.where("soft.yield_strength_pa"), "paper.toml:3:1");  // absent: its table
+  EXPECT_EQ(document.where("soft.yield_strength_pa"), "paper.toml:3:1");  // an absent key has the place of its table
   EXPECT_EQ(document.where("strategy"), "paper.toml:2:1");
   EXPECT_EQ(document.where("layer.cells[3]"), "paper.toml:9:1");
   EXPECT_EQ(document.where("nowhere"), "paper.toml");
   EXPECT_EQ(document.where(""), "paper.toml");
 }
 
-// The server is not told of the guest's tables, and its faults still point into the user's file.
+// The server does not receive the tables of the hydrocode, and yet its faults must point to the lines of the user's
+// file.
 TEST(SceneText, TheServersTextKeepsTheLinesOfTheFile) {
   const std::string text =
       "name = 'x'\nstrategy = 'velocity_driven'\n[hydro]  # the problem\nend_time_s = 1e-6\n[hydro.shear_column]\n"
@@ -195,8 +197,8 @@ TEST(SceneText, TheServersTextKeepsTheLinesOfTheFile) {
   EXPECT_EQ(without_table(kPaper, "m.toml", "hydro"), kPaper);
 }
 
-// tests/golden/wire/scene_faults.txt: blocks of "=== title", a TOML text, "---", and the lines the loader must answer
-// with.
+// tests/golden/wire/scene_faults.txt consists of blocks: "=== title", a TOML text, "---", and the lines that the reader
+// must report.
 TEST(SceneText, EveryFaultIsReportedWithItsPlace) {
   std::ifstream golden(std::string(SHEARBUS_SOURCE_DIR) + "/tests/golden/wire/scene_faults.txt");
   ASSERT_TRUE(golden);
@@ -247,7 +249,7 @@ TEST(SceneText, WhatIsNoSceneFileIsRefused) {
   std::filesystem::remove_all(directory);
 }
 
-// toml++ takes tables down recursively: a line of many dots would overflow the stack.
+// toml++ parses nested tables recursively, so a line of many dots would overflow the stack.
 TEST(SceneText, DepthIsRefusedBeforeItIsBuilt) {
   std::string key = "a";
   for (int i = 0; i < 100'000; ++i) key += ".a";
@@ -265,7 +267,7 @@ TEST(SceneText, DepthIsRefusedBeforeItIsBuilt) {
   EXPECT_EQ(refusal_of("source = 'a.b.c.d.e.f.g.h.i.j.k.l'  # ............\n" + std::string(kPaper)), "");
 }
 
-// ---- round trip ----
+// ---- written and read back ----
 
 class RandomScene {
  public:
@@ -312,7 +314,7 @@ class RandomScene {
   };
 
   bool flip() { return random_() % 2 == 0; }
-  // Log-uniform with a full mantissa; every fourth number is short, as people write them.
+  // Log-uniform numbers with all digits; every fourth number has one digit only, as people write them.
   double number(double low, double high) {
     const double at = std::uniform_real_distribution<double>(std::log(low), std::log(high))(random_);
     const double value = std::clamp(std::exp(at), low, high);
@@ -383,7 +385,7 @@ TEST(SceneText, WrittenAndReadBackIsTheSameToTheBit) {
   }
 }
 
-// ---- the same rules without a file ----
+// ---- the same rules for a message without a file ----
 
 std::vector<Fault> faults_in(v1::Scene scene) {
   return faults_of(scene);
@@ -401,7 +403,8 @@ TEST(SceneRules, NameTheFirstFieldAtFault) {
   EXPECT_EQ(faults[1].text, "interface.yield_strength_pa = nan is not a finite number");
 }
 
-// What the physics excludes has its place in the text, too; the rules are those of server/physics/solver/parts.hpp.
+// Exclusions of the physics are reported with their place in the text. The rules are those of
+// server/physics/solver/parts.hpp.
 TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   const std::string force =
       "name = 'x'\nstrategy = 'force_driven'\nsoft.material = 'aluminium_dlp'\nhard.material = 'steel_dlp'\n"
@@ -415,7 +418,7 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   velocity.replace(velocity.find("force_driven"), 12, "velocity_driven");
   EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));
   EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:8:1: [junctions]"));
-  // Several at once, each on its line, in the order of the text.
+  // Several faults are reported together, each with its line, in the order of the text.
   const std::string several =
       refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\ntime_integrator = 'sdirk2'\n");
   EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));

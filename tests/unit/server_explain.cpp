@@ -1,4 +1,4 @@
-// What a scene is said to pay for is what it pays for.
+// `explain` must report the memory and the parts that a session with the scene really has.
 #include "server/explain.hpp"
 
 #include <gmock/gmock.h>
@@ -35,7 +35,7 @@ TEST(Explain, MemoryIsThatOfASession) {
   v1::Scene scene = support::force_scene();
   const Explanation told = explain(scene);
   EXPECT_EQ(told.cost.bytes_per_node, bytes_of_session(scene));
-  // What a part would take is what it takes once it is there.
+  // The memory reported for an absent part is the memory that it adds when it is present.
   const std::int64_t without = static_cast<std::int64_t>(bytes_of_session(scene));
   const std::int64_t would = part(told, "hard_layer").bytes_per_node;
   scene.mutable_hard_layer();

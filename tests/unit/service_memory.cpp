@@ -1,5 +1,5 @@
-// What a server says a node costs is what it costs: resident memory of this process against
-// SessionOpened.bytes_per_node.
+// The memory per node that a server reports (SessionOpened.bytes_per_node) must be the memory that it uses, measured as
+// resident memory of this process.
 #include <gtest/gtest.h>
 #include <malloc.h>
 #include <unistd.h>
@@ -11,7 +11,7 @@
 #include "tests/support/service_harness.hpp"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kHasItsOwnMemory = true;  // a sanitizer's shadow and quarantine
+constexpr bool kHasItsOwnMemory = true;  // a sanitizer adds shadow memory and a quarantine
 #else
 constexpr bool kHasItsOwnMemory = false;
 #endif
@@ -25,7 +25,7 @@ using wire::Code;
 constexpr std::size_t kNodes = 100'000;
 constexpr double kFactor = 1.10;
 
-// Of what is held: frames that were freed are given back first.
+// Resident memory of this process [bytes], after freed memory has been returned to the system.
 double resident_bytes() {
   ::malloc_trim(0);
   std::ifstream statm("/proc/self/statm");
@@ -46,7 +46,7 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   const auto ids = support::node_ids(kNodes);
   const v1::Scene scene = support::scene_of(GetParam());
   ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));  // whatever is made once
+  harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));  // creates what is created only once
   harness.ask(
       ServiceHarness::step(1, support::step_columns(GetParam(), std::span(ids).first(8), 0), wire::Mode::kAdvance, 9));
   const double before = resident_bytes();
@@ -55,14 +55,14 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   const auto opened = harness.ask(ServiceHarness::opening(scene, ids));
   ASSERT_EQ(opened.code(), Code::kOk) << opened.reply.status.text;
   const auto stated = static_cast<double>(std::get<wire::SessionOpened>(opened.reply.body).bytes_per_node);
-  for (std::uint64_t i = 1; i <= 2; ++i)  // both buffers, and a reply to keep
+  for (std::uint64_t i = 1; i <= 2; ++i)  // fills both state buffers and the stored reply
     ASSERT_EQ(harness.ask(ServiceHarness::step(i, support::step_columns(GetParam(), ids, static_cast<int>(i)))).code(),
               Code::kOk);
   const double measured = per_node();
   EXPECT_LT(measured, stated * kFactor);
   EXPECT_GT(measured, stated / kFactor);
 
-  // Nodes that leave give their memory back, and those that come take no more than before.
+  // Nodes that retire give their memory back, and nodes that register later take no more than the first ones.
   const std::span some = std::span(ids).subspan(8);
   const auto change = [&](auto body, std::uint64_t sequence) {
     wire::Request request = ServiceHarness::in_session(std::move(body), sequence);

@@ -1,4 +1,4 @@
-// What operators ask and what is counted, without a socket.
+// Requests of operators and counters of the service, tested without a socket.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// The service as a function of bytes: sessions, sequences, repeats, trials. No socket.
+// The service as a function from request bytes to reply bytes, without a socket: sessions, sequences, repeats, trials.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -78,7 +78,8 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
   const wire::ServerStatus status = harness.service.status();
   EXPECT_EQ(status.sessions, 1u);
   EXPECT_EQ(status.nodes, kNodes.size());
-  const std::uint64_t reply_row = (GetParam() == Strategy::kForceDriven ? 5 : 4) * 8 + 2;  // of the kept reply
+  // Bytes of the stored reply per node: columns of 8 bytes, regime and outcome.
+  const std::uint64_t reply_row = (GetParam() == Strategy::kForceDriven ? 5 : 4) * 8 + 2;
   EXPECT_EQ(status.state_bytes, 16 * (opened.bytes_per_node - reply_row));
   EXPECT_EQ(harness.log.size(), 1u);
 }
@@ -101,7 +102,7 @@ TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
   EXPECT_TRUE(again.reply.replayed);
   EXPECT_TRUE(std::holds_alternative<wire::SessionOpened>(again.reply.body));
   EXPECT_EQ(harness.service.status().sessions, 1u);
-  // The same id for another scene is not a repetition.
+  // The same session id with another scene is not a repetition.
   auto other = scene();
   other.set_name("other");
   EXPECT_EQ(harness.ask(ServiceHarness::opening(other, kNodes)).code(), Code::kSequenceReused);
@@ -242,7 +243,7 @@ TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
         std::ranges::equal(with.reply.batch.f64(Field::kShearStress), without.reply.batch.f64(Field::kShearStress)));
     for (std::size_t row = 0; row < kNodes.size(); ++row) {
       const auto of = [&](Field field) { return with.reply.batch.f64(field)[row]; };
-      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: its share enters at once
+      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: the soft body's share only
       ASSERT_NEAR(of(Field::kHeatResidual), 0.0, 1e-9 * (of(Field::kFrictionHeat) + 1.0));
       work += of(Field::kInterfaceWork);
     }

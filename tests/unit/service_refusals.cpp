@@ -1,4 +1,4 @@
-// Bad input through the wire: every refusal names what is wrong, and changes nothing, bit for bit.
+// Invalid input through the wire: each refusal names the fault and leaves the states unchanged, bit for bit.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -77,7 +77,7 @@ wire::Batch with(Strategy strategy, Field added) {
   return batch;
 }
 
-// Columns of the right names over one block, the first one element shorter than the rest.
+// Columns with the right names over one block of memory; the first column is one element shorter than the others.
 wire::Batch uneven() {
   static const wire::Batch whole = good(Strategy::kForceDriven);
   auto columns = whole.columns();
@@ -221,7 +221,7 @@ TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
   std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), 1e5);
   EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(batch))).reply.status.ok());
   auto bad = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // it has the direction of the stress, and no sign of its own
+  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // it is a magnitude; the stress gives the direction
   EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_plastic_strain_rate_per_s");
 }
 
@@ -275,7 +275,7 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
        scene_damage([](auto& s) { s.mutable_layer()->set_initial_temperature_k(1220.0); })},
       {"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
        scene_damage([](auto& s) { s.mutable_layer()->set_initial_temperature_k(-3.0); })},
-      {"no strategy", Code::kInvalidScene, "",  // what is missing is missing from the table around it
+      {"no strategy", Code::kInvalidScene, "",  // a missing key is reported at its table
        scene_damage([](auto& s) { s.clear_strategy(); })},
       {"force-driven without interface", Code::kInvalidScene, "strategy",
        scene_damage([](auto& s) { s.set_strategy(v1::STRATEGY_FORCE_DRIVEN); })},
@@ -321,8 +321,8 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
   EXPECT_TRUE(harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes)).reply.status.ok());
 }
 
-// Frames that are no request: counts 0, 1 (cut), 3, garbage, two headers in one, an empty header, and every truncation
-// of a good one.
+// Frames that are no request: none, header without payload, three frames, garbage, two headers in one, an empty header,
+// and a good header truncated at every byte.
 TEST(Refusals, DamagedFramesAreAnsweredAndRunNothing) {
   ServiceHarness attacked, twin;
   for (ServiceHarness* h : {&attacked, &twin})

@@ -1,4 +1,4 @@
-// Nodes that sleep, seen from a session: what is counted, and what trials, marks and moves make of them.
+// Sleeping nodes seen from a session: their counters, and how trials, marks and moves between sessions treat them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ using support::ServiceHarness;
 using wire::Field;
 using wire::Mode;
 
-constexpr std::size_t kNodes = 21;  // three tiles, the last in part
+constexpr std::size_t kNodes = 21;  // three tiles, the last one partly filled
 
 v1::Scene sleepy_scene() {
   v1::Scene scene = support::force_scene();
@@ -24,7 +24,7 @@ v1::Scene sleepy_scene() {
   return scene;
 }
 
-// Nodes rub for five steps; from then on all but every fourth are open.
+// Inputs of a step: all nodes slide in the first five steps; after these all nodes are open except every fourth.
 wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids = false) {
   wire::Batch batch = support::step_columns(wire::Strategy::kForceDriven, ids, 0, with_ids);
   for (std::size_t row = 0; row < ids.size(); ++row)
@@ -66,7 +66,7 @@ TEST(ServiceSleep, SleepersAreCountedAndAreNoRemark) {
   EXPECT_GT(totals.asleep_node_steps, 20U * static_cast<std::uint64_t>(asleep));
 }
 
-// A second session under the same inputs, with a temperature profile, measures the error of the modes.
+// The error of the modes is measured by a second session with the same inputs and a temperature profile.
 TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
   v1::Scene scene = support::force_scene();
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
@@ -86,12 +86,12 @@ TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
   EXPECT_EQ(totals.asleep_node_steps, 0U);
 }
 
-// A trial that is forgotten leaves no trace in who sleeps since when.
+// A trial that is rolled back must not change which nodes sleep, nor since which step.
 TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   Host plain(sleepy_scene()), tried(sleepy_scene());
   for (int n = 0; n < 70; ++n) {
     if (n % 3 == 0) {
-      wire::Batch other = columns(tried.ids, 0);  // everybody rubs, and wakes
+      wire::Batch other = columns(tried.ids, 0);  // all nodes slide, so sleepers wake
       tried.harness.ask(ServiceHarness::step(++tried.sequence, std::move(other), Mode::kTrial));
       tried.tell(wire::Rollback{});
     }
@@ -101,7 +101,7 @@ TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   }
 }
 
-// Back to a mark the sleepers are as they were, and go on with the same bits.
+// After a rollback to a mark the sleepers are those of the mark, and the repeated steps have the same bits.
 TEST(ServiceSleep, AMarkKeepsSleepers) {
   Host host(sleepy_scene());
   for (int n = 0; n < 40; ++n) host.step();
@@ -120,7 +120,7 @@ TEST(ServiceSleep, AMarkKeepsSleepers) {
   EXPECT_EQ(run(30), first);
 }
 
-// Cut into batches, in any order, on threads: the same bits.
+// The bits do not depend on the division into batches, the order of the nodes or the threads.
 TEST(ServiceSleep, BatchesAndThreadsCannotBeTold) {
   Host whole(sleepy_scene());
   ServiceHarness cut(2, {.nodes_per_task = 1});
@@ -143,7 +143,7 @@ TEST(ServiceSleep, BatchesAndThreadsCannotBeTold) {
   }
 }
 
-// Asleep or awake, a node that goes to another session goes on as if it had stayed.
+// A node that moves to another session, asleep or awake, continues with the bits of a node that stayed.
 TEST(ServiceSleep, SleepersMoveWithTheirBits) {
   Host stayed(sleepy_scene());
   ServiceHarness moved;
@@ -171,7 +171,7 @@ TEST(ServiceSleep, SleepersMoveWithTheirBits) {
       here = staying;
       there.insert(there.end(), going.begin(), going.end());
     }
-    const int phase = n < 60 ? n : 0;  // at last everybody rubs again
+    const int phase = n < 60 ? n : 0;  // in the end all nodes slide again
     ++stayed.sequence;
     const Answer expected = stayed.harness.ask(ServiceHarness::step(stayed.sequence, columns(stayed.ids, phase)));
     for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {

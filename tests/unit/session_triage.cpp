@@ -54,7 +54,7 @@ TEST(Session, GapIsRefusedAndNamesWhereTheSessionStands) {
 
 TEST(Session, ARefusedRequestLeavesItsSequenceFree) {
   Session session = session_at(5);
-  static_cast<void>(session.triage(6, kOtherHash));  // looked at, then refused by whoever runs requests: no complete()
+  static_cast<void>(session.triage(6, kOtherHash));  // triaged but not executed: complete() is not called
   EXPECT_EQ(session.triage(6, kHash).triage, Triage::kProcess);
   EXPECT_EQ(session.triage(5, kHash).triage, Triage::kResend);
 }

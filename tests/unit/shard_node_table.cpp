@@ -1,4 +1,4 @@
-// Nodes come and leave: the order of the rows is that of arrival, slots stay dense, and states are where they belong.
+// Nodes join and leave a shard: rows keep the order of arrival, slots stay dense, and every node keeps its states.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ TEST(NodeTable, ThoseThatStayKeepTheirOrderAndNewOnesFollow) {
   const auto [fewer, moves] = table.without(table.locate(Ids{3, 1}).slots);
   EXPECT_EQ(fewer.ids(), (Ids{5, 900, 7}));
   ASSERT_EQ(moves.size(), 1u);
-  EXPECT_EQ(moves[0].from, 3u);  // of node 7, into the slot of node 3
+  EXPECT_EQ(moves[0].from, 3u);  // node 7 moves into the slot of node 3
   EXPECT_EQ(moves[0].to, 1u);
   EXPECT_FALSE(fewer.slots_are_rows());
   EXPECT_EQ(fewer.locate(Ids{7, 5, 900}).slots, (std::vector<std::uint32_t>{1, 0, 2}));
@@ -45,7 +45,8 @@ TEST(NodeTable, CommonNodesAreFoundWhereverTheyStand) {
   EXPECT_EQ(NodeTable().common(Ids{0, 1}), (Ids{}));
 }
 
-// A shard whose nodes come and go at random, and one per node that nobody ever joins or leaves: the same bits.
+// A shard whose nodes join and leave at random is compared with one shard for each node, in which nothing changes. The
+// bits of a node must be the same in both.
 class Changing : public testing::TestWithParam<wire::Strategy> {
  protected:
   static constexpr double kDt = 1e-9;
@@ -104,7 +105,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
         std::erase(ids, id);
         alone.erase(id);
       }
-    } else if (kind == 2 && !ids.empty()) {  // out, and in again with the states they left with
+    } else if (kind == 2 && !ids.empty()) {  // nodes leave and join again with the states they had
       const Ids moving = pick(random() % 9 + 1);
       const Rows rows = shard.nodes().locate(moving);
       const States states = shard.states_of(rows.slots, false);
@@ -135,7 +136,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
   EXPECT_GT(most, 40u);
 }
 
-// Over the border of a block, where the last one is made anew.
+// The number of nodes crosses the border of a block, where the last block is replaced by a new one.
 TEST_P(Changing, ManyNodesGrowAndShrinkBlockByBlock) {
   Ids ids = support::node_ids(700);
   Shard shard = make(ids);

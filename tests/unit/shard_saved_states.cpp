@@ -1,4 +1,5 @@
-// What is saved of a shard is all there is: one restored from it goes on with the same bits, whatever the model keeps.
+// The saved states of a shard are complete: a shard restored from them continues with the same bits, for every kind of
+// state that a model may have.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -13,7 +14,7 @@ namespace {
 
 using physics::ModelOptions;
 
-constexpr std::size_t kNodes = 11;  // two tiles, the second in part
+constexpr std::size_t kNodes = 11;  // two tiles, the second partly filled
 
 class SavedStates : public ::testing::TestWithParam<int> {
  protected:
@@ -65,15 +66,17 @@ Shard make_shard(const ModelOptions& options, TaskPool& pool) {
   return {physics::Model(options), ids, std::vector<double>(kNodes, 300.0), pool, ShardOptions{}};
 }
 
-// Both strategies are told all they may want. The far stresses hold the bodies near the layer's flow stress, so that
-// some of them stick while it flows, which the stress alone does not tell.
+// Supplies all inputs of both strategies. The far stresses hold the bodies near the flow stress of the layer, so that
+// some interfaces stick while their layer flows. The stress alone does not reveal whether an interface sticks, so the
+// saved states must contain the sticking too.
 std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
   std::vector<double> pull(kNodes), mass(kNodes, 2703 * 2.5e-6);
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
   std::vector<double> across(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) across[i] = 50.0 - 12.0 * static_cast<double>(i);
-  for (std::size_t i = 0; i < kNodes; i += 3) pressure[i] = shard.state_version() < 30 ? 11.2e9 : -1.0;  // these open
+  // Every third node is open in calls that begin after step 30.
+  for (std::size_t i = 0; i < kNodes; i += 3) pressure[i] = shard.state_version() < 30 ? 11.2e9 : -1.0;
   for (std::size_t i = 0; i < kNodes; ++i) pull[i] = 150e6 + 10e6 * static_cast<double>(i);
   Rows rows;
   rows.all = true;
@@ -110,7 +113,7 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
     EXPECT_EQ(there.columns[i].values, here.columns[i].values) << here.columns[i].name;
 }
 
-// All states of a node move to another shard with the node, and a trial that is rolled back changes none of them.
+// When a node moves to another shard, all its states move with it. A trial that is rolled back changes none of them.
 TEST(SavedModes, GoWithTheirNodes) {
   TaskPool pool(1);
   ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options(physics::Strategy::kForceDriven));
@@ -125,13 +128,13 @@ TEST(SavedModes, GoWithTheirNodes) {
       all.insert(all.end(), column.values.begin(), column.values.end());
     return all;
   };
-  // 1. To another shard.
+  // 1. Move nodes to another shard.
   const std::vector<std::uint32_t> slots = {2, 5, 7, 10};
   const std::vector<std::uint64_t> ids(slots.begin(), slots.end());
   const States moving = giver.states_of(slots, false);
   taker.apply(taker.adding(ids, std::vector<double>(ids.size(), 300.0), &moving));
   for (std::uint32_t i = 0; i < slots.size(); ++i) EXPECT_EQ(values_of(taker, i + 1), values_of(stayed, slots[i]));
-  // 2. A trial that is rolled back.
+  // 2. Roll back a trial.
   advance(giver, 1, false);
   giver.rollback();
   advance(giver, 20);

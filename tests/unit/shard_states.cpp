@@ -34,7 +34,7 @@ struct Outputs {
             AnswerColumn{&TileOutputs::outcome, std::span(outcome)}};
   }
 
-  // Every output of one row, as bits.
+  // All outputs of one row, as bytes.
   std::vector<std::uint8_t> row_bits(std::size_t row) const {
     std::vector<std::uint8_t> bits = {regime[row], outcome[row]};
     for (const double value : {stress[row], slip[row], temperature[row], jump[row], heat[row]}) {
@@ -54,7 +54,7 @@ class Fixture {
         shard(physics::Model(service::scene_model(support::scene_of(of)).options), ids,
               std::vector<double>(nodes, 300.0), pool, {.nodes_per_task = nodes_per_task}) {}
 
-  // One step of some nodes (all when empty), left as a trial.
+  // Steps the given nodes (all if `some` is empty) and leaves the result as a trial.
   Outputs trial(int step, const std::vector<std::uint64_t>& some = {}) {
     const auto& rows_ids = some.empty() ? ids : some;
     const wire::Batch batch = support::step_columns(strategy, rows_ids, step);
@@ -125,9 +125,9 @@ TEST_P(ShardOf, TrialRollbackTrialIsOneAdvance) {
   Fixture hesitant(GetParam(), 21);
   for (int step = 0; step < 20; ++step) {
     const Outputs expected = direct.advance(step);
-    hesitant.trial(step + 1000);  // a step that is rejected
+    hesitant.trial(step + 1000);  // a step that is rolled back
     hesitant.shard.rollback();
-    hesitant.trial(step + 2000, {hesitant.ids[3], hesitant.ids[20]});  // one that is replaced
+    hesitant.trial(step + 2000, {hesitant.ids[3], hesitant.ids[20]});  // a trial that the next one replaces
     const Outputs answer = hesitant.trial(step);
     hesitant.shard.commit();
     expect_same_rows(answer, expected);

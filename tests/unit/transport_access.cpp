@@ -1,4 +1,5 @@
-// The door of the transport: what passes when the one who judges says no, throws, sleeps or dies.
+// Access control of the transport: which messages pass when the function that admits users refuses, throws, blocks or
+// dies.
 #include "server/transport/access.hpp"
 
 #include <gtest/gtest.h>
@@ -26,7 +27,7 @@ using namespace std::chrono_literals;
 using support::RawDealer;
 using test::Scratch;
 
-// A router that answers every message with the user it is from.
+// A router that answers every message with the name of the user who sent it.
 class Echo {
  public:
   explicit Echo(Authorise authorise) : router_({.authorise = std::move(authorise), .insecure_plaintext = true}) {
@@ -89,7 +90,7 @@ TEST(AccessHandler, TellsEachMessagesUserAsTheKernelKnowsHim) {
 TEST(AccessHandler, RefusesWhomTheJudgeRefusesAndWhomItCannotJudge) {
   const std::vector<Authorise> judges = {[](const Peer&) -> Admission { return {.reason = "no"}; },
                                          [](const Peer&) -> Admission { throw std::runtime_error("the list is lost"); },
-                                         [](const Peer&) -> Admission { return {.admitted = true}; }};  // as nobody
+                                         [](const Peer&) -> Admission { return {.admitted = true}; }};  // no user
   for (const Authorise& judge : judges) {
     Echo echo(judge);
     RawDealer local(echo.ipc());
@@ -127,7 +128,7 @@ TEST(AccessHandler, StrangersCannotFillTheLog) {
   EXPECT_LT(lines, 100);
 }
 
-// The thread is really gone: what it held is unwound, as where a fault ends it.
+// The thread really ends, and its stack is unwound, as if a fault had ended it.
 TEST(AccessHandler, WhenItsThreadDiesNobodyNewIsLetInAndTheOthersStay) {
   std::atomic<bool> dying{false};
   Echo echo([&](const Peer& peer) {
@@ -186,7 +187,7 @@ TEST(SocketPath, ADirectoryThatOthersEnterIsRefusedWithItsModeAndARemedy) {
   const struct {
     mode_t mode;
     bool private_to_owner;
-    const char* fault;  // null: none
+    const char* fault;  // null: no fault
   } cases[] = {{0700, true, nullptr},  {0710, true, "0710"},  {0755, true, "chmod 700"},  {0711, false, nullptr},
                {0750, false, nullptr}, {0770, false, "0770"}, {0777, false, "chmod go-w"}};
   for (const auto& c : cases) {

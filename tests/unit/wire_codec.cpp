@@ -28,7 +28,7 @@ Message decoded(const Frames& frames) {
   return message;
 }
 
-// The status decode() refuses with; kOk where it does not.
+// Returns the status with which decode() refuses the frames, or kOk if it accepts them.
 template <typename Message>
 Status refusal(const Frames& frames) {
   Message message;
@@ -67,7 +67,7 @@ TEST(Codec, EveryReplyArrivesAsItWasSent) {
   }
 }
 
-// ---- bytes made by hand, as an outsider or an enemy makes them ----
+// ---- bytes built here by hand, as another implementation or an attacker would build them ----
 
 std::string varint(std::uint64_t value) {
   std::string out;
@@ -112,7 +112,7 @@ TEST(Codec, BytesMadeByHandAreUnderstood) {
   EXPECT_TRUE(std::holds_alternative<Commit>(request.body));
   EXPECT_EQ(request.request_id, 77U);
   EXPECT_EQ(request.sequence, 5U);
-  // Any order of fields is a message.
+  // The fields of a message may come in any order.
   const std::string backwards = field(kCommitField, std::string()) + field(6, 9) + field(2, 1) + fixed32(1, kMagic);
   EXPECT_EQ(decoded<Request>(header_only(backwards)).sequence, 9U);
 }
@@ -125,10 +125,10 @@ TEST(Codec, WhatIsNoMessageIsMalformed) {
   EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // no magic
   EXPECT_THAT(refusal<Request>(header_only(fixed32(1, 0x31425354) + field(2, 1))).text,
               HasSubstr("magic 0x31425354, expected 0x31425353"));
-  EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // nothing is asked
-  EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic of another wire type
+  EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // no body
+  EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic as varint, not as fixed32
   EXPECT_EQ(code_of(envelope() + field(kCommitField, std::string()) + varint(50 << 3 | 3)),
-            Code::kMalformed);  // a group
+            Code::kMalformed);  // start of a group (wire type 3)
 }
 
 TEST(Codec, TwoMessagesInOneFrameAreNotMerged) {
@@ -146,7 +146,7 @@ TEST(Codec, OtherMajorVersionIsNamedBesideOurs) {
   const Status status = refusal<Request>(header_only(envelope(7, 3) + field(kCommitField, std::string())));
   EXPECT_EQ(status.code, Code::kVersion);
   EXPECT_THAT(status.text, HasSubstr("message of protocol 7.3, this side speaks 1.0"));
-  // Told even where the rest of the message has taken a form we cannot read.
+  // The version is reported even if the rest of the message has a form that this version cannot read.
   EXPECT_EQ(code_of(envelope(7, 3) + envelope(7, 3)), Code::kVersion);
 }
 
@@ -168,7 +168,7 @@ TEST(Codec, VerbOfALaterVersionIsUnsupported) {
 TEST(Codec, IdentityIsLeftForTheAnswer) {
   Request request = samples::request("downscale");
   std::string header = encode_header(request);
-  header.back() = static_cast<char>(header.back() ^ 0x40);  // somewhere in the body
+  header.back() = static_cast<char>(header.back() ^ 0x40);  // one bit in the body
   header += field(200, 1);
   Request found;
   EXPECT_THROW(decode(header_only(header).views(), found), Error);
@@ -193,10 +193,10 @@ TEST(Codec, SessionIdsHaveSixteenBytesOrNone) {
 }
 
 TEST(Codec, ValuesOutsideTheirEnumAreRefused) {
-  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 3))), Code::kMalformed);  // mode
+  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 3))), Code::kMalformed);  // no mode has the number 3
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, std::string()))).text,
               HasSubstr("downscale.mode is not given"));
-  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 5))), Code::kShape);  // wanted
+  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 5))), Code::kShape);  // no reply column
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 30))), Code::kOk);
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, field(5, 3)))).text,
               HasSubstr("downscale.mode = 3 is no value of Mode"));
@@ -228,7 +228,7 @@ TEST(Codec, UnknownFieldBombsAreRefused) {
   std::string wanted;
   while (wanted.size() < kMaxHeaderBytes - 200) wanted += varint(30);
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, wanted))), Code::kShape);
-  std::string nested = field(1, std::string());  // deeper than any message of ours
+  std::string nested = field(1, std::string());  // nested deeper than any message of the protocol
   for (int i = 0; i < 200; ++i) nested = field(1, nested);
   EXPECT_EQ(code_of(envelope() + field(kHelloField, field(77, nested))), Code::kMalformed);
 }
@@ -240,10 +240,10 @@ TEST(Codec, FramesAreOneOrTwoAndAsDeclared) {
   EXPECT_EQ(refusal<Request>(Frames{{whole.frames[0], whole.frames[1], {}}}).code, Code::kBadFraming);
   const Frames hello = samples::frames_of(samples::request("hello"));
   EXPECT_EQ(refusal<Request>(Frames{{hello.frames[0], {}}}).code, Code::kBadFraming);
-  EXPECT_EQ(refusal<Request>(Frames{{whole.frames[1], whole.frames[0]}}).code, Code::kMalformed);  // swapped
+  EXPECT_EQ(refusal<Request>(Frames{{whole.frames[1], whole.frames[0]}}).code, Code::kMalformed);  // frames swapped
   Request commit = samples::request("commit");
   commit.batch = samples::step_columns(1);
-  EXPECT_EQ(refusal<Request>(samples::frames_of(commit)).code, Code::kShape);  // a commit carries no payload
+  EXPECT_EQ(refusal<Request>(samples::frames_of(commit)).code, Code::kShape);  // a commit has no payload
 }
 
 TEST(Codec, ReplyHasABodyExactlyWhenItIsOk) {
@@ -255,7 +255,7 @@ TEST(Codec, ReplyHasABodyExactlyWhenItIsOk) {
   EXPECT_EQ(refusal<Reply>(samples::frames_of(reply)).code, Code::kMalformed);
   reply.status.code = Code::kUnspecified;
   EXPECT_EQ(refusal<Reply>(samples::frames_of(reply)).code, Code::kMalformed);
-  reply.status.code = Code::kUnreachable;  // exists on the client's side only
+  reply.status.code = Code::kUnreachable;  // this code is only for the client's own use
   EXPECT_EQ(refusal<Reply>(samples::frames_of(reply)).code, Code::kMalformed);
 }
 
@@ -344,7 +344,8 @@ void expect_no_truncation_passes(const std::vector<std::pair<std::string, Messag
 }
 
 TEST(Codec, TruncationAtAnyByteIsRefused) {
-  // The last field of each sample is its body, or stands after it, so that no shorter header is a message.
+  // In every sample the last field of the header is the body, or comes after it. No truncated header is a valid
+  // message.
   expect_no_truncation_passes(samples::requests());
   expect_no_truncation_passes(samples::replies());
 }
@@ -358,8 +359,9 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       flipped.frames[1][bit / 8] ^= std::byte(1U << bit % 8);
       EXPECT_EQ(refusal<Message>(flipped).code, Code::kChecksum) << name << " payload bit " << bit;
     }
-    // The header has no checksum of its own (the transport's must do): a flip is refused, or shows in the message, or
-    // turns the 1 of a bool into another number that is not 0.
+    // The header has no checksum of its own (it relies on that of the transport). A flipped bit is refused, or it
+    // changes the decoded message, or it turns the 1 of a bool into another nonzero number, which decodes to the same
+    // message.
     std::size_t unseen = 0;
     for (std::size_t bit = 0; bit < 8 * whole.frames[0].size(); ++bit) {
       Frames flipped = whole;
@@ -372,7 +374,7 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       }
       if (samples::frames_of(found).frames == whole.frames) ++unseen;
     }
-    EXPECT_LE(unseen, 2 * 6U) << name;  // no sample has more than two of them
+    EXPECT_LE(unseen, 2 * 6U) << name;  // no sample has more than two bools, each with 6 such bits
   }
 }
 
@@ -381,7 +383,7 @@ TEST(Codec, EveryFlippedBitIsSeen) {
   expect_flips_are_seen(samples::replies());
 }
 
-// ---- what was agreed stays agreed: tests/golden/wire/messages.txt holds the bytes of every kind of message ----
+// ---- stability of the format: tests/golden/wire/messages.txt holds the bytes of every kind of message ----
 
 std::string hex(const Bytes& bytes) {
   std::string out;

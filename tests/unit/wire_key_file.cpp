@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-// A key that begins as a comment does, but for the blank.
+// A key that begins with "#" and yet is no comment, because comments begin with "# ".
 const std::string kKey = "#bcdefghijklmnopqrstuvwxyz0123456789.-:+";
 
 class KeyFiles : public testing::Test {

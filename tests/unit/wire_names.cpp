@@ -1,4 +1,4 @@
-// The enums of the wire against those of the schema: no value and no enum of either side can be forgotten.
+// The enums of the code must have the same names and values as those of the schema, and neither side may have more.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@
 namespace shearbus::wire {
 namespace {
 
-using Values = std::map<std::string, std::uint32_t>;  // by name, without the enum's prefix
+using Values = std::map<std::string, std::uint32_t>;  // names without the enum's prefix
 using Enums = std::map<std::string, Values>;
 
 std::string upper_case(std::string text) {
@@ -25,7 +25,7 @@ std::string upper_case(std::string text) {
   return text;
 }
 
-// "enum Mode { MODE_TRIAL = 2; }" -> {"Mode", {{"TRIAL", 2}}}
+// Reads the enums of a schema file: "enum Mode { MODE_TRIAL = 2; }" -> {"Mode", {{"TRIAL", 2}}}.
 Enums enums_of_schema(const std::string& file) {
   std::ifstream in(std::string(SHEARBUS_SOURCE_DIR) + "/proto/shearbus/v1/" + file);
   std::string text{std::istreambuf_iterator<char>(in), {}};

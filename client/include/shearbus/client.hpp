@@ -11,7 +11,8 @@
 // kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
 // included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
 // values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
-// server refuses a different call with kSequenceReused if the lost request has run; the session then continues after it.
+// server refuses a different call with kSequenceReused if the lost request has run; the session then continues
+// after the lost request.
 //
 // The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
 // their deadline and then continue. They throw kEpoch if the server was restored with older states.
@@ -40,14 +41,14 @@ using wire::Status;
 using wire::TransferId;
 
 struct ClientOptions {
-  std::string endpoint;                               // tcp://host:port, ipc://path or inproc://name
-  void* context = nullptr;                            // libzmq context to share; required for inproc, else null
-  std::string server_key;                             // tcp: the server's public CURVE key; empty: no encryption
-  std::string secret_key;                             // this client's, with server_key; shearbus-ctl keygen makes both
-  std::string name = "shearbus-client";               // of this client in the server's log
-  std::chrono::milliseconds connect_deadline{5'000};  // for the first hello
-  std::chrono::milliseconds reply_deadline{60'000};   // for any other call, retries included
-  std::chrono::milliseconds retry_after{5'000};       // then the client repeats the request on a fresh socket
+  std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
+  void* context = nullptr;               // libzmq context to share; required for inproc, else null
+  std::string server_key;                // tcp: the server's public CURVE key; empty: no encryption
+  std::string secret_key;                // this client's secret key, with server_key; made by shearbus-ctl keygen
+  std::string name = "shearbus-client";  // name of this client in the server's log
+  std::chrono::milliseconds connect_deadline{5'000};  // deadline of the first hello
+  std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
+  std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
 };
 
 // A new pair of CURVE keys, each of 40 characters.
@@ -67,9 +68,9 @@ struct OpenOptions {
 struct StepOptions {
   double dt_s = 0.0;
   double time_s = 0.0;     // end of the step, for records only
-  std::uint64_t step = 0;  // the host's number, for records only
+  std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // of trial(): first commit the standing trial
+  bool commit_previous = false;  // for trial(): commit the standing trial first
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and changes nothing.
   Policy policy = Policy::kAccept;
@@ -114,15 +115,15 @@ class Session {
   // The required columns of a step of all nodes, with rows in the order of node_ids(), zeroed, and the given optional
   // columns.
   Batch request(std::span<const Field> optional_columns = {}) const;
-  // The same columns for some nodes, with rows in the order of `node_ids`.
+  // The required columns of a step of some nodes, with rows in the order of `node_ids`, and the given optional columns.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // step and accept
   const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
   // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
-  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with the
-  // same values is the same request.
+  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
+  // the same values is the same request.
   void start_trial(const Batch& request, const StepOptions& step);
   const StepResult& finish_trial();
   std::uint64_t commit();
@@ -148,10 +149,10 @@ class Session {
   void want_energy_ledger();  // asks for all default columns and, if the session has them, wire::kLedgerColumns
   const std::string& effective_scene()
       const;  // canonical TOML text with every default and constant, as the server understood it
-  const wire::SessionOpened& opened() const;  // the same, with the strategy and the columns of this session's steps
+  const wire::SessionOpened& opened() const;  // the scene with the strategy and the columns of this session's steps
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
-  const std::vector<std::uint64_t>& node_ids() const;  // in the order of the rows
+  const std::vector<std::uint64_t>& node_ids() const;  // node ids in the order of the rows
 
   // Lets another process continue this session after this process has ended. The ticket is a secret: its holder owns
   // the session.
@@ -192,8 +193,8 @@ class Client {
   ~Client();
 
   const wire::Welcome& welcome() const;
-  // Opens a session of a scene: TOML text, which the server reads. `scene_file` names it in messages; a scene at fault throws kInvalidScene
-  // with a line "scene_file:line:column: ..." for each fault.
+  // Opens a session of a scene: TOML text, which the server reads. `scene_file` names the text in messages. A scene at
+  // fault throws kInvalidScene with a line "scene_file:line:column: ..." for each fault.
   Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                const OpenOptions& options = {});
   // Continues the session of a client that has ended. A session has one client at a time.
@@ -205,8 +206,8 @@ class Client {
   wire::Draining drain(bool exit);
   std::vector<wire::SessionInfo> sessions();
   TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
-  // Ends a session whose client has ended, given as sessions() returned it, and frees its states. The server refuses the
-  // call if the session has continued since.
+  // Ends a session whose client has ended, given as returned by sessions(), and frees its states. The server refuses
+  // the call if the session has continued since.
   wire::SessionClosed close(const wire::SessionInfo& session);
 
  private:

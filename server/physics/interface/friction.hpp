@@ -40,18 +40,18 @@ struct FrictionValue {
 // temperature except through the stress, so a step in which mu(c - b a) P holds the stress has its answer before T0 is
 // known: for the rest of the solver the limit is a constant.
 struct SlidingFriction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: among the sliding states the one with the most slip  [Pa]
+  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
   double holding;  // mu P at the slip of a = a_stick: the limit of an interface that sticks                       [Pa]
-  // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist with
-  // the sliding one. Infinity: never.
+  // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist
+  // with the sliding one. Infinity: never.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
 // The properties of a friction law. Options of a model are allowed or refused by them, never by the name of a law. None
 // has a default: a law that does not declare all of them does not compile.
 struct FrictionLawProperties {
-  bool depends_on_slip;         // of the step itself
-  bool depends_on_temperature;  // T0 at the end of the step
+  bool depends_on_slip;         // whether mu depends on the slip of the step
+  bool depends_on_temperature;  // whether mu depends on T0 at the end of the step
 };
 
 template <class Law>
@@ -65,32 +65,33 @@ constexpr FrictionLawProperties properties_of_law() {
   return {.depends_on_slip = Law::kDependsOnSlip, .depends_on_temperature = Law::kDependsOnTemperature};
 }
 
-// A law whose coefficient falls with T0. Solvers count on mu(T0) being continuous, without a rise, and 0 from T_melt on.
+// A law whose coefficient falls with T0. Solvers require that mu(T0) is continuous, never rises and is 0
+// from T_melt on.
 template <class Law>
 concept TemperatureDependentFriction =
     !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {
-  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| from T to T  [1/K]
+  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
 };
 
 // A law whose coefficient depends on slip solves a step by itself.
 template <class Law>
 concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
-  // P, c, b, a_stick
+  // The arguments are P, c, b and a_stick.
   { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
 };
 
 template <class Law>
 concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDependentFriction<Law> &&
     SlipDependentFriction<Law> && requires(const InterfaceOptions& options, const Material& soft, double value) {
-  { Law::kName } -> std::convertible_to<std::string_view>;      // the word of scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;  // of the options page
+  { Law::kName } -> std::convertible_to<std::string_view>;      // its name in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // its equation on the options page
   { Law::kAdds } -> std::convertible_to<std::string_view>;      // what the law adds to constant friction
   { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use it
-  // A fault in the constants of the law together; its field is a key of [interface].
+  // Checks the constants of the law together. The field of a fault is a key of [interface].
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Replaces the constants of the law by typical ones; mu and the yield strength are given.
   { Law::typical(options, soft) } -> std::same_as<InterfaceOptions>;
-  // At T0 and |[v]|; `soft` at the pressure of the node.
+  // The coefficient at T0 and |[v]|; `soft` holds the properties at the pressure of the node.
   { Law::at(options, soft, value, value) } -> std::same_as<FrictionValue>;
 };
 

@@ -15,7 +15,7 @@ namespace shearbus::physics {
 template <FrictionLawClass... Laws>
 using FrictionLawList = LawList<FrictionLaw, Laws...>;
 
-using FrictionLaws = FrictionLawList<ConstantFriction,   // one line each
+using FrictionLaws = FrictionLawList<ConstantFriction,   // one line per law
                                      VelocityWeakening,  //
                                      ThermalSoftening>;
 
@@ -23,7 +23,7 @@ inline FrictionLawProperties properties_of(FrictionLaw law) {
   return FrictionLaws::with(law, [](auto own) { return properties_of_law<typename decltype(own)::type>(); });
 }
 
-// The states that a law declares as `static constexpr StateVariable kStates[]`; none without that member.
+// The states that a law declares as `static constexpr StateVariable kStates[]`; empty without that member.
 inline std::span<const StateVariable> states_of(FrictionLaw law) {
   return FrictionLaws::with(law, [](auto own) -> std::span<const StateVariable> {
     using Law = typename decltype(own)::type;

@@ -14,7 +14,7 @@ namespace shearbus::physics {
 struct JunctionOptions {
   double contact_fraction = 1.0;  // f
   double height = 0.0;            // d  [m]
-  Material metal;                 // its hardening: Y0_a, Y_max_a, beta_a, n_a
+  Material metal;                 // metal of the junctions, for its hardening: Y0_a, Y_max_a, beta_a, n_a
 };
 
 // The junctions of one node in one step; their strain is a state of the node.
@@ -27,7 +27,7 @@ struct Junctions {
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }
 
-  // f Y_a / (g sqrt(3)) after a step of that slip velocity, and its slope in the slip velocity.
+  // Strength f Y_a / (g sqrt(3)) after a step with the slip velocity `slip`, and its derivative by `slip`.
   struct Value {
     double strength;  // [Pa]
     double slope;     // [Pa s/m]

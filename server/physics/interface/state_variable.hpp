@@ -5,7 +5,7 @@
 namespace shearbus::physics {
 
 struct StateVariable {
-  const char* name;  // "junction_strain"; a unit other than 1 is its suffix
+  const char* name;  // for example "junction_strain"; a unit other than 1 is appended to the name
   const char* unit;  // UDUNITS, "1" without a dimension
 };
 

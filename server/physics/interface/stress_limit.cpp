@@ -7,13 +7,13 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;    // bisection alone needs some 60
-constexpr int kNewtonIterations = 12;  // more than it has ever taken; from then on every second step bisects
+constexpr int kMaxIterations = 200;    // bisection alone needs about 60
+constexpr int kNewtonIterations = 12;  // more than Newton has needed; afterwards every second step bisects
 constexpr double kConverged = 1e-9;    // relative: the next Newton step is below rounding
-constexpr double kLeastGuess = 1e-12;  // of the upper end: a start below it says nothing
+constexpr double kLeastGuess = 1e-12;  // relative to the upper end: a smaller starting stress is no useful guess
 constexpr int kMaxSearchIterations = 400;
 
-// s_lim where the stress is a, and d s_lim / da.
+// s_lim at the temperature and slip that the stress a causes, and d s_lim / da.
 struct Carried {
   StressLimit::Value limit;
   double slope;
@@ -26,8 +26,8 @@ Carried carried(const StressLimit& limit, const FrictionHeating& heating, double
   return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
 }
 
-// One Newton step on H itself from next to its zero takes out what the iteration's tolerance left. `cold`: where the
-// interface would be molten at `a`.
+// Removes the error that the tolerance of the iteration left, by one Newton step on H. Returns `cold` if the interface
+// would be molten at `a`.
 double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
   const Carried s = carried(limit, heating, a);
   if (s.limit.stress <= 0.0) return cold;
@@ -66,7 +66,7 @@ double StressLimit::steepest(double coldest, double hottest, double most_slip) c
                            else
                              return 0.0;
                          });
-  // Both branches fall with T0. Where one is below the other over the whole range it is the limit alone.
+  // Both branches fall with T0. A branch that is below the other over the whole range is the limit alone.
   const double yield_cold = strength * softening(*soft, pressure, coldest).g;
   const double yield_hot = strength * softening(*soft, pressure, hottest).g;
   if (friction(coldest).stress < yield_hot) return rubbing;
@@ -80,11 +80,11 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 }
 
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
-  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);  // it falls with T0, rises with slip
+  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);  // largest limit: no heat, most slip
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
-  // Where slip is at least c/2 this much stress would melt the interface: with fast slip it is far below `hi`.
+  // If slip is at least c/2, this stress would melt the interface; with fast slip it is far below `hi`.
   const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
   double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;
@@ -93,13 +93,13 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     const double stress = s.limit.stress;
     (stress > a ? lo : hi) = a;
     if (stress == a || hi - lo <= 2.0 * std::numeric_limits<double>::epsilon() * hi) return a;
-    // Newton on log(s_lim / a): it is concave where melting makes s_lim fall like exp(-1/x), so that steps from the hot
-    // side never overshoot.
+    // Newton works on log(s_lim / a), which is concave where melting makes s_lim fall like exp(-1/x), so that steps
+    // from the hot side never overshoot.
     double next = 0.0;
     if (stress > 0.0 && a > 0.0) {
       next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
       if (std::abs(next - a) <= kConverged * a) {
-        // A short step of the logarithm may only say that melting is near: then the step on H itself is not short.
+        // A short step on the logarithm may only mean that melting is near; convergence needs a short step on H, too.
         const double straight = a + (stress - a) / (1.0 - s.slope);
         if (std::abs(straight - a) <= kConverged * a) {
           return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));
@@ -110,12 +110,12 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
     a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
   }
-  return std::numeric_limits<double>::quiet_NaN();  // no root was found: no number
+  return std::numeric_limits<double>::quiet_NaN();  // no root was found
 }
 
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a) {
   const double T_melt = limit.soft->melting_temperature;
-  // The temperature as the state will have it, and as the limit sees it: they may differ in the last digit.
+  // Checks the temperature as the state computes it and as the limit computes it: the two may differ in the last digit.
   const auto melts = [&](double stress) {
     return heating.T_ad + partition * (stress * heating.slip(stress)) * B0 >= T_melt ||
            heating.temperature(stress) >= T_melt;
@@ -131,9 +131,9 @@ double below_melting(const StressLimit& limit, const FrictionHeating& heating, d
 
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
   const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
-  if (2.0 * heating.b * end <= heating.c || heating.c <= 0.0) return true;  // heating rises with stress all the way
+  if (2.0 * heating.b * end <= heating.c || heating.c <= 0.0) return true;  // heating rises with stress up to `end`
   const double hottest = heating.temperature(0.5 * heating.c / heating.b);
-  // Above the stress of most heating the slip is at most c/2.
+  // Above the stress of greatest heating the slip is at most c/2.
   if (limit.is_constant_below(hottest, heating.slip(end))) return true;
   const double coldest = heating.temperature(end);
   return heating.rise * limit.steepest(coldest, hottest, 0.5 * heating.c) * (2.0 * heating.b * end - heating.c) < 1.0;
@@ -141,11 +141,11 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
 
 namespace {
 
-constexpr double kSame = 1e-9;      // relative difference below which two zeros are one
-constexpr double kArrived = 1e-12;  // relative residual below which a zero is one
+constexpr double kSame = 1e-9;      // relative difference below which two zeros count as the same
+constexpr double kArrived = 1e-12;  // relative residual below which a stress counts as a zero
 
-// What is carried at the temperature that a makes. Where slip hardens junctions, with the slip that goes with the
-// answer.
+// The limit at the temperature that the stress a causes. With junctions, whose strength depends on slip: the stress
+// that equals the limit at this temperature and at its own slip.
 double carried_where(const StressLimit& limit, const FrictionHeating& heating, double a) {
   const double T0 = heating.temperature(a);
   if (limit.effort != nullptr) ++limit.effort->limit_values;
@@ -153,9 +153,9 @@ double carried_where(const StressLimit& limit, const FrictionHeating& heating, d
   return slip_stress(limit, {T0, 0.0, heating.c, heating.b}, std::numeric_limits<double>::infinity(), a);
 }
 
-// Behind the stress of greatest heating a -> s_lim(T0(a)) rises: from a start with H > 0 (H < 0) it climbs to the next
-// zero above (falls to the next one below) and cannot jump over it. Ends at a border, or short of the zero after too
-// many steps.
+// Iterates a -> s_lim(T0(a)), which rises with a above the stress of greatest heating: from a start with H > 0 (H < 0)
+// the iteration climbs to the next zero above (falls to the next zero below) and cannot jump over it. It ends at
+// `begin` or `end`, or short of the zero after too many iterations.
 double approach_zero(const StressLimit& limit, const FrictionHeating& heating, double a, double begin, double end) {
   for (int iteration = 0; iteration < kMaxSearchIterations; ++iteration) {
     const double next = std::clamp(carried_where(limit, heating, a), begin, end);
@@ -171,7 +171,7 @@ double approach_zero(const StressLimit& limit, const FrictionHeating& heating, d
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
   const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   const double spare_end = spare_strength(limit, heating, end);
-  // 1. Up to the stress of greatest heating H falls: a zero there is the only one there.
+  // 1. Up to the stress of greatest heating H falls, so it has at most one zero there.
   const double peak = heating.b > 0.0 && heating.c > 0.0 ? std::min(end, 0.5 * heating.c / heating.b) : end;
   if (peak == end && spare_end > 0.0) return {end, false, false};
   if (spare_strength(limit, heating, peak) <= 0.0) {
@@ -180,7 +180,7 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     const double last = spare_end > 0.0 ? end : approach_zero(limit, heating, end, peak, end);
     return {a, true, last > peak * (1.0 + kSame)};
   }
-  // 2. Behind it: the first zero above the peak, if there is one.
+  // 2. Above the stress of greatest heating: the first zero of H, if there is one.
   double a = approach_zero(limit, heating, peak, peak, end);
   if (a == end) return {end, spare_end <= 0.0, false};
   if (spare_end > 0.0) {
@@ -188,7 +188,7 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     return found ? SlipSearch{a, true, false} : SlipSearch{end, false, false};
   }
   const double last = approach_zero(limit, heating, end, peak, end);
-  // 3. A climb too slow to arrive (two zeros about to meet): bisect for the zero the change of sign promises.
+  // 3. The iteration may be too slow to arrive where two zeros nearly coincide. H changes sign up to `last`: bisect.
   double hi = last;
   while (spare_strength(limit, heating, a) > kArrived * a) {
     const double mid = 0.5 * (a + hi);

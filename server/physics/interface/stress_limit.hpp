@@ -2,8 +2,8 @@
 //
 //   s_lim(T0, [v]) = min(mu(T0, [v]) P, Y([v]) g(P, T0) / sqrt(3)),
 //
-// where Y is a yield strength, or that of junctions, which grows with the slip of the step. All solvers take this one
-// object; the ceiling of a layer (Y_max) is one without friction.
+// where Y is a yield strength or the strength of junctions, which grows with the slip of the step. All solvers use this
+// object; the ceiling of a layer (Y_max) is a StressLimit without friction.
 #pragma once
 
 #include <limits>
@@ -22,7 +22,7 @@ struct StressLimit {
   double tresca = 0.0;      // yield strength / sqrt(3), without junctions                            [Pa]
   double pressure = 0.0;    // P                                                                      [Pa]
   const Material* soft = nullptr;
-  Junctions junctions = {};                   // with the state of the node
+  Junctions junctions = {};                   // junctions with their state at the node
   double offset = 0.0;                        // added to the limit                              [Pa]
   SearchEffort* effort = nullptr;             // counts evaluations
   const InterfaceOptions* varying = nullptr;  // a friction law that is not constant, in place of `coulomb`
@@ -52,20 +52,20 @@ struct StressLimit {
     return varying_friction(temperature, slip);
   }
 
-  // The friction of a step with slip c - b a, of a law that depends on slip; nothing for other laws.
+  // The friction of a step with slip c - b a for a law that depends on slip; empty for other laws.
   std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const {
     if (varying == nullptr) return {};
     return varying_friction_of_step(c, b, a_stick);
   }
 
-  // The same limit with a constant friction stress.
+  // This limit with a constant friction stress.
   StressLimit with_friction(double stress) const {
     StressLimit other = *this;
     other.coulomb = stress;
     other.varying = nullptr;
     return other;
   }
-  // Both branches times `factor`, then `shift` added: a stage of a second-order step. Without junctions.
+  // The limit in a stage of a second-order step: both branches times `factor`, plus `shift`. Not for junctions.
   StressLimit scaled(double factor, double shift) const {
     StressLimit other = *this;
     other.coulomb *= factor;
@@ -77,7 +77,7 @@ struct StressLimit {
 
   // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`  [Pa/K].
   double steepest(double coldest, double hottest, double most_slip) const;
-  // Whether constant friction is the limit at a temperature, and so at all colder ones.
+  // Whether constant friction is the limit at a temperature, and therefore at all lower temperatures.
   bool is_constant_below(double temperature, double slip) const {
     return varying == nullptr && at(temperature, slip).is_coulomb;
   }
@@ -116,12 +116,12 @@ struct FrictionHeating {
 // H(a) = s_lim(T0(a), v(a)) - a: positive if the interface can carry more than a  [Pa].
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
-// The zero of H in [0, a_max], for an H with one zero there; a_max, which the interface carries, for one with none.
-// Starts at `guess`. A NaN if no zero was found.
+// The zero of H in [0, a_max], where H has at most one; a_max if H has none, because the interface then carries a_max
+// [Pa]. The search starts at `guess`. Returns NaN if it fails.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
 // The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt; `a` if the
-// interface was molten before. Needed because one ulp of temperature can exceed what is left to melting.
+// interface was molten before. Needed because one ulp of temperature can exceed the distance to melting.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
 // Whether H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0| (2 b a - c) < 1.
@@ -130,7 +130,7 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
 
 // The smallest zero of H in [0, a_max], which is the answer with the most slip, for any number of zeros.
 struct SlipSearch {
-  double stress;  // the zero; without one a_max, or the limit there   [Pa]
+  double stress;  // the zero; without a zero the smaller of a_max and the limit   [Pa]
   bool found;
   bool several;  // H has other zeros in [0, a_max]
 };

@@ -2,9 +2,10 @@
 //
 //   mu(T0) = mu (1 - T*^m),   T* = (T0 - T_ref) / (T_melt - T_ref), 0 below T_ref and 1 above T_melt
 //
-// An own modelling choice, not of the paper: the thermal factor of Johnson and Cook (1983) on the coefficient, so that
-// friction vanishes where the soft body melts, as its yield limit does. T_melt is that of the soft body at the pressure
-// of the node. m is at least 1: a smaller exponent has no bounded slope at T_ref.
+// This law is a modelling choice of this project, not of the paper: it applies the thermal factor of Johnson and Cook
+// (1983) to the coefficient, so that friction vanishes where the soft body melts, as its yield limit does. T_melt is
+// the melting temperature of the soft body at the pressure of the node. m is at least 1: with a smaller exponent the
+// slope at T_ref is not bounded.
 #pragma once
 
 #include <algorithm>

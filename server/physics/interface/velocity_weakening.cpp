@@ -8,8 +8,8 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;  // bisection alone needs some 60
-constexpr double kArrived = 1e-15;   // relative
+constexpr int kMaxIterations = 200;  // bisection alone needs about 60
+constexpr double kArrived = 1e-15;   // relative length of the last step
 
 // The balance h(a) = mu(c - b a) P - a of a step.
 struct Balance {
@@ -19,8 +19,8 @@ struct Balance {
   double value(double a) const { return law.coefficient(c - b * a) * pressure - a; }
   double slope(double a) const { return (law.coefficient(c - b * a) - law.fast) * law.decay * b * pressure - 1.0; }
   double end_of_slip() const { return c / b; }
-  // The a of the least h. Only friction that falls with velocity makes h turn, at b theta (mu_0 - mu_inf) P
-  // exp(-theta v) = 1.
+  // The stress a at which h is smallest. Inside (0, c/b) h has a minimum only if friction falls with velocity; it lies
+  // where b theta (mu_0 - mu_inf) P exp(-theta v) = 1.
   double turn() const {
     const double steepness = (law.at_rest - law.fast) * pressure * law.decay * b;
     if (!(steepness > 0.0)) return end_of_slip();
@@ -52,7 +52,7 @@ double sliding_stress(const VelocityWeakening& law, double pressure, double c, d
   if (c <= 0.0) return at_rest;
   const Balance h{law, pressure, c, b};
   const double turn = h.turn();
-  if (h.value(turn) > 0.0) return at_rest;  // no state slips against the falling branch
+  if (h.value(turn) > 0.0) return at_rest;  // h has no zero while the interface slips
   return zero_between(h, 0.0, turn, 0.0, false);
 }
 

@@ -35,8 +35,8 @@ struct VelocityWeakening {
   static SlidingFriction of_step(const InterfaceOptions& options, double pressure, double c, double b, double a_stick);
 };
 
-// The smallest a >= 0 with a = mu(max(0, c - b a)) P. One exists always; where friction falls steeply with velocity
-// there may be three, and the sliding state continues in the smallest.
+// The smallest a >= 0 with a = mu(max(0, c - b a)) P  [Pa]. A solution always exists. Where friction falls steeply with
+// velocity there may be three, and a sliding node continues in the smallest.
 double sliding_stress(const VelocityWeakening& law, double pressure, double c, double b);
 
 }  // namespace shearbus::physics

@@ -27,7 +27,8 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
     weight.push_back(0.5 * width.back());
   }
   if (!grid.matched) return;
-  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; longer conduction lengths compensate.
+  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; longer conduction lengths
+  // compensate.
   const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
   for (double& cell : width) cell *= stretch;
 }
@@ -86,7 +87,8 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   const std::size_t n = grid.weight.size();
   const std::size_t first = static_cast<std::size_t>(interface);
 
-  // kept = 1 - outward. pivot = 1 + kept c + a is the elimination's 1 + a + c - c outward without the difference.
+  // kept = 1 - outward. The pivot of the elimination, 1 + a + c - c outward, is computed without the difference, as 1 +
+  // a + kept c.
   const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
     const double own = 1.0 + outer * kept_outside;
     const double pivot = own + inner;
@@ -190,7 +192,8 @@ class Sweeps {
   Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
       : far_(far), heat_(heat), T_(temperature) {}
 
-  // Inwards from the outermost heated vertex (zeros beyond give zeros) to the neighbour of z = 0.
+  // Eliminates from the outermost heated vertex inwards to the neighbour of z = 0. Beyond the heated vertices all
+  // values are zero.
   Row<kWidth> eliminate(Arm arm) const {
     Row<kWidth> t = 0.0;
     for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
@@ -200,7 +203,7 @@ class Sweeps {
     return t;
   }
 
-  // z = 0, from both bodies.
+  // Solves the vertex at z = 0 from the eliminations of both bodies.
   Row<kWidth> meet(const Row<kWidth>& from_soft, const Row<kWidth>& from_hard) const {
     const std::ptrdiff_t i = heat_.interface;
     Row<kWidth> t =
@@ -209,7 +212,8 @@ class Sweeps {
     return t;
   }
 
-  // Outwards from `t`, the value at z = 0, until no lane changes any more: beyond the heated vertices values decay.
+  // Substitutes from `t`, the value at z = 0, outwards until no lane changes any more: beyond the heated vertices
+  // values decay.
   void substitute(Arm arm, Row<kWidth> t) const {
     std::ptrdiff_t i = heat_.interface;
     while (i != arm.heated) {
@@ -272,7 +276,8 @@ void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* 
 
 namespace {
 
-// B falls from z = 0 outwards. Half an ulp of T is more than 2^-54 T, and no vertex is half as warm as the ends are.
+// Skips the vertices at which flux * B is below half an ulp of T. B falls from z = 0 outwards, half an ulp of T is more
+// than 2^-54 T, and no vertex is colder than half the temperature of the colder end.
 template <int kWidth>
 void add(const HeatOperator& heat, int num_vertices, const Row<kWidth>& flux, double* temperature) {
   const double strongest = hmax(abs(flux));

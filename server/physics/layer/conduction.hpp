@@ -12,17 +12,18 @@
 
 namespace shearbus::physics {
 
-// The vertices of the temperature: the layer's and, for a half-space, those of the soft body behind the layer. The
-// extension behind the layer begins with the layer's last cell, widens by kExtensionGrading up to kExtensionDepth
-// thicknesses and is insulated there. Its vertices hold the geometric mean of their two cells: on geometric cells the
-// discrete half-space then responds as the continuous one does (arithmetic means make it (ln grading)^2/16 too stiff at
-// all times), so a few wide cells suffice. A matched grid keeps its own grading in the extension, and its conduction
-// lengths are larger by the factor that compensates the arithmetic means. Where the hard body conducts, its vertices
-// come first, the outermost one leading: one line of cells through z = 0.
+// The vertices of the temperature: those of the layer and, for a half-space, vertices of the soft body behind the
+// layer. The extension behind the layer begins with the layer's last cell, widens by kExtensionGrading up to
+// kExtensionDepth thicknesses and is insulated there. Its vertices hold the geometric mean of their two cells: on
+// geometric cells the discrete half-space then responds as the continuous half-space does (arithmetic means make it (ln
+// grading)^2/16 too stiff at all times), so a few wide cells suffice. A matched grid keeps its own grading in the
+// extension, and its conduction lengths are larger by the factor that compensates the arithmetic means. Where the hard
+// body conducts, its vertices come first, the outermost vertex leading, so that both bodies form one row of cells
+// through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
-  static constexpr double kLeastMatchedGrading = 1.001;  // of a matched grid's extension
+  static constexpr double kLeastMatchedGrading = 1.001;  // smallest grading of the extension of a matched grid
 
   HeatGrid(const Grid& soft, FarBoundary far_boundary);
   HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary);
@@ -34,14 +35,14 @@ struct HeatGrid {
 
   int interface = 0;           // the vertex at z = 0
   std::vector<double> width;   // conduction length of each cell                 [m]
-  std::vector<double> weight;  // of each vertex: the length whose heat it holds; at z = 0 that in the soft body [m]
+  std::vector<double> weight;  // length whose heat each vertex holds; at z = 0 the part in the soft body [m]
   double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
 //   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   a = alpha dt / (weight * width before), c after
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
-// temperature need no elimination, and what reaches them decays outwards. All coefficients are positive and no
+// temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
 // difference is formed, so nothing cancels: the solution is accurate to rounding for any dt and grading.
 struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
@@ -56,13 +57,13 @@ struct HeatOperator {
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
   std::span<double> outward;        // t[i] / t[inner neighbour] for old values 0; unused at z = 0
-  double inward_hard;               // like inward[z = 0], which is the soft side's, from the hard side
+  double inward_hard;               // elimination factor at z = 0 from the hard side; inward[z = 0]: soft side
   std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 
  private:
-  std::unique_ptr<double[]> memory_;  // one block: a step length costs few allocations
+  std::unique_ptr<double[]> memory_;  // one block, so that a new step length needs few allocations
 };
 
 // Heat sources at the vertices of the layer, for work that is released across the layer.
@@ -73,7 +74,7 @@ struct SpreadHeat {
 };
 
 // Writes B_phi, the temperature after a step from 0 K with 1 W/m2 distributed over the layer by the fractions `shape`.
-// Both [vertex][lane] of the layer.
+// Both arrays are [vertex][lane] of the layer.
 void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response);
 
 // T = T_ad + q B_phi in both bodies, all lanes. `response` is what respond() wrote.
@@ -84,7 +85,7 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
 // Vertices at the far temperature that no heat reaches in this step, to the last bit, are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
-// The same for one lane of a tile, in place.
+// One step without flux of one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
 // T = T_ad + q B, DLP (35), for all lanes or one. Vertices where q B is below half an ulp of the coldest temperature

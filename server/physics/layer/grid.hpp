@@ -5,7 +5,7 @@
 
 namespace shearbus::physics {
 
-inline constexpr int kMaxBasisVertices = 1000;  // of both bodies, where nodes sleep: the modes are a square matrix
+inline constexpr int kMaxBasisVertices = 1000;  // both bodies, with sleep: the modes are a square matrix
 
 enum class FarBoundary { kInsulated, kHalfSpace };
 
@@ -14,8 +14,8 @@ struct GridOptions {
   int cells = 500;
   double grading = 1.0;  // ratio of neighbouring cells, growing from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
-  // The conduction lengths compensate the error of the grading in the response at z = 0, and a half-space continues with
-  // the same grading (METHODS.md, tolerance).
+  // Whether the conduction lengths compensate the error of the grading in the response at z = 0, and a half-space
+  // continues with the same grading (METHODS.md, "Tolerance").
   bool matched = false;
 };
 
@@ -28,9 +28,9 @@ struct Grid {
   double grading;
   bool matched;
 
-  std::vector<double> width;   // of each cell, from the interface outward  [m]
+  std::vector<double> width;   // width of each cell, from the interface outward  [m]
   std::vector<double> vertex;  // z of each vertex                          [m]
-  std::vector<double> weight;  // of each vertex in an integral over the layer: half of its two cells  [m]
+  std::vector<double> weight;  // weight of each vertex in an integral over the layer: half of its two cells  [m]
 };
 
 }  // namespace shearbus::physics

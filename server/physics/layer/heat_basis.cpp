@@ -18,7 +18,7 @@ constexpr double kDead = 1e-17;  // [K]
 // C dT/dt = -K T with the capacities C and conductances K is symmetric in sqrt(C) T.
 HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material& hard) {
   const int n = grid.num_vertices();
-  Eigen::VectorXd root(n);  // of the capacities
+  Eigen::VectorXd root(n);  // square roots of the capacities
   for (int i = 0; i < n; ++i) root[i] = std::sqrt(grid.capacity(i, soft, hard));
   Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(n);
   Eigen::VectorXd off(n - 1);
@@ -44,7 +44,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
       projection.push_back(mode(i, k) * root[i] * scale);
-      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 the soft body's part
+      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 the part in the soft body
       if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
       if (k == 0) heat += grid.capacity(i, soft, hard);
     }
@@ -63,7 +63,7 @@ std::vector<double> HeatBasis::decay(double dt) const {
 SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
-  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // as conduct()
+  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // the same choice as in conduct()
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     const double* projection = basis.projection.data() + k * n;
@@ -83,7 +83,7 @@ SHEARBUS_WIDE void to_profile(const HeatBasis& basis, int num_live, int lane, co
   const std::ptrdiff_t n = basis.num_modes();
   double sum[kMaxBasisVertices];
   std::fill_n(sum, n, 0.0);
-  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // the mean last: added first it would round the others off
+  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // adds the mean last: added first it would round the others off
     const double* shape = basis.shape.data() + k * n;
     const double amplitude = amplitudes[k * kLanes + lane];
     for (std::ptrdiff_t i = 0; i < n; ++i) sum[i] += amplitude * shape[i];

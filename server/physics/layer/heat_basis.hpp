@@ -1,5 +1,5 @@
-// Eigenmodes of the discrete heat equation without flux. A step without friction is one product per mode, and decayed
-// modes are dropped. The scheme is HeatOperator's, in other coordinates (METHODS.md, sleep).
+// Eigenmodes of the discrete heat equation without flux (METHODS.md, sleep). A step without friction is one product per
+// mode, and decayed modes are dropped. The scheme is that of HeatOperator in other coordinates.
 #pragma once
 
 #include <cstddef>
@@ -24,19 +24,19 @@ struct HeatBasis {
   std::vector<double> projection;    // [mode][vertex]: amplitude_k = sum over vertices of projection_ki T_i
   std::vector<double> at_interface;  // shape at z = 0
   std::vector<double> soft_heat;     // heat in the soft body per amplitude  [J/(m2 K)]
-  double heat = 0.0;                 // heat per amplitude of the first mode; the others have zero net heat  [J/(m2 K)]
+  double heat = 0.0;                 // heat per amplitude of the first mode; other modes have no net heat  [J/(m2 K)]
 };
 
 // Replaces the temperatures of one lane by amplitudes, [row][lane]. Returns the number of leading modes that have not
 // decayed; the amplitudes of the others are 0.
 int to_modes(const HeatBasis& basis, int lane, double* rows);
-// Temperatures from amplitudes; `amplitudes` and `temperature` must not overlap.
+// Computes temperatures from amplitudes; `amplitudes` and `temperature` must not overlap.
 void to_profile(const HeatBasis& basis, int num_live, int lane, const double* amplitudes, double* temperature);
 
-// T0 of all lanes after the step. `num_live`: the largest number of live modes in any lane.
+// Computes T0 of all lanes after the step. `num_live`: the largest number of live modes in any lane.
 void interface_later(const HeatBasis& basis, const double* decay, int num_live, const double* amplitudes,
                      double (&T0)[kLanes]);
-// All amplitudes after the step, all lanes.
+// Writes all amplitudes after the step, for all lanes.
 void decay_modes(const double* decay, int num_live, int num_modes, const double* before, double* after);
 
 // Number of live modes of a lane after a step; sets the amplitudes of modes that have decayed to 0.

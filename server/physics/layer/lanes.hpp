@@ -11,7 +11,7 @@ namespace shearbus::physics {
 
 inline constexpr int kLanes = 8;
 
-// A set of lanes, ascending in a loop: bit i stands for lane i.
+// A set of lanes: bit i stands for lane i. A loop visits the lanes in ascending order.
 class LaneSet {
  public:
   class Iterator {

@@ -12,12 +12,12 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) from which exp(-h^2 / (alpha t)), the first image, is nothing
+constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) above which the first image, exp(-h^2 / (alpha t)), is zero
 constexpr double kSpent = 40.0;      // exp(-40) is below rounding
-constexpr double kPanelRatio = 8.0;  // of mu from one edge of a panel to the other
-constexpr int kSamples = 64;         // of a panel of the even spectrum
+constexpr double kPanelRatio = 8.0;  // ratio of mu between the two edges of a panel
+constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum
 constexpr int kLongestRule = 24;
-constexpr int kTimesPerDecade = 40;  // at which the error is measured
+constexpr int kTimesPerDecade = 40;  // times per decade at which the error is measured
 
 // Lines of a spectrum: K(t) = sum of weight exp(-mu^2 t).
 struct Lines {
@@ -61,8 +61,9 @@ Rule gauss_rule(const Eigen::ArrayXd& x, const Eigen::ArrayXd& w, int n) {
   return rule_from_recurrence(centre, off.head(n - 1), mass);
 }
 
-// A panel in as few lines as its Gauss rule has: in rate where it begins at 0, since exp(-rate t) is all but straight
-// there; in log(mu) elsewhere, which makes all panels alike.
+// Appends to `sum` the n lines of the Gauss rule that replaces a panel. The rule is a rule in the rate for the first
+// panel, which begins at 0, because exp(-rate t) is nearly linear there; for the other panels it is a rule in log(mu),
+// which makes all panels alike.
 void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
   if (static_cast<int>(panel.mu.size()) <= n) {
     sum.mu.insert(sum.mu.end(), panel.mu.begin(), panel.mu.end());
@@ -80,7 +81,8 @@ void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
   }
 }
 
-// The spectrum between two values of mu: samples of the even one, or the lines of the slab, that at 0 left out.
+// The spectrum between two values of mu: samples of the uniform spectrum if `even`, else the lines of the slab without
+// its line at 0.
 Lines spectrum(const HeatKernel& kernel, const Rule& samples, bool even, double from, double to) {
   Lines lines;
   if (even) {
@@ -126,8 +128,9 @@ bool HeatKernel::far_face_unfelt(double t) const {
   return thickness * thickness > kUnfelt * diffusivity * t;
 }
 
-// The slab by its lines, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)), rate_m = alpha (m pi / h)^2: few, since images
-// take over while they are many. Sums of 1/rate and 1/rate^2 over all lines are h^2 / 6 alpha and h^4 / 90 alpha^2.
+// A slab is summed by its lines, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)), rate_m = alpha (m pi / h)^2. Few lines
+// are needed, because at short times, at which there would be many, far_face_unfelt() holds. The sums of 1/rate and
+// 1/rate^2 over all lines are h^2 / 6 alpha and h^4 / 90 alpha^2.
 double HeatKernel::at(double t) const {
   if (far_face_unfelt(t)) return half_space / std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
@@ -211,7 +214,7 @@ ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : 
   response -= early_response;
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
     const double x = modes.rate[j] * dt;
-    // (1 - (1 + x) exp(-x)) / x^2, by its series where that would cancel.
+    // (1 - (1 + x) exp(-x)) / x^2, by its series where the closed form would cancel.
     constexpr double kSmall = 0.02;
     const double moment = x < kSmall ? 0.5 - x * (1.0 / 3 - x * (1.0 / 8 - x * (1.0 / 30 - x * (1.0 / 144 - x / 840))))
                                      : (1.0 - (1.0 + x) * decay[j]) / (x * x);

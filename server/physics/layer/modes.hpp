@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 
 struct ModesOptions {
-  double accuracy = 1e-6;        // largest relative error of K between the two times
+  double accuracy = 1e-6;        // largest relative error of K from shortest_step to longest_time
   double shortest_step = 1e-10;  // [s]
   double longest_time = 1e-4;    // [s]
 };
@@ -27,14 +27,14 @@ struct HeatKernel {
   double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
   bool far_face_unfelt(double t) const;  // whether the images are below rounding until t
 
-  double thickness;     // of the slab; infinity: half-space  [m]
+  double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
   double diffusivity;   // alpha  [m2/s]
   double half_space;    // sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
-// K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on.
-// The spectrum of K over mu = sqrt(rate), uniform for a half-space and lines for a slab, is divided into panels; a Gauss
+// K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on. The
+// spectrum of K over mu = sqrt(rate), uniform for a half-space and lines for a slab, is divided into panels; a Gauss
 // rule with positive weights replaces each panel. The rules are lengthened until the measured relative error of K is
 // below the requested accuracy.
 struct HeatModes {
@@ -45,7 +45,7 @@ struct HeatModes {
   HeatKernel kernel;
   std::vector<double> rate;    // [1/s], ascending; 0: the mean temperature of a slab
   std::vector<double> weight;  // [K m2/J]
-  double error;                // measured, relative
+  double error;                // measured relative error of K
 
   // Rows of a tile: the start temperature, each mode's share of T0, T0 itself.
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
@@ -64,16 +64,16 @@ struct ModeOperator {
 
   double dt;                       // [s]
   int interface;                   // the row of T0
-  double response = 0.0;           // B0: of T0 to q          [K m2/W]
-  double early_response = 0.0;     // of T0 to q_early        [K m2/W]
+  double response = 0.0;           // B0: response of T0 to q      [K m2/W]
+  double early_response = 0.0;     // response of T0 to q_early       [K m2/W]
   std::vector<double> decay;       // exp(-rate dt)
-  std::vector<double> gain;        // of each mode to q       [K m2/W]
-  std::vector<double> early_gain;  // of each mode to q_early [K m2/W]; empty: constant flux
+  std::vector<double> gain;        // response of each mode to q      [K m2/W]
+  std::vector<double> early_gain;  // response of each mode to q_early [K m2/W]; empty: constant flux
 
   const double* layer_response() const { return &response; }
 };
 
-// The functions of conduction.hpp for rows of HeatModes.
+// The same operations as in conduction.hpp, for the rows of HeatModes.
 void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after);
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);

@@ -191,6 +191,8 @@ std::string_view constant_missing_for_options(const Material& material) {
     const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.value == member; });
     return std::isfinite(material.*member) ? std::string_view() : field->name;
   };
+  const bool has_pressure_term = has_constant(material.flow_law, &Material::pressure_coefficient);
+  if (material.melting_curve == MeltingCurve::kConstant && !has_pressure_term) return {};
   if (!material.varies_with_compression()) return {};
   for (const double Material::*member : compression)
     if (!missing(member).empty()) return missing(member);

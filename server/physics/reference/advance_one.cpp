@@ -34,7 +34,7 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
     const double T = std::clamp((T0 - T_ref) / (T_melt - T_ref), 0.0, 1.0);
     return mu * (1.0 - std::pow(T, law.friction_softening_exponent));
   }
-  return mu;
+  return mu;  // ConstantFriction: DLP (65)
 }
 
 namespace {
@@ -60,7 +60,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     return out;
   }
 
-  // Where the step starts from.
+  // The stress from which the step starts.
   double s_old = state.shear_stress;
   if (!layer_shear && V != 0.0 && s_old * V <= 0.0) {
     s_old = std::copysign(flow_stress(soft, state.plastic_strain[0], in.pressure, state.temperature[0]) / kSqrt3, V);
@@ -94,7 +94,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
         return g > 0.0 ? a - strength_ceiling(soft) * g / kSqrt3 : 1.0;
       },
       0.0, std::abs(trial) * 2.0);
-  const bool molten = weakest_g(0.0) <= 0.0;  // a vertex carries nothing at all
+  const bool molten = weakest_g(0.0) <= 0.0;  // a molten vertex carries no stress
   double a = molten ? 0.0 : std::min({flowing, ceiling, std::abs(trial)});
   const double friction = friction_coefficient(options, in.pressure, T_ad[0], V) * in.pressure;
   const bool coulomb = friction < a;
@@ -150,7 +150,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   return out;
 }
 
-// DLP (65), of friction that does not depend on slip.
+// The interface limit, DLP (65), for friction that does not depend on slip.
 struct InterfaceLaw {
   const ModelOptions& options;
   double pressure;
@@ -183,7 +183,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
     const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
     const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
-    if (law.limit(T0(stick)) >= stick) {  // at rest, or a stop, which is a kink
+    if (law.limit(T0(stick)) >= stick) {  // at rest; a stop is a kink
       if (V != 0.0) return false;
       rests = true;
       mean = s1 = s2 = stick;
@@ -203,7 +203,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     const auto slip_of = [&](double s) { return 0.5 * (direction * V + jump(dt, mean_of(s))); };
     const auto q2_of = [&](double s) { return (beta_T * mean_of(s) * slip_of(s) - (1.0 - kGamma) * q1) / kGamma; };
     const auto spare = [&](double s) { return law.limit(second.T_ad[0] + second.B[0] * q2_of(s)) - s; };
-    const double end = (stick - (1.0 - kGamma) * s1) / kGamma;  // stops at the end of the step
+    const double end = (stick - (1.0 - kGamma) * s1) / kGamma;  // stress with which slip stops at the end of the step
     if (spare(end) >= 0.0) return false;
     s2 = bisect([&](double s) { return -spare(s); }, 0.0, end);
     q2 = q2_of(s2);
@@ -258,13 +258,13 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const auto jump_new = [&](double a) { return jump_free - direction * a * per_stress; };
   const auto slip = [&](double a) { return std::max(0.0, direction * 0.5 * (in.velocity_jump + jump_new(a))); };
   const auto T0 = [&](double a) { return T_ad[0] + B[0] * beta_T * a * slip(a); };
-  // DLP (65), or with another law of friction.
+  // The friction branch of DLP (65), with the friction law of the options.
   const InterfaceOptions& law = options.interface;
   const bool weakens = law.friction_law == FrictionLaws::place<VelocityWeakening>();
   const auto coulomb = [&](double a) {
     return friction_coefficient(options, in.pressure, T0(a), slip(a)) * in.pressure;
   };
-  // DLP (49-54): ep_a grows with the slip it resists.
+  // DLP (49-54): ep_a grows with the slip.
   const auto junction_strain = [&](double v) {
     return options.junctions ? state.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
   };

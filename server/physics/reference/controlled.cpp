@@ -20,8 +20,8 @@ double turning_error(const NodeInputs& in, double dt, double before, double afte
 
 }  // namespace
 
-// Times are in parts of the step. A substep is accepted if its two halves change T0, heat and jump by little, else it is
-// halved; after a very small change the next substep is twice as long.
+// Times are fractions of the step. A substep is accepted if its two halves change T0, heat and jump by little, else it
+// is halved; after a very small change the next substep is twice as long.
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool forced = options.strategy == Strategy::kForceDriven;
   const double T_melt = options.soft.melting_temperature;

@@ -14,7 +14,7 @@ struct Candidate {
   bool sticks;
 };
 
-// The equations of the step of a flowing layer: DLP (48), (61), (64) and the interface law, a function each.
+// The equations of the step of a flowing layer, one function each: DLP (48), (61), (64) and the interface law.
 struct FlowingStep {
   FlowingStep(const ModelOptions& model_options, double step, const NodeInputs& inputs, const NodeState& state)
       : options(model_options), soft(options.soft), in(inputs), old(state), grid(options.grid), dt(step) {
@@ -38,10 +38,10 @@ struct FlowingStep {
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
   double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
-  double limit(double q) const {  // of the interface
+  double limit(double q) const {  // strength of the interface  [Pa]
     return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
-  double ceiling(double q) const {  // of the layer
+  double ceiling(double q) const {  // largest strength of the layer  [Pa]
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
     return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
   }
@@ -66,7 +66,7 @@ struct FlowingStep {
   double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
 };
 
-// The stress at which the slip has ended by the end of the step.
+// The sticking solution: the stress under which the slip ends by the end of the step.
 Candidate stick_of(const FlowingStep& step, double beta_T) {
   const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
   const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
@@ -88,7 +88,8 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
   }
 }
 
-// All sliding solutions, by rising heat flux. The flux gives T0, T0 the stress; the work of that stress must be the flux.
+// All sliding solutions, by rising heat flux. The flux gives T0 and T0 gives the stress; the work of that stress must
+// equal the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
   if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // molten
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
@@ -159,7 +160,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
   if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the layer flows
 
-  // 2. Strain, the surplus over (48) at the hottest vertex where the ceiling holds the stress.
+  // 2. Strain by (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
   const double a = taken.stress;
   const double wanted = taken.sticks ? step.jump_new(a) + step.drive : step.jump_mid(a) + step.drive - taken.slip;
   const double surplus = std::max(0.0, (wanted - step.flow(a, taken.flux)) * dt / kSqrt3);

@@ -1,4 +1,4 @@
-// Heat of the twin: linear systems solved as they stand.
+// Heat of the twin: the linear systems are assembled and solved directly.
 #include <Eigen/SparseCore>
 #include <Eigen/SparseLU>
 #include <algorithm>
@@ -40,15 +40,16 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 
 namespace {
 
-// State rows of a model without a temperature profile: one row per mode of HeatModes, then T0, by the exact integral of K.
+// State rows of a model without a temperature profile: the start temperature, one row per mode of HeatModes, T0. T0
+// uses the exact integral of K.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
   Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
   double T0 = old.rows[0];
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
-    // Integrals over the step of exp(-rate s) times s / ((1 - early) dt), the share of q_early, and times the rest
-    // of 1.
+    // The weight of q_early is the integral over the step of exp(-rate s) s / ((1 - early) dt); the rest of the
+    // integral of exp(-rate s) is the weight of q.
     const long double x = static_cast<long double>(modes.rate[j]) * dt;
     const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
     const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;

@@ -41,7 +41,7 @@ Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state
 inline constexpr double kGamma = 0.29289321881345254;
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
-// Whether the temperatures of a second-order step stay between the coldest old one and melting.
+// Whether the temperatures of a second-order step stay between the coldest old temperature and melting.
 bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T);
 
 // Sets the temperatures of the state to T_ad + q B.
@@ -60,7 +60,8 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
 // The velocity-driven step of a layer with inertia.
 NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
-// A step by the integrator of the options, and a step in substeps whose error is below the tolerance of the options.
+// advance_uncontrolled(): a step by the integrator of the options. advance_controlled(): a step in substeps whose error
+// is below the tolerance of the options.
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 

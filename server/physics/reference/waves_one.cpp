@@ -23,8 +23,8 @@ struct Layer {
   double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
 };
 
-// Return of a trial stress magnitude t to the flow stress at a vertex: s + sqrt(3) G0 dep = t, s = Y(ep + dep)/sqrt(3),
-// by bisection in dep.
+// Returns a trial stress magnitude t to the flow stress at a vertex: solves s + sqrt(3) G0 dep = t, s = Y(ep +
+// dep)/sqrt(3), by bisection in dep.
 struct Kept {
   double stress, growth, slope;
 };
@@ -39,7 +39,7 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
     (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
   }
-  // Slope of the strength there, from the law.
+  // Slope of the strength after the return, from the law.
   const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
   const bool capped = m.yield_strength * std::pow(hardened, m.hardening_exponent) >= m.yield_strength_max;
   const double rate = capped ? 0.0 : yield(lo) * m.hardening_exponent * m.hardening_coefficient / hardened;
@@ -59,7 +59,7 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
     Kept keeps = kept(layer, i, std::abs(t), T[i]);
     if (i == 0) at.interface_slip = 0.0;
     if (i == 0 && keeps.stress > layer.coulomb()) {
-      // The vertex under mu P, as far as that makes it flow; the rest is slip.
+      // Under mu P the vertex flows until its strength reaches mu P; the rest of the shear is slip.
       const double stiffness = kSqrt3 * layer.options.soft.shear_modulus;
       double lo = 0.0, hi = keeps.growth;
       for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
@@ -87,8 +87,8 @@ Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
   return r;
 }
 
-// At given temperatures the balance is the gradient of a convex energy: Newton steps, each cut to the lowest energy along
-// it.
+// At given temperatures the residual is the gradient of a convex energy. Newton's method minimises it; each step is cut
+// to the lowest energy along its direction.
 void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
   const int n = layer.cells();
   look(layer, T, at);

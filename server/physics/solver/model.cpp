@@ -19,8 +19,8 @@
 namespace shearbus::physics {
 namespace {
 
-// Halvings of dt the force-driven solver may take where a step has several answers. Each makes the criterion's left
-// side 2^1.5 smaller: six make it 512 times smaller.
+// Largest number of halvings of dt where a force-driven step has several answers. Each halving makes the left side of
+// the criterion 2^1.5 times smaller; six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
@@ -28,14 +28,15 @@ HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// A velocity-driven interface has no yield limit of its own, and friction where the options name it.
+// The interface law of the options. A velocity-driven interface has no yield limit of its own, and friction only if the
+// options give a coefficient.
 InterfaceOptions interface_of(const ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven) return options.interface;
   constexpr double kUnlimited = std::numeric_limits<double>::infinity();
   return {.friction_coefficient = options.friction_coefficient.value_or(kUnlimited), .yield_strength = kUnlimited};
 }
 
-// The options, or the exception that says what excludes what.
+// Returns the options. Throws RefusedOptions where options exclude each other.
 const ModelOptions& possible(const ModelOptions& options) {
   if (std::vector<Refusal> found = refusals(options); !found.empty()) throw RefusedOptions(std::move(found));
   return options;
@@ -146,7 +147,7 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
     std::copy_n(temperature, kLanes, tile + layout.first_temperature() + i * kLanes);
   }
   if (layout.heat_shape == TileLayout::kAbsent) return;
-  // Until it has flowed, as a uniform layer would: evenly.
+  // Until the layer has flowed, the heat is spread evenly, as in a layer that flows uniformly.
   for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
     const double share = impl_->grid.weight[i] / impl_->grid.vertex.back();
     std::fill_n(tile + layout.heat_shape + i * kLanes, kLanes, *impl_->options.taylor_quinney_factor * share);
@@ -154,8 +155,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: how often the step is halved already; it leaves fewer halvings, so that the shortest substep of the ladder
-  // does not depend on the tolerance.
+  // `times`: number of halvings of the step already made. It leaves fewer halvings to the ladder, so that the shortest
+  // substep of the ladder does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;

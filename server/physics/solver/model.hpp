@@ -13,8 +13,8 @@
 
 namespace shearbus::physics {
 
-// What depends on the model and on dt but not on a node: the factorised heat operator and the response B to unit flux
-// (DLP 26-35). One object per step length, shared by all nodes and threads.
+// Operators that depend on the model and on dt but not on a node: the factorised heat operator and the response B to
+// unit flux (DLP 26-35). One object per step length, shared by all nodes and threads.
 class StepOperators;
 
 class Model {
@@ -40,12 +40,14 @@ class Model {
   std::shared_ptr<const StepOperators> operators(double dt) const;
 
   // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
-  // active lanes of `outputs`. Inputs must be finite, dt and masses > 0; the service checks them. Lanes without an answer
-  // keep their state (kFailed). Allocates only in the first steps of a thread; throws nothing else.
+  // active lanes of `outputs`. Inputs must be finite, dt and masses > 0; the service checks them. Lanes without an
+  // answer keep their state (kFailed). Allocates only in the first steps of a thread and throws only if that allocation
+  // fails.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 
-  // Energy ledger of that step (MODEL.md, "Energy ledger"): writes the active lanes of `ledger`, changes no state.
+  // Energy ledger of the step from `committed` to `trial` (MODEL.md, "Energy ledger"): writes the active lanes of
+  // `ledger`, changes no state.
   void record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
                      const double* committed, const double* trial, TileLedger& ledger) const;
 

@@ -1,4 +1,4 @@
-// Options of a model: what a scene chooses.
+// Options of a model, which a scene chooses.
 #pragma once
 
 #include <optional>
@@ -16,10 +16,11 @@ enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
-inline constexpr double kShortestControlledStep = 1e-12;  // of a host's step under a tolerance  [s]
-inline constexpr int kMaxInertiaCells = 1000;             // of a layer with inertia: its step works on the stack
-inline constexpr int kMaxSleepCells = 900;                // of both bodies, where nodes sleep
-// A half-space adds at most 49 vertices to its body's cells: each is 1.3 times the last, to 1000 thicknesses.
+inline constexpr double kShortestControlledStep = 1e-12;  // shortest step of the host with a tolerance  [s]
+inline constexpr int kMaxInertiaCells = 1000;  // cells of a layer with inertia, whose step works on the stack
+inline constexpr int kMaxSleepCells = 900;     // cells of both bodies in a model with sleep
+// A half-space adds at most 49 vertices to the cells of its body: each cell is 1.3 times as wide as the last, up to
+// 1000 thicknesses.
 static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
 
 struct ModelOptions {
@@ -29,9 +30,9 @@ struct ModelOptions {
   GridOptions grid;
   std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it receives the fraction 1 - beta_T
   double initial_temperature = 300.0;    // [K]
-  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // of the heat
-  std::optional<ModesOptions> modes;  // force-driven, one body conducts: no profile; of the grid only the thickness
-  Drive drive = Drive::kLayerShear;   // velocity-driven
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
+  std::optional<ModesOptions> modes;           // no profile: force-driven, one conducting body; uses only the thickness
+  Drive drive = Drive::kLayerShear;            // velocity-driven
   std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
   InterfaceOptions interface;                  // force-driven
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
@@ -41,7 +42,7 @@ struct ModelOptions {
   // smaller. discretised() gives the grid and the methods for a tolerance.
   std::optional<double> tolerance;
 
-  int tangential_components = 1;  // of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+  int tangential_components = 1;  // components of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
 
   // The layer has mass: its stress is a field (DLP 36). Velocity-driven with LAYER_SHEAR, at most kMaxInertiaCells.
   bool inertia = false;

@@ -366,7 +366,7 @@ constexpr std::array<Limit, 7> kLimits = {
       const std::string key = "soft." + std::string(missing);
       return Refusal{key, key +
                               " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
-                              "compression at a pressure"};
+                              "compression at a pressure: give it, or leave both options at their defaults"};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       const LawFault fault = FrictionLaws::with(

@@ -37,7 +37,7 @@ bool all_finite(const TileOutputs& outputs, int lane) {
          std::isfinite(outputs.friction_heat[lane]);
 }
 
-// Links 3 and 4: the solver, for sleeping lanes a product per mode in its place.
+// Links 3 and 4: the solver; a sleeping lane needs only one product per mode.
 void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs) {
   const AdvanceTile solve = solver_of(problem.options);
@@ -50,7 +50,8 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
     if (!contains(inputs.active, lane)) {
       copy_lane(committed, trial, problem.layout.doubles, lane);
     } else if (!all_finite(outputs, lane)) {
-      // No root was found, the arithmetic left the range of a double, or the old state was no number: no answer.
+      // The lane has no answer: no root was found, the arithmetic left the range of a double, or the old state was not
+      // finite.
       keep_lane(problem, inputs, committed, trial, lane, outputs);
     }
   }

@@ -11,7 +11,7 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes from `committed` to `trial`; `outputs` of the active lanes.
+// A step of the active lanes from `committed` to `trial`; writes `outputs` of the active lanes.
 using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                              double* trial, TileOutputs& outputs);
 
@@ -19,7 +19,7 @@ using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInp
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 
-// The answer of a lane without an answer: kFailed, and the old state.
+// Fills in a lane without an answer: the outcome kFailed and the old state.
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs);
 

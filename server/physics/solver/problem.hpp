@@ -31,9 +31,9 @@ struct Problem {
   InterfaceOptions interface;  // interface law of the strategy; velocity-driven: the Coulomb limit, if any, no yield
   Grid grid;
   HeatGrid heat_grid;
-  std::optional<HeatModes> modes;  // in place of a profile
+  std::optional<HeatModes> modes;  // modes in place of a temperature profile
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // with sleep
+  std::optional<HeatBasis> basis;  // modes of sleeping nodes
   int steps_before_sleep = 0;
   int heat_rows;          // rows of temperature or modes in a tile, from layout.first_temperature() on
   double heat_partition;  // fraction of the friction power that enters the conducting bodies: beta_T, or 1 if both do

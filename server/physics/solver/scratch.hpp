@@ -1,4 +1,4 @@
-// Scratch states of one tile, owned by the calling thread. A step allocates nothing but these, once in a thread.
+// Scratch states of one tile, owned by the calling thread. A step allocates only these, once per thread.
 #pragma once
 
 #include <cstddef>

@@ -6,7 +6,7 @@
 namespace shearbus::physics::sdirk2 {
 namespace {
 
-constexpr double kRounding = 1e-12;  // relative: below the coldest by this much is rounding
+constexpr double kRounding = 1e-12;  // relative: a temperature below the coldest by less is a rounding error
 
 }  // namespace
 
@@ -24,7 +24,7 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
 
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T) {
   const std::ptrdiff_t rows = problem.heat_rows;
-  // Modes are positive shares of T0: it cannot fall below where it started, and the rest are no temperatures.
+  // Modes are positive shares of T0, so T0 cannot fall below its start; the other rows are not temperatures.
   const std::ptrdiff_t first = problem.modes ? rows - 1 : 0;
   double coldest[kLanes], lowest[kLanes], highest[kLanes];
   for (int l = 0; l < kLanes; ++l) {

@@ -1,8 +1,9 @@
-// SDIRK2 (Alexander 1977), the second-order step of the heat: two implicit stages at gamma dt and dt, L-stable, the
-// last stage the answer. In increments,
+// SDIRK2 (Alexander 1977), the second-order time step of the heat: two implicit stages at gamma dt and dt, L-stable;
+// the last stage is the answer. In increments,
 //   T1 = T_old + gamma dt f(T1),   T = T_old + r (T1 - T_old) + gamma dt f(T),   r = (1 - gamma) / gamma
-// so that each stage is a backward Euler step of gamma dt from a known temperature, with the root of the balance or of
-// the interface law in it. It needs no slope from before the step, which a host's jump may have made stale.
+// so that each stage is a backward Euler step of gamma dt from a known temperature, and contains the root of the
+// balance or of the interface law. The scheme needs no slope from before the step, which may be stale after a jump in
+// the inputs of the host.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +16,7 @@ namespace shearbus::physics::sdirk2 {
 
 inline constexpr double kDiagonal = 0.29289321881345254;     // gamma = 1 - 1/sqrt(2)
 inline constexpr double kExtrapolation = 2.414213562373095;  // r = 1 + sqrt(2)
-inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // of the first stage in the step's mean; kDiagonal: second
+inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in the mean; kDiagonal: second
 
 // Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T` holds T1.
 void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,

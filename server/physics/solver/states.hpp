@@ -1,5 +1,5 @@
-// The states of a node: one row of the list below each, with name, unit and width. Offsets in a tile, checkpoint
-// columns and bytes per node follow from the list.
+// The states of a node. Each state is one row of the list below, with name, unit and width. Offsets in a tile,
+// checkpoint columns and bytes per node follow from the list.
 #pragma once
 
 #include <cstddef>
@@ -15,9 +15,9 @@
 namespace shearbus::physics {
 
 struct State {
-  const char* name;    // of the checkpoint column
+  const char* name;    // name of the checkpoint column
   const char* unit;    // UDUNITS
-  std::size_t offset;  // of [width][kLanes] in the tile
+  std::size_t offset;  // offset of [width][kLanes] in the tile
   std::size_t width;   // values per node
 };
 
@@ -26,7 +26,7 @@ class StateList {
   static constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
 
   std::span<const State> states() const { return states_; }
-  std::size_t doubles = 0;  // of a tile, a multiple of kLanes
+  std::size_t doubles = 0;  // doubles of a tile, a multiple of kLanes
 
  protected:
   // The offset of a new row behind the others; kAbsent where the width is 0: this model does not have the state.
@@ -47,14 +47,15 @@ class TileLayout : public StateList {
   // `modes`: null with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;  // of the hard body's temperature without z = 0; 0 where it does not conduct
+  std::size_t num_hard_vertices;  // vertices in the hard body, without z = 0; 0 if it does not conduct
   std::size_t num_heat_modes;     // rows in place of a profile: start temperature, shares of T0
-  std::size_t num_vertices;       // of temperature: the layer's and a half-space's behind it; with modes 1, T0
+  std::size_t num_vertices;       // temperatures in the soft body: the layer and a half-space behind it; modes: 1, T0
   std::size_t num_strain_vertices;
   std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
-  std::size_t num_velocity_cells;   // of the layer with inertia
+  std::size_t num_velocity_cells;   // cells of a layer with inertia
 
-  // The first three stand together: rows of HeatGrid, or of HeatModes. Asleep they hold amplitudes of HeatBasis.
+  // The first three states are contiguous: they are the rows of HeatGrid or of HeatModes. While a node is asleep they
+  // hold the amplitudes of HeatBasis.
   std::size_t hard_temperature = add("hard_temperature_k", "K", num_hard_vertices);  // the outermost vertex first
   std::size_t heat_modes = add("heat_modes_k", "K", num_heat_modes);
   std::size_t temperature = add("temperature_k", "K", num_vertices);

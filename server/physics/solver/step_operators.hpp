@@ -19,9 +19,9 @@ namespace shearbus::physics {
 
 class StepOperators {
  public:
-  // Operators with a temperature profile. The operators of dt/2, dt/4, ..., `halvings` of them, are made when a step first
-  // needs them. Grids and materials belong to the model and must outlive this object. `spread`: with sources across the
-  // layer. `stages`: with SDIRK2's. `basis`: modes for sleeping nodes, or null.
+  // Operators with a temperature profile. The operators of dt/2, dt/4, ..., `halvings` of them, are made when a step
+  // first needs them. Grids and materials belong to the model and must outlive this object. `spread`: also for heat
+  // sources across the layer. `stages`: also for the stages of SDIRK2. `basis`: modes for sleeping nodes, or null.
   StepOperators(const Grid& layer, const HeatGrid& grid, const Material& soft, const Material& hard, double dt,
                 int halvings, bool spread, bool stages, const HeatBasis* basis)
       : dt_(dt), bodies_({&grid, &soft, &hard}), heat_(std::in_place, grid, soft, hard, dt) {
@@ -54,7 +54,7 @@ class StepOperators {
     std::call_once(shorter.made, [&] { shorter.heat.fill(*all_modes_); });
     return shorter.heat;
   }
-  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one is empty
+  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one list is empty
 
   // For a tolerance: the StepOperators of dt/2, dt/4, ... Each is made when a step first needs it; thread-safe.
   using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;

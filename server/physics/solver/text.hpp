@@ -6,7 +6,7 @@
 
 namespace shearbus::physics {
 
-// A number with so many digits; numbers as they are get six.
+// A number with `digits` digits; plain numbers have six.
 struct Digits {
   int digits;
   double value;

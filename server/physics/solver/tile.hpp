@@ -1,4 +1,4 @@
-// Inputs and answers of one step of a tile (layer/lanes.hpp). states.hpp lists what a tile stores between steps.
+// Inputs and answers of one step of a tile (layer/lanes.hpp). states.hpp lists the states of a tile between steps.
 #pragma once
 
 #include <cstddef>
@@ -15,19 +15,19 @@ enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca 
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
-inline constexpr std::uint8_t kAsleep = 32;      // at rest: not solved
+inline constexpr std::uint8_t kAsleep = 32;      // the node was at rest and was not solved
 inline constexpr std::uint8_t kFirstOrder = 64;  // a second-order step left its domain: backward Euler in its place
 inline constexpr std::uint8_t kFailed = 128;
 
-// What the host sends for one step of one tile. Lanes that are not active may hold any finite number; they are not
-// read. Members `second_` are second tangential components: read only where a model has two.
+// The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number; they are not
+// read. Members `second_` are second tangential components: they are read only if a model has two.
 struct TileInputs {
   const double* stress_before = nullptr;                     // [kLanes], in place of the committed shear stress  [Pa]
   SearchEffort* effort = nullptr;                            // counters to add to; null: none
   std::uint32_t active = 0;                                  // bit i: lane i takes the step
   alignas(64) double velocity_jump[kLanes] = {};             // [V], of n-1/2 when force-driven  [m/s]
   alignas(64) double pressure[kLanes] = {};                  // P, compression positive          [Pa]
-  alignas(64) double soft_shear_rate[kLanes] = {};           // of the soft zone (interface_slip)  [1/s]
+  alignas(64) double soft_shear_rate[kLanes] = {};           // shear rate of the soft zone (interface_slip)  [1/s]
   alignas(64) double stress_soft[kLanes] = {};               // soft side                        [Pa]
   alignas(64) double stress_hard[kLanes] = {};               // hard side                        [Pa]
   alignas(64) double mass_soft[kLanes] = {};                 // [kg/m2]
@@ -45,7 +45,7 @@ struct TileOutputs {
   alignas(64) double interface_temperature[kLanes];     // T0                               [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];             // entered the conducting bodies in this step   [J/m2]
-  alignas(64) double error_estimate[kLanes];            // of models with a tolerance only               [1]
+  alignas(64) double error_estimate[kLanes];            // only with a tolerance                          [1]
   alignas(64) double second_shear_stress[kLanes];       // [Pa]
   alignas(64) double second_sliding_velocity[kLanes];   // [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // [m/s]

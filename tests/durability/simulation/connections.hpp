@@ -1,4 +1,4 @@
-// Client connections of the simulation: through its network, and straight to a reference service.
+// Client connections of the simulation: one through its network, one directly to a reference service.
 #pragma once
 
 #include <algorithm>
@@ -52,7 +52,7 @@ class SimulatedConnection final : public Connection {
   World& world_;
 };
 
-// Calls a service directly: nothing is lost, and it never dies.
+// Calls a service directly: no message is lost, and the service never dies.
 class DirectConnection final : public Connection {
  public:
   explicit DirectConnection(support::ServiceHarness& harness) : Connection({}), harness_(harness) {}

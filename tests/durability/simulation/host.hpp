@@ -1,5 +1,5 @@
-// A host of the simulation: it steps its session and changes its nodes at random, and makes each answered call on the
-// reference service too, whose answers must have the same bits.
+// A host of the simulation. It steps its session and changes its nodes at random, and repeats each answered call on the
+// reference service, whose answers must have the same bits.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,7 +18,8 @@ namespace shearbus::simulation {
 
 using wire::Strategy;
 
-// The nodes that a domain must have, and its offers, by their ids at the simulated and at the reference server.
+// The nodes that must exist in a domain, and the offers of nodes, with their ids at the simulated and at the reference
+// server.
 struct Ledger {
   struct Offer {
     unsigned giver;
@@ -28,7 +29,7 @@ struct Ledger {
     bool waits = true;  // neither accepted nor withdrawn
   };
   std::multiset<std::uint64_t> nodes;
-  std::vector<std::uint64_t> free;  // ids that were retired, to be used again
+  std::vector<std::uint64_t> free;  // ids of retired nodes, to be used again
   std::vector<Offer> offers;
   std::uint64_t next_id = 1000;
 
@@ -56,7 +57,7 @@ class Host {
 
   std::vector<std::uint64_t> some_nodes();
 
-  // Makes the call on both sessions; its code must be equal. Returns the code.
+  // Makes the call on both sessions, whose codes must be equal. Returns the code.
   template <typename Call, typename Expected>
   Code both(const Call& call, const Expected& expected) {
     const auto code_of = [](const auto& made) {
@@ -81,7 +82,7 @@ class Host {
   void accept_one();
 
   void mark();
-  // Rolls back to one of the last marks, which may be deleted or have nodes that another host owns now.
+  // Rolls back to one of the last marks, which may be deleted or may hold nodes that another host owns now.
   void go_back();
 
   void ask_nonsense();

@@ -1,10 +1,10 @@
-// Clients and server in one thread, on a network that loses, repeats, delays and reorders, and a disk that fails or
-// dies with the machine at any of its calls. Everything follows from a seed. The reference model is a server to which
-// nothing ever happens: each call that is answered is made there as well, and the two answers must have the same bits.
-// So a request that is lost after its answer (P1), run twice (P2), changes something though refused (P3), or comes from
-// the dead (P4), a damaged checkpoint that is loaded (P5) and a replay that differs (P6) all show as a difference at
-// the next step. Hosts register, retire and hand over nodes; a ledger holds every node that must be there, and in the
-// end the sessions and the offers that wait have each of them once.
+// Clients and server in one thread, on a network that loses, repeats, delays and reorders packets, and on a disk that
+// fails, or dies with the machine, at any of its calls. Everything follows from a seed. The reference is a server that
+// runs undisturbed: each answered call is repeated there, and the two answers must have the same bits. A request that
+// is lost after its answer (P1), runs twice (P2), changes the state although refused (P3) or comes from a dead client
+// (P4), a damaged checkpoint that is loaded (P5), and a replay that differs (P6) therefore all show as a difference at
+// the next step. Hosts register, retire and hand over nodes. A ledger holds every node that must exist; at the end each
+// of these nodes must be in exactly one session or waiting offer.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -19,7 +19,7 @@
 namespace shearbus::simulation {
 namespace {
 
-// Every node there must be, once: in a session or in an offer that waits.
+// Requires that every node of the ledger exists exactly once, in a session or in a waiting offer.
 void expect_none_lost_and_none_twice(const Ledger& ledger, std::span<const std::unique_ptr<Host>> hosts) {
   std::multiset<std::uint64_t> found;
   for (const auto& host : hosts) found.insert(host->nodes().begin(), host->nodes().end());
@@ -29,7 +29,7 @@ void expect_none_lost_and_none_twice(const Ledger& ledger, std::span<const std::
   ASSERT_EQ(hosts.front()->nodes_of_server(), ledger.nodes.size());
 }
 
-// Three hosts of one domain; two have the same scene, so nodes can move between them.
+// Runs three hosts of one domain; two have the same scene, so nodes can move between them.
 void simulate(unsigned seed, Tally& tally) {
   World world(seed, tally);
   Ledger ledger;
@@ -47,8 +47,8 @@ void simulate(unsigned seed, Tally& tally) {
   for (const auto& host : hosts) host->close();
 }
 
-// A late copy of an opening that had found the disk full (2682); an unlisted checkpoint that outlived its journal
-// (1407).
+// The bugs were: a late copy of an opening that had found the disk full (2682), and an unlisted checkpoint that
+// outlived its journal (1407).
 TEST(Simulation, SeedsThatOnceFoundABugFindNone) {
   Tally tally;
   for (const unsigned seed : {1407U, 2682U}) {
@@ -57,7 +57,7 @@ TEST(Simulation, SeedsThatOnceFoundABugFindNone) {
   }
 }
 
-// SHEARBUS_SEED runs that seed, SHEARBUS_SEEDS so many, from it on.
+// SHEARBUS_SEED sets the first seed and SHEARBUS_SEEDS the number of seeds; without the second, one seed runs.
 TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
   const char* one = std::getenv("SHEARBUS_SEED");
   const char* many = std::getenv("SHEARBUS_SEEDS");

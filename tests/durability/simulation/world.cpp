@@ -46,7 +46,7 @@ void World::start() {
   try {
     server_ = std::make_unique<DurableServer>(disk_, durability_, ++epoch_ << 32, 1 + random() % 2);
   } catch (const store::StorageError&) {
-    crash();  // during recovery, too
+    crash();  // the machine may also die during recovery
   }
   if (disk_.dead()) crash();
 }
@@ -58,7 +58,7 @@ void World::crash() {
     disk_.die_of_power(random);
   else
     disk_.die_of_process();
-  // Connections end with the server, and with them what was on its way to it.
+  // Connections end with the server, and packets on their way to it are lost.
   std::erase_if(network_, [](const auto& entry) { return entry.second.to_server; });
   if (chance(6)) damage_a_checkpoint();
   back_at_ = now_ + std::chrono::milliseconds(random() % 400);
@@ -81,7 +81,8 @@ void World::deliver(const Packet& packet) {
   if (!server_) return;
   const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
   auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1));
-  if (disk_.dead() || server_->service.failed() || chance(60)) return crash();  // the answer, if any, is never sent
+  // The answer, if there is one, is never sent.
+  if (disk_.dead() || server_->service.failed() || chance(60)) return crash();
   if (answer)
     transmit(
         {.to_server = false, .socket = packet.socket, .header = answer->frames.header, .payload = answer->payload()});

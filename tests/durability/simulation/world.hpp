@@ -33,7 +33,7 @@ struct Packet {
   std::vector<std::byte> payload;
 };
 
-// Counts of what happened in a run, for its report.
+// Counts of the events of a run, for its report.
 struct Tally {
   std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0,
                 checkpoints = 0, node_changes = 0, moved = 0, refused = 0;
@@ -47,9 +47,9 @@ class World {
   Clock::time_point now() const { return now_; }
   std::uint64_t new_socket() { return ++last_socket_; }
 
-  // Sends the packet on its way; it may be lost, sent twice or late.
+  // Sends the packet on its way; the network may lose it, send it twice or delay it.
   void transmit(Packet packet);
-  // The next packet for this socket; nothing where `until` comes first.
+  // Returns the next packet for this socket, or nothing if `until` comes first.
   std::optional<Packet> next(std::uint64_t socket, Clock::time_point until);
 
   std::mt19937 random;
@@ -64,7 +64,7 @@ class World {
   Tally& tally_;
   MemoryStorage disk_;
   std::set<std::string> damaged_;
-  std::unique_ptr<DurableServer> server_;  // null while it is down
+  std::unique_ptr<DurableServer> server_;  // null while the server is down
   std::uint64_t epoch_ = 0;
   std::uint64_t last_socket_ = 0;
   Clock::time_point now_{};

@@ -1,4 +1,5 @@
-// The subcommand `map` of shearbus-study: where the velocity-driven model is valid, over pressure and velocity.
+// The subcommand `map` of shearbus-study: the range of pressures and velocities in which the velocity-driven model is
+// valid.
 #pragma once
 
 #include <cstddef>
@@ -18,15 +19,15 @@ struct CommandOptions {
   std::vector<double> velocities_m_per_s{1.0, 1000.0};  // lowest, highest
   std::size_t num_pressures = 33;
   std::size_t num_velocities = 49;
-  std::vector<double> times_s{0.1e-6, 0.3e-6, 1e-6, 3e-6};  // of observation, increasing
+  std::vector<double> times_s{0.1e-6, 0.3e-6, 1e-6, 3e-6};  // times of observation, increasing
   double dt_s = 1e-9;
 };
 
-// Adds the subcommand to the program. Parsing throws CLI::ValidationError where ranges or times do not fit together.
+// Adds the subcommand to the program. Parsing throws CLI::ValidationError if ranges or times are inconsistent.
 CLI::App* add_command(CLI::App& program, CommandOptions& options);
 
 // Runs the sweep, writes nodes.csv and map.json to `options.out` and prints a summary. Throws wire::Error for a scene
-// that is not velocity-driven with drive = "layer_shear", or that a server refuses.
+// that a server refuses or that is not velocity-driven with drive = "layer_shear".
 void run(const CommandOptions& options);
 
 }  // namespace shearbus::map

@@ -16,8 +16,8 @@ std::vector<double> slip_share(const Map& map, const Observation& seen) {
   return shares;
 }
 
-// The share is 1 - V_y / V with the elastic part V_y = h s / (G0 t) of the velocity, which changes little between nodes
-// and is constant where nothing slips yet.
+// The share is 1 - V_y / V. The elastic part V_y = h s / (G0 t) of the velocity changes little between neighbouring
+// nodes and is constant where nothing slips yet, so V_y is interpolated.
 Line velocity_of_share(const Map& map, const Observation& seen, double share) {
   const std::vector<double> shares = slip_share(map, seen);
   const std::vector<double>& velocities = map.axes.velocity_m_per_s;
@@ -53,7 +53,8 @@ Line velocity_of_melting(const Map& map, double time_s) {
       const double before = map.melting_time_s[map.axes.node(p, v - 1)];
       const bool known = before > melted;
       const double faster = v + 1 < velocities.size() ? map.melting_time_s[map.axes.node(p, v + 1)] : melted;
-      const double decay = known ? std::log(before / melted) : std::log(melted / faster);  // over one node
+      // Over the distance of one node.
+      const double decay = known ? std::log(before / melted) : std::log(melted / faster);
       const double part = decay > 0.0 ? std::min(1.0, std::log(time_s / melted) / decay) : 0.0;
       line[p] = velocities[v] * std::pow(velocities[v - 1] / velocities[v], part);
       break;

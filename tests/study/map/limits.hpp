@@ -1,4 +1,4 @@
-// Lines of a map: limiting velocities for each pressure.
+// Lines of a map: limiting velocities at each pressure.
 #pragma once
 
 #include <optional>
@@ -8,7 +8,7 @@
 
 namespace shearbus::map {
 
-// A velocity for each pressure; nothing if the limit lies outside the velocities of the map.
+// A velocity for each pressure; empty if the limit lies outside the velocities of the map.
 using Line = std::vector<std::optional<double>>;
 
 // Returns the share of the imposed slip that the layer has carried: 1 minus the elastic part, h s / (G0 V t).
@@ -18,7 +18,7 @@ std::vector<double> slip_share(const Map& map, const Observation& seen);
 // outside its domain. A share of 0 gives the velocity below which the layer sticks although slip is imposed.
 Line velocity_of_share(const Map& map, const Observation& seen, double share);
 
-// Returns the slowest jump that has melted the interface by that time.
+// Returns the lowest velocity jump that has melted the interface by that time.
 Line velocity_of_melting(const Map& map, double time_s);
 
 }  // namespace shearbus::map

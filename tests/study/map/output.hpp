@@ -8,7 +8,8 @@
 
 namespace shearbus::map {
 
-inline constexpr double kDomainShare = 0.9;  // share of the imposed slip, as in the server's outcome of each step
+// Share of the imposed slip, the same limit as in the server's outcome of each step.
+inline constexpr double kDomainShare = 0.9;
 
 void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);
 

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Draws what shearbus-study map wrote: slip carried, time to melting, friction coefficient and temperature over pressure and velocity,
-with the lines below which the layer sticks although slip is imposed, below which the velocity-driven model is outside its domain, and
-above which the interface has melted.
+"""Draws the results of `shearbus-study map`: slip carried, time to melting, friction coefficient and temperature over pressure and
+velocity. Three lines show the velocity below which the layer sticks although slip is imposed, the velocity below which the velocity-driven
+model is outside its domain, and the velocity above which the interface has melted.
 
     plot_map.py DIR [--out DIR]
 """

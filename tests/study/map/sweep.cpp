@@ -13,7 +13,8 @@
 namespace shearbus::map {
 namespace {
 
-// With drive "interface_slip" the layer follows the shear rate, an optional column of a step.
+// Throws unless the drive is "layer_shear". With drive "interface_slip" the steps have the shear rate as an optional
+// column.
 void require_imposed_shear(const wire::SessionOpened& opened) {
   if (opened.strategy == wire::Strategy::kVelocityDriven &&
       std::ranges::find(opened.optional_columns, Field::kSoftShearRate) == opened.optional_columns.end())

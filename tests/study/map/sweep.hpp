@@ -1,5 +1,5 @@
-// A sweep of constant pressures and velocity jumps through the velocity-driven model: every pair is a node, all nodes
-// are one batch of a server inside this process.
+// A sweep of constant pressures and velocity jumps through the velocity-driven model. Every pair is a node, and all
+// nodes are one batch of a server inside this process.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ struct Axes {
   }
 };
 
-// `count` values from `low` to `high` at equal ratios.
+// Returns `count` values from `low` to `high` at equal ratios.
 std::vector<double> log_spaced(double low, double high, std::size_t count);
 
 // The state of the map at one time; one value per node.
@@ -37,7 +37,7 @@ struct Map {
   Axes axes;
   double dt_s = 0.0;
   std::vector<Observation> observations;
-  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt; NaN: none
+  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt  [s]; NaN: did not melt
   std::string scene_name;
   std::string effective_scene;  // TOML
   std::string server_version;
@@ -46,11 +46,11 @@ struct Map {
 
 struct SceneText {
   std::string text;  // TOML
-  std::string file;  // its name, for messages
+  std::string file;  // file name of the text, for messages
 };
 
-// The scene's sweep up to the last of `times_s`, which are increasing multiples of dt_s. Throws Error for a scene whose
-// layer is not the one that carries the jump.
+// Sweeps the scene up to the last of `times_s`, which are increasing multiples of dt_s. Throws Error for a scene whose
+// layer does not carry the jump.
 Map sweep(const SceneText& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s);
 
 }  // namespace shearbus::map

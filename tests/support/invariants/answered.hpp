@@ -9,27 +9,27 @@
 
 namespace shearbus::testing {
 
-inline constexpr int kMostParts =
-    1 << 22;  // substeps of a step under a tolerance; at most 64 of a step with several solutions
+// Upper bound of the substeps of a step under a tolerance; a step with several solutions has at most 64.
+inline constexpr int kMostParts = 1 << 22;
 
-// Inputs and answer of one node in one step, projected on the direction of the answer. The solver that answered is not
-// known here, so that models and wrong solvers are judged alike.
+// Inputs and answer of one node in one step, projected on the direction of the answer. The struct does not name the
+// solver, so that correct models and wrong solvers are checked alike.
 struct Answered {
   double dt = 0.0;        // [s]
   double pressure = 0.0;  // [Pa]
   double jump_old = 0.0, jump_new = 0.0, slip = 0.0;
-  double jump_length = 0.0;  // of both components; its last digit bounds the accuracy of the projections
+  double jump_length = 0.0;  // length of the jump vector; its last digit bounds the accuracy of the projections
   double stress_old = 0.0, stress = 0.0;
   double T0 = 0.0, heat = 0.0;
   double driven = 0.0;         // change of the jump by the far stresses, DLP (61)                    [m/s]
-  double driven_size = 0.0;    // sum of the magnitudes of both parts
+  double driven_size = 0.0;    // sum of the magnitudes of both parts of `driven`
   double per_stress = 0.0;     // decrease of the jump per stress                                  [m/(s Pa)]
   double plastic_drive = 0.0;  // sqrt(3) h Ep_dot                                                   [m/s]
   double junction_strain = 0.0;
-  bool sticks = false;  // plastic layer: the interface does not slip at the end of the step
+  bool sticks = false;  // with a plastic layer: the interface does not slip at the end of the step
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
-  bool controlled = false;  // a model with a tolerance: any number of substeps
+  bool controlled = false;  // the model has a tolerance and may use any number of substeps
 
   bool divided() const { return (outcome & kSubstepped) != 0; }
   // Upper bound of the number of substeps. The answer mixes means, sums and end values of them.
@@ -38,8 +38,8 @@ struct Answered {
   double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
 };
 
-// Reads one lane of a rig after a step; `trial` of the rig is the state before. Two components are projected on the
-// direction of the answer.
+// Reads one lane of a rig after a step; rig.trial is then the state before the step. Two components are projected on
+// the direction of the answer.
 inline Answered answered(const Rig& rig, int lane, double dt) {
   const TileInputs& in = rig.inputs;
   const TileOutputs& out = rig.outputs;

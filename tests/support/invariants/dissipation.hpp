@@ -1,4 +1,4 @@
-// MODEL.md, what always holds, 3: friction dissipates energy.
+// Invariant 3 of MODEL.md, "What always holds": friction dissipates energy.
 #pragma once
 
 #include "tests/support/invariants/answered.hpp"
@@ -6,7 +6,7 @@
 
 namespace shearbus::testing {
 
-// Friction dissipates: s [v] >= 0, and the heat is not negative.
+// Requires that friction dissipates: s [v] >= 0, and the heat is not negative.
 inline void require_dissipation(const Answered& a) {
   require(a.stress * a.slip >= 0.0, "s [v] < 0: s {}, [v] {}", a.stress, a.slip);
   require(a.heat >= 0.0, "heat {} < 0", a.heat);

@@ -1,4 +1,4 @@
-// Counts and largest residuals of a run that is held to the invariants.
+// Counts and largest residuals of a run whose steps are checked against the invariants.
 #pragma once
 
 #include <algorithm>
@@ -12,14 +12,14 @@ namespace shearbus::testing {
 // Counts and largest residuals over all node-steps of a run.
 struct Figures {
   long node_steps = 0;
-  std::array<long, 5> in_regime{};  // by Regime
+  std::array<long, 5> in_regime{};  // node-steps per Regime
   long divided = 0;                 // node-steps divided into substeps
   long several = 0;                 // node-steps with several solutions
-  long flowing = 0;                 // plastic layers that carry a stress; below, those with a resolved slip
-  long flowing_resolved = 0;
-  double heat_residual = 0.0;                                        // of the heat balance, relative to the stored heat
-  double nearest_melting = std::numeric_limits<double>::infinity();  // T_melt - T                 [K]
-  double over_limit = 0.0;  // largest excess of a stress over its limit, relative
+  long flowing = 0;                 // node-steps of plastic layers that carry a stress
+  long flowing_resolved = 0;        // node-steps counted in `flowing` whose slip is resolved
+  double heat_residual = 0.0;       // largest residual of the heat balance, relative to the stored heat
+  double nearest_melting = std::numeric_limits<double>::infinity();  // smallest |T_melt - T|  [K]
+  double over_limit = 0.0;  // largest excess of a stress over its limit, relative to the limit
 
   void add(const Figures& other) {
     node_steps += other.node_steps;

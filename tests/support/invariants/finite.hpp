@@ -1,4 +1,4 @@
-// An answer exists and is finite.
+// The answer exists and is finite.
 #pragma once
 
 #include <cmath>

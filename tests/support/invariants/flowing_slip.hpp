@@ -9,7 +9,7 @@
 
 namespace shearbus::testing {
 
-// A flowing layer satisfies DLP (64): at the middle of the step if the interface slips, at its end if it sticks.
+// Requires DLP (64) of a flowing layer: at the middle of the step if the interface slips, at its end if it sticks.
 inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // without a stress there is no direction
   const double d = std::copysign(1.0, a.stress);
@@ -28,7 +28,8 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
     require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");
   } else {
-    // The slip heats T0, T0 sets the stress and the stress the slip, both through (61) and through the heat.
+    // The slip heats T0, T0 sets the stress, and the stress changes the slip: directly through (61) and through the
+    // heat.
     const Limits limit = interface_limits(options, a, size);
     tolerance += (limit.upper - limit.lower) * (a.per_stress + std::abs(a.slip / a.stress));
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old + jump_new) + a.plastic_drive - flow), tolerance, "(64)");

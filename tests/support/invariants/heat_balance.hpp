@@ -1,4 +1,4 @@
-// MODEL.md, what always holds, 3: heat is conserved.
+// Invariant 3 of MODEL.md, "What always holds": heat is conserved.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace shearbus::testing {
 
-// The increase of the stored heat equals the heat that entered in the step  [J/m2].
+// Requires that the increase of the stored heat equals the heat that entered in the step  [J/m2].
 inline void require_heat_balance(double stored_before, double stored, double heat, Figures& figures) {
   require_near(stored - stored_before, heat, 1e-12 * stored, "stored heat against what entered");
   if (stored > 0.0) {

@@ -1,4 +1,4 @@
-// MODEL.md, what always holds, 3: heat comes from friction work.
+// Invariant 3 of MODEL.md, "What always holds": all heat comes from friction work.
 #pragma once
 
 #include <algorithm>
@@ -9,13 +9,13 @@
 
 namespace shearbus::testing {
 
-// Returns true for a second-order step: its heat and stress come from two stages, of which the answer shows the end
-// only.
+// Returns true for a step of second order. Its heat and stress come from two stages, and the answer shows only the
+// second.
 inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
   return options.time_integrator == TimeIntegrator::kSdirk2 && !(a.outcome & kFirstOrder);
 }
 
-// The heat that enters is the conducted share of the friction work; `share` is that share.
+// Requires that the heat which enters is the conducted share `share` of the friction work.
 inline void require_heat_of_work(const ModelOptions& options, double share, const Answered& a) {
   if (options.strategy == Strategy::kVelocityDriven) {
     if (a.in_parts() || of_two_stages(options, a)) return;

@@ -1,4 +1,5 @@
-// MODEL.md, what always holds, 2, and DLP (61): complementarity of the interface and momentum of the bodies.
+// Invariant 2 of MODEL.md, "What always holds", and DLP (61): complementarity of the interface and momentum of the
+// bodies.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +11,9 @@
 
 namespace shearbus::testing {
 
-// The jump satisfies the momentum balance of the bodies, DLP (61), and the stress the limits of the interface.
+// Requires that the jump satisfies the momentum balance of the bodies, DLP (61), and the stress the interface's limits.
 inline void require_interface_law(const ModelOptions& options, const Answered& a, Figures& figures) {
-  // Substeps may move in both directions, by at most the plastic flow of the host's zone.
+  // Substeps may move in both directions, at most by the plastic flow of the host's zone.
   const double size = a.size() + (a.in_parts() ? a.plastic_drive : 0.0);
   require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * size + kProductOfDenormals,
                "[V] against (61)");
@@ -27,8 +28,8 @@ inline void require_interface_law(const ModelOptions& options, const Answered& a
   if (a.in_parts()) return;  // the stress is a mean of the substeps
   if (options.plastic_layer && !is_resolved(options, a, a.size())) return;
   const Limits limit = interface_limits(options, a, a.size());
-  // A second-order step answers the mean stress while the limit changes: only direction and sticking are checked here.
-  // The scalar twin checks the stresses of the stages.
+  // A second-order step answers the mean stress of a step in which the limit changes, so only direction and sticking
+  // are checked here. The scalar twin checks the stresses of the stages.
   const bool mean = of_two_stages(options, a) && a.outcome == 0 && a.regime != Regime::kStick;
   if (!mean) {
     require(carried <= limit.upper, "s {:.17g} above its limit {:.17g} at T0 {:.17g}", a.stress, limit.upper, a.T0);

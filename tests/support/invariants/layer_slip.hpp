@@ -8,19 +8,19 @@
 
 namespace shearbus::testing {
 
-// A layer that carries all the slip satisfies sqrt(3) integral(dep) = w dt - h ds/G0.
+// Requires sqrt(3) integral(dep) = w dt - h ds/G0 of a layer that carries all the slip.
 inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
   const ModelOptions& options = rig.model.options();
   if (options.drive != Drive::kLayerShear || a.pressure <= 0.0 || a.regime == Regime::kCoulomb) return;
-  if (a.in_parts() && a.stress_old * a.stress < 0.0) return;  // it may have flowed in both directions
+  if (a.in_parts() && a.stress_old * a.stress < 0.0) return;  // the layer may have flowed in both directions
   if (a.in_parts() && options.friction_coefficient) return;   // the interface may have slipped in some substeps
   const double h = options.grid.thickness;
   const double wanted = std::abs(a.jump_old) * a.dt + h * std::abs(a.stress_old) / options.soft.shear_modulus;
   const double elastic = h * (a.stress - a.stress_old) / options.soft.shear_modulus;
   const double direction = a.stress != 0.0 ? std::copysign(1.0, a.stress) : std::copysign(1.0, a.slip);
   const double plastic = direction * (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane));
-  // Strains are accurate to their last digits, flow as stress and temperatures are. In substeps both may be larger, and
-  // nearer to melting, than at the end of the step.
+  // Strains are accurate to their last digits; the flow is as accurate as stress and temperatures are. During substeps
+  // the stress may be larger, and the temperature nearer to melting, than at the end of the step.
   const double share = a.in_parts() ? 1e-3 : 1e-9;
   const double stress = a.in_parts() ? std::max(std::abs(a.stress), std::abs(a.stress_old)) : a.stress;
   const double resolution = 1e-15 * rig.plastic_slip(lane) +

@@ -1,4 +1,4 @@
-// MODEL.md, what always holds, 1 and 5: temperatures below melting, in their range and monotonic.
+// Invariants 1 and 5 of MODEL.md, "What always holds": temperatures below melting, in their range and monotonic.
 #pragma once
 
 #include <algorithm>
@@ -12,14 +12,15 @@
 
 namespace shearbus::testing {
 
-// A temperature below melting stays below melting. `hottest`: the largest temperature of the state before.
+// Requires that a temperature below melting stays there. `hottest` is the largest temperature of the state before.
 inline void require_solid(double T, double T_melt, double hottest, Figures& figures) {
   require(T < T_melt || T <= hottest * (1 + 1e-15), "T {:.17g} K, melting {:.17g} K, hottest before {:.17g} K", T,
           T_melt, hottest);
   figures.nearest_melting = std::min(figures.nearest_melting, std::abs(T_melt - T));
 }
 
-// Temperatures stay in their range, and fall with the distance from the interface if only the interface is heated.
+// Requires that temperatures stay in their range, and that they fall with the distance from the interface if only the
+// interface is heated.
 inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
@@ -38,8 +39,10 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
     const double T = after[i];
     const int vertex = static_cast<int>(i) - static_cast<int>(interface);
     require(T >= coldest - grain, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", vertex, T, coldest);
-    if (i < interface) {  // the hard body has another melting temperature: bound it by the state before and by T0
-      // Substeps may be hotter than the end of the step; second order extrapolates and overshoots by a few percent.
+    // The hard body has another melting temperature: the bound is the largest of the state before and T0.
+    if (i < interface) {
+      // In substeps T may be higher than at the end of the step; second order extrapolates and overshoots by a few
+      // percent.
       const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
       const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
       require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,

@@ -1,4 +1,4 @@
-// What a tolerance is made of in place of cells and methods (METHODS.md, "Tolerance").
+// The grid and the methods of a model with a tolerance, as one sentence (METHODS.md, "Tolerance").
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace shearbus::physics {
 
-// One sentence for the user. `modes`: how many there are.
+// A sentence for the user. `modes`: number of modes.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 
 }  // namespace shearbus::physics

@@ -26,12 +26,12 @@ LaneValues plastic_slip(const Problem& problem, const double* ep_old, const doub
   return sum;
 }
 
-// The velocity through which a component of the interface's stress works, but for the host's own shear.
+// The velocity at which a stress component of the interface does work, without the host's own shear  [m/s].
 double working_velocity(const Problem& problem, double jump, double jump_new) {
   return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
 }
 
-// The velocity of the host's own shear, along the stress (velocity-driven: with its sign).
+// The velocity of the host's own shear along the stress; velocity-driven, with its sign  [m/s].
 double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
   if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
@@ -52,8 +52,8 @@ double cold_share(const ModelOptions& options) {
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
   StoredHeat stored;
   if (problem.modes) {
-    // Without a profile: a slab's mode of rate 0, behind the start temperature, holds all its heat; from a half-space
-    // none returns.
+    // Without a profile: in a slab the mode of rate 0, whose row follows the start temperature, holds all heat; from a
+    // half-space no heat returns.
     const HeatModes& modes = *problem.modes;
     if (modes.rate.front() > 0.0) {
       std::copy_n(entered, kLanes, stored.soft.begin());
@@ -66,7 +66,7 @@ StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const dou
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;
   for (int i = 0; i < grid.interface; ++i) add_change(stored.hard, grid.capacity(i, soft, hard), T_old, T_new, i);
-  // Half of the vertex between them is the hard body's, where that conducts.
+  // The vertex at z = 0 belongs to both bodies; without a conducting hard body, hard_weight is 0.
   const double weight = grid.weight[static_cast<std::size_t>(grid.interface)];
   add_change(stored.soft, soft.conductivity / soft.diffusivity * weight, T_old, T_new, grid.interface);
   add_change(stored.hard, hard.conductivity / hard.diffusivity * grid.hard_weight, T_old, T_new, grid.interface);
@@ -81,17 +81,17 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
   const ModelOptions& options = problem.options;
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
-                            : 0.0;  // the force-driven balance (64) knows no elastic shear of the layer
+                            : 0.0;  // the force-driven balance (64) has no elastic shear of the layer
   const StoredHeat stored = stored_heat(problem, committed, trial, outputs.friction_heat);
   const LaneValues plastic_slips =
       layout.plastic_strain == TileLayout::kAbsent
           ? LaneValues{}
           : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
   for (const int lane : lanes_of(inputs.active)) {
-    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // nothing was done
+    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // a failed lane keeps its state
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];
-    double size = s;  // of the stress, with its sign where there is one component
+    double size = s;  // magnitude of the stress; signed with one component
     double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
     double elastic = spring * (s - s_old) * (s + s_old);
     if (options.tangential_components == 2) {
@@ -105,7 +105,8 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
     const double plastic = std::abs(size) * plastic_slips[lane];
     const double heat = outputs.friction_heat[lane];
 
-    // Between half-spaces each takes its share at once; where both are resolved, what they are found to hold.
+    // If only the soft body is resolved, the bodies receive fixed shares of the friction heat; if both are resolved,
+    // each receives the heat that it has gained.
     const bool two_sided = options.hard_grid.has_value();
     const double to_soft = two_sided ? stored.soft[lane] : heat;
     const double to_hard = two_sided ? stored.hard[lane] : heat * (1.0 / problem.heat_partition - 1.0);

@@ -14,7 +14,8 @@ using LaneValues = std::array<double, kLanes>;
 struct StoredHeat {
   LaneValues soft{}, hard{};
 };
-// The same from rows of temperature or modes, [row][lane], of lanes that are awake. `entered`: friction heat, [lane].
+// The growth of the heat computed from rows of temperature or modes, [row][lane], of lanes that are awake. `entered`:
+// friction heat, [lane].
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered);
 
 // Writes the active lanes of `ledger` and leaves the others alone. Terms in [J/m2].

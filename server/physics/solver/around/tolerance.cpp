@@ -13,17 +13,18 @@ namespace {
 
 // Error budget of a step, as a fraction of the tolerance.
 constexpr double kStepShare = 0.25;
-// A substep may use the fraction of the remaining budget that it is of the remaining time, and at least
-constexpr double kEarlyShare = 0.05;  // this fraction if it is as long as the time before it: steps may start suddenly
-constexpr double kRefinedShare = 0.25;  // this fraction if it was shortened: a later change may be sudden too
+// A substep may use a share of the remaining error budget: its length relative to the remaining time, but at least the
+// following fractions.
+constexpr double kEarlyShare = 0.05;    // for a substep as long as the time before it: steps may start suddenly
+constexpr double kRefinedShare = 0.25;  // for a shortened substep: a later change may be sudden too
 // The next substep may be twice as long where the error was below this fraction of the budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // how long an error of the jump goes on heating  [s]
-constexpr double kLeastRange = 0.01;  // of T_melt: smallest range of temperature that a tolerance is relative to
+constexpr double kJumpTime = 1e-6;    // time for which an error of the jump continues to heat  [s]
+constexpr double kLeastRange = 0.01;  // smallest temperature range of a tolerance, relative to T_melt
 constexpr int kMostHalvings = 22;
 constexpr int kMostAttempts = 1024;  // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;   // in about this number of substeps
+constexpr int kHurriedPieces = 64;   // number of substeps, about, of that unchecked rest
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -55,10 +56,10 @@ void add(const Answer& next, double share, bool forced, Answer& sum) {
 
 // Progress of one lane through its step.
 struct Progress {
-  int level = 0;        // of the next substep: dt / 2^level, compared with two halves of it
+  int level = 0;        // the next substep is dt / 2^level long
   std::int64_t at = 0;  // begin of the next substep, in units of the shortest substep
-  Answer sum;           // of the accepted substeps
-  Answer coarse;        // of the next substep in one piece, if coarse_known
+  Answer sum;           // answer of the accepted substeps together
+  Answer coarse;        // answer of the next substep in one piece, if coarse_known
   bool coarse_known = true;
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
@@ -68,9 +69,9 @@ struct Progress {
 
 // Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress acts over
 // the whole substep, so all halves of the substep can have the same error and comparing them does not show it. Up to
-// the reversal the jump falls by A + 2 b s per substep, afterwards it rises by A; a substep that changes by A throughout
-// ends too far by the value returned. If the jump stops while the far stresses exceed what slip has carried, its error
-// is bounded only by its old value.
+// the reversal the jump falls by A + 2 b s per substep, afterwards it rises by A; a substep that changes by A
+// throughout ends too far by the returned value. If the jump stops while the far stresses exceed the stress that slip
+// has carried, its error is bounded only by its old value.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -84,9 +85,9 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
 }
 
 // Each lane has substeps of its own. A substep is accepted if its two halves give the same answer up to its error
-// budget; otherwise its first half is tried next. Where the error is small the next substep is twice as long. Lanes with
-// equally long next substeps are solved together, the shortest substeps first. The substeps of a lane depend on its own
-// state and inputs alone.
+// budget; otherwise its first half is tried next. Where the error is small the next substep is twice as long. Lanes
+// with equally long next substeps are solved together, the shortest substeps first. The substeps of a lane depend on
+// its own state and inputs alone.
 class ControlledStep {
  public:
   ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
@@ -184,7 +185,7 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // An error above the budget raises the budget of the rest to itself.
+    // An error above the budget raises the remaining budget to that error.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -194,9 +195,9 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step relative
-  // to T_melt - T_ref. The largest of three: T0 (diffusion damps its error), the heat released, and the host's new jump,
-  // which goes on heating. `of_rest`: length of the substep relative to the rest of the step.
+  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step
+  // relative to T_melt - T_ref. The largest of three: T0 (diffusion damps its error), the heat released, and the new
+  // jump of the host, which continues to heat. `of_rest`: length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();
@@ -238,8 +239,8 @@ class ControlledStep {
     outputs_.outcome[l] |= outside_domain(sum.slip, inputs_.velocity_jump[l]);
   }
 
-  TileInputs now_;                  // of the next substep
-  TileOutputs first_{}, second_{};  // of the two halves
+  TileInputs now_;                  // inputs of the next substep
+  TileOutputs first_{}, second_{};  // answers of the two halves
   const Problem& problem_;
   const StepOperators& operators_;
   const AdvanceTile advance_;  // one substep
@@ -247,7 +248,7 @@ class ControlledStep {
   const double* committed_;
   double* trial_;
   TileOutputs& outputs_;
-  const std::int64_t end_;  // of the step, in units of its shortest substep
+  const std::int64_t end_;  // end of the step, in units of its shortest substep
   const double response_;   // B0 of the whole step
   double* const accepted_;  // state after the substeps accepted so far
   double* const half_;      // state after the first half of the next substep

@@ -7,12 +7,12 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes in as many substeps as the tolerance asks for, each by `advance`; writes the whole of
-// `trial`. Lanes without an answer keep their state.
+// One step of the active lanes in as many substeps as the tolerance needs. `advance` solves one substep. Writes the
+// whole of `trial`. Lanes without an answer keep their state.
 void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 
-// How often a step of dt may be halved.
+// The largest number of times that a step of dt may be halved.
 int most_times_halved(double dt);
 
 }  // namespace shearbus::physics

@@ -40,8 +40,8 @@ LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const
           {committed[layout.shear_stress + l], committed[layout.second_stress + l]}};
 }
 
-// The trial vector, which gives the direction: velocity-driven the stress of an elastic layer, DLP (37); force-driven the
-// jump of a free interface, (61).
+// The trial vector, which gives the direction. Velocity-driven: the stress of an elastic layer, DLP (37). Force-driven:
+// the jump of a free interface, (61).
 Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
   if (options.strategy == Strategy::kForceDriven) {
     return lane.jump +
@@ -55,7 +55,7 @@ constexpr double kUp = 0x1p+900;
 
 Vector direction_of(const Vector& trial, const Vector& otherwise) {
   for (const Vector& along : {trial, otherwise}) {
-    // The length of a vector of denormals has no digits: brought up by a power of two it has.
+    // The length of a vector of denormals has no accurate digits; scaling the vector by a power of two restores them.
     const double scale = std::max(std::abs(along.first), std::abs(along.second)) < kFewDigits ? kUp : 1.0;
     const Vector scaled = scale * along;
     const double size = length(scaled);
@@ -89,7 +89,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
   along.stress_before = stress_old;
   advance(problem, operators, along, committed, trial, outputs);
 
-  // 2. Its answer as vectors.
+  // 2. The answer of the scalar problem as vectors.
   for (const int l : lanes_of(inputs.active)) {
     const LaneVectors lane = vectors_of(layout, inputs, committed, l);
     const Vector& e = direction[l];
@@ -100,7 +100,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
       stress = lane.stress_old;
       jump_new = lane.jump;
     } else if (outputs.regime[l] == Regime::kOpen) {
-      slip = 0.5 * (lane.jump + jump_new);  // what it passes at, wherever to
+      slip = 0.5 * (lane.jump + jump_new);  // an open contact has the mean jump, in any direction
     } else if (!forced) {
       const double apart = length(slip + -1.0 * lane.jump);
       outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);

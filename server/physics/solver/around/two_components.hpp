@@ -8,7 +8,8 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes by `advance`, the scalar step, along the direction of each lane's trial stress.
+// Steps the active lanes by `advance`, which solves the scalar step along the direction of the trial stress of each
+// lane.
 void advance_two_components(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
                             const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kAtCeiling = 1e-11;  // relative: a stress above the ceiling by less is at the ceiling
 constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search
-constexpr double kBeyond = 1e-10;     // relative: margin of a bound that is no answer
+constexpr double kBeyond = 1e-10;     // relative: margin of a bound that is not an answer
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
 // stress may melt the layer. The answer is then reduced until the layer stays below melting.
@@ -44,7 +44,7 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   //    only when it cannot stick with the layer flowing.
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
-  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface sticks to nothing
+  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface cannot stick
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
@@ -72,7 +72,8 @@ bool FlowingSlip::rigid_holds(double slip) const {
   return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at(rigid_.flux) * (1.0 + kAtCeiling);
 }
 
-// The heat flux from `lo` on up to the one that makes T0 = T_hi where `holds` comes true, to the resolution of T0.
+// The smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the resolution of
+// T0.
 template <class Predicate>
 double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) const {
   const double T_ad = T0(0.0);
@@ -131,7 +132,7 @@ void FlowingSlip::update(double slip) {
     }
     case Phase::kSlip: {
       if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
-      // Where the layer limits the stress the interface does not slip: the answer has less slip.
+      // Where the layer limits the stress the interface does not slip: the answer then has less slip.
       const double q = search_.at();
       if (layer_holds(q)) {
         high_ = q;
@@ -185,8 +186,8 @@ void FlowingSlip::end_stick(double a) {
   const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
   a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
   a_stick_ = a;
-  // Where a layer is at a ceiling below the interface's yield limit, at z = 0, only the friction branch can be exceeded:
-  // near melting the other two differ by less than T0 resolves.
+  // If the layer is at its ceiling at z = 0 and this ceiling is below the yield limit of the interface, only the
+  // friction branch can be exceeded: near melting, ceiling and yield limit differ by less than T0 resolves.
   const double q = flux.rise * (a * flux.slip(a));
   const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
   const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
@@ -201,9 +202,9 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat of
-//    the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where the
-//    limit equals the sticking stress.
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat
+//    of the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where
+//    the limit equals the sticking stress.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;
@@ -221,7 +222,7 @@ void FlowingSlip::begin_slip() {
 }
 
 // The interface slips up to the flux at which the layer carries no more than the interface; from there on the layer
-// flows by the rest. Called where the layer carries less at `high_`.
+// flows by the rest. Called if the layer carries less than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
   high_is_ceiling_ = true;

@@ -1,6 +1,7 @@
-// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61), (64) and
-// the interface law for s, [v], T0 and ep together. The search is a state machine: stress() and flux() are the next load
-// of the layer, update() receives the flow under it. The lanes of a tile, whose flow is summed together, search together.
+// The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61),
+// (64) and the interface law, solved together for s, [v], T0 and ep. The search is a state machine: stress() and flux()
+// are the next load of the layer, update() receives the flow under this load. All lanes of a tile search together,
+// because their flow is summed together.
 #pragma once
 
 #include "server/physics/solver/flow/heated.hpp"
@@ -11,12 +12,12 @@ namespace shearbus::physics {
 
 // A lane with a closed contact at the start of a step.
 struct FlowingStart {
-  StressLimit limit;      // of the interface
-  double ceiling;         // of the layer at g = 1, where hardening ends; infinity: none             [Pa]
+  StressLimit limit;      // limit of the interface
+  double ceiling;         // ceiling of the layer at g = 1, where hardening ends; infinity: none             [Pa]
   bool hardens;           // without hardening the layer flows at the ceiling only
-  double first_weight;    // length of z the first vertex stands for                                 [m]
-  double first_strain;    // its plastic strain
-  Heated layer;           // its temperatures
+  double first_weight;    // length of z that the first vertex represents                                 [m]
+  double first_strain;    // plastic strain of the first vertex
+  Heated layer;           // temperatures of the layer
   double heat_partition;  // beta_T; 1 where the hard body conducts too
   double dt;
   Forcing forcing;
@@ -29,10 +30,10 @@ class FlowingSlip {
   explicit FlowingSlip(const FlowingStart& start);
 
   bool done() const { return phase_ == Phase::kDone; }
-  // Load of the layer to evaluate next, stress magnitude and heat flux; once done, of the answer.
+  // Load of the layer to evaluate next (stress magnitude and heat flux); once done, the load of the answer.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void update(double slip);  // integral(dep) under them   [m]
+  void update(double slip);  // integral(dep) under that load   [m]
 
   struct Answer {
     LaneStep step;
@@ -75,10 +76,10 @@ class FlowingSlip {
   Phase phase_ = Phase::kDone;
   Kind kind_ = Kind::kRigid;
   double a_ = 0.0, q_ = 0.0;
-  double a_stick_ = 0.0;  // of the flowing layer
+  double a_stick_ = 0.0;  // sticking stress of the flowing layer
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
-  bool high_is_ceiling_ = false;  // of the search at hand
-  bool at_ceiling_ = false;       // of the answer
+  bool high_is_ceiling_ = false;  // in the present search the layer is at its ceiling at `high_`
+  bool at_ceiling_ = false;       // the answer is at the ceiling
   bool stick_was_searched_ = false;
   bool several_ = false;
 };

@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 namespace {
 
-// Inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+// The inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
 FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                       const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
   FlowingStart start{};
@@ -75,7 +75,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   // 1. Conduction without friction: DLP (28-35).
   conduct(heat, n, T_old, T_all);
 
-  // 2. Where each lane starts from.
+  // 2. The start of each lane.
   FlowingSlip lanes[kLanes];
   LaneStep before[kLanes];
   FlowLoad load;
@@ -113,7 +113,8 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
   }
 
-  // 4. Answers, lane by lane; where the step may have several, shorter substeps until each has one, or the ladder ends.
+  // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
+  // unique answer or the ladder ends.
   double flux[kLanes] = {};
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {

@@ -1,5 +1,6 @@
 // Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
-// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The heat is the caller's.
+// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The caller conducts
+// the heat.
 #pragma once
 
 #include <cmath>
@@ -9,7 +10,7 @@
 
 namespace shearbus::physics {
 
-// Includes the host's plastic shear where the layer may flow, DLP (64).
+// The forces of a lane, with the host's plastic shear where the layer may flow, DLP (64).
 inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
   Forcing forcing = forcing_of(inputs, lane);
   if (problem.options.plastic_layer)
@@ -26,7 +27,7 @@ class InterfaceStep {
         strength_(interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort)),
         forcing_(forcing_of(problem, inputs, lane)) {}
 
-  // The lane as it was before the step.
+  // The state of the lane before the step.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     return {
@@ -52,7 +53,7 @@ class InterfaceStep {
     return step;
   }
 
-  double junction_strain;  // before, then after the last step
+  double junction_strain;  // before the step; from() updates it
 
  private:
   const Problem& problem_;

@@ -32,19 +32,20 @@ LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
                     double guess, bool stuck) {
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
-  // Friction that depends on slip is solved for first: it then is a constant, one for a sliding interface and one for a
+  // Friction that depends on slip is solved first; it is then a constant, one for a sliding interface and one for a
   // sticking interface.
   const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
 
-  // 1. Stick: no slip at the end of the step, if the interface carries that stress. ([V]mid = 0 would oscillate.)
+  // 1. Stick: no slip at the end of the step, if the interface carries the stress that this needs. ([V]mid = 0 would
+  // oscillate.)
   const double a_stick = trial.stress_stick;
-  StressLimit resolved;  // with the constant friction of the step
+  StressLimit resolved;  // `strength` with the constant friction of the step
   if (by_slip) resolved = strength.with_friction(by_slip->holding);
   const StressLimit& limit = by_slip ? resolved : strength;
   const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
 
-  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node goes on
-  //    as before: a sticking node sticks, a slipping node has the answer with the most slip.
+  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node
+  //    continues as before: a sticking node sticks, a slipping node has the answer with the most slip.
   if (by_slip) resolved.coulomb = by_slip->sliding;
   const auto yield = [&] { return strength.with_friction(std::numeric_limits<double>::infinity()); };
   const bool friction_returns = by_slip && by_slip->exceeds_again < a_stick &&
@@ -59,7 +60,7 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
     const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
     const bool returns = friction_returns && spare_strength(yield(), heating, by_slip->exceeds_again) > 0.0;
     several = slip.several || (slip.found && (can_stick || returns));
-    const bool rests = friction_returns && trial.jump_old == 0.0;  // under the friction of rest, stuck before or not
+    const bool rests = friction_returns && trial.jump_old == 0.0;  // an interface at rest sticks if it can
     stick = can_stick && (stuck || rests || !slip.found);
     if (!stick) a = slip.stress;
   }

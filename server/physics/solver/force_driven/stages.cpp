@@ -18,7 +18,7 @@ using sdirk2::kDiagonal;
 using sdirk2::kFirstWeight;
 using sdirk2::lanes_out_of_range;
 
-constexpr double kMet = 1e-9;  // relative: how far a stress may be from its limit
+constexpr double kMet = 1e-9;  // largest relative distance of a stress from its limit
 
 // Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
 bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
@@ -35,10 +35,10 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
-  double direction;  // of the jump, or the acceleration
+  double direction;  // sign of the jump; without a jump, of the acceleration
   double jump_old;   // along the direction  [m/s]
   bool at_rest = false;
-  double early_stress = 0.0;  // of the first stage  [Pa]
+  double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean of the step    [Pa]
   double slip = 0.0;          // [V]mid              [m/s]
 };
@@ -47,8 +47,8 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
-// First stage: stress and flux at gamma dt, with the slip at the end of the stage. False where the jump reverses or stops
-// within the step or the answer is not unique: such steps are left to backward Euler.
+// First stage: stress and flux at gamma dt, with the slip at the end of the stage. Returns false where the jump
+// reverses or stops within the step or the answer is not unique: such steps are left to backward Euler.
 bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
                  double guess, double& flux) {
   flux = 0.0;
@@ -70,7 +70,7 @@ bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad
 
 // Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
 //   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat is the work solved out of the bodies, as in a backward Euler step.
+// so that the heat of the step is the friction work of the step, as in a backward Euler step.
 bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
                   double& flux) {
   flux = 0.0;

@@ -1,6 +1,6 @@
-// The force-driven step, simplified (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65). The host sends
-// far-field stresses, the interface law finds the slip. The only plastic strain is that of junctions (MODEL.md,
-// "Junctions").
+// The force-driven step without flow of the layer (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65). The
+// host sends far-field stresses, the interface law finds the slip. The only plastic strain is that of junctions
+// (MODEL.md, "Junctions").
 #pragma once
 
 #include <optional>
@@ -15,7 +15,8 @@ namespace shearbus::physics {
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 
-// The step of a sleeping lane: the same function as awake. Nothing where slip, heat or several answers wake the lane.
+// The step of a sleeping lane, by the same function as the step of a lane that is awake. Empty where slip, heat or
+// several answers wake the lane.
 std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                      const TileInputs& inputs, const double* committed,
                                                      const Material& soft, double T0, int lane);

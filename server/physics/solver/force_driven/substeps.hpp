@@ -15,8 +15,8 @@ namespace shearbus::physics {
 
 struct LaneResult {
   LaneStep step{};
-  double heat = 0.0;  // entered the layer                                                      [J/m2]
-  double flux = 0.0;  // not yet in the temperatures: that of a whole step; 0 after substeps    [W/m2]
+  double heat = 0.0;  // friction heat of the step                                                   [J/m2]
+  double flux = 0.0;  // flux not yet in the temperatures; 0 after substeps    [W/m2]
   std::uint8_t outcome = 0;
 };
 
@@ -36,13 +36,13 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 struct LaneStart {
   int lane;
   LaneStep before;      // stress, jump_new and sticks of the last step
-  int num_rows;         // of temperatures or modes, [row][lane]
+  int num_rows;         // rows of temperatures or modes, [row][lane]
   const double* T_old;  // before the step
   double* T;            // after conduction over the whole step; after substeps: the new temperatures
 };
 
-// Equal substeps from the old temperatures. `substep(from)` gives the LaneStep after conduction, from the last one.
-// Stops with false at the first substep without a unique answer, unless `accept`.
+// Equal substeps from the old temperatures. `substep(from)` returns the LaneStep after `from` and after conduction.
+// Returns false at the first substep without a unique answer, unless `accept`.
 template <class Heat, class Substep>
 bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& start, LaneResult& result,
                   const Substep& substep) {
@@ -62,16 +62,18 @@ bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& 
     result.step.several |= last.several;
     result.heat += last.flux * heat.dt;
   }
-  // Means over a step in which the slip reverses could oppose each other; friction does no negative work.
+  // Where the slip reverses within the step, the means of stress and slip could have opposite signs; friction does no
+  // negative work.
   if (result.step.stress * result.step.slip < 0.0) result.step.slip = 0.0;
   return true;
 }
 
-// The answer of a lane whose whole step gave `whole`: that step where its answer is unique, else 2, 4, ...,
-// 2^max_halvings substeps until each has a unique answer. The finest substeps are accepted as they are. With
-// max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is accepted.
+// The answer of a lane whose whole step gave `whole`. If that answer is unique it is accepted; otherwise the step is
+// divided into 2, 4, ..., 2^max_halvings substeps until each has a unique answer, and the finest substeps are accepted
+// in any case. With max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is
+// accepted.
 //   heat_of(k)           operator of dt / 2^k
-//   restart()            restores what substeps change besides the temperatures
+//   restart()            restores the quantities other than temperatures that substeps change
 //   substep(heat, from)  one substep after conduction
 template <class HeatOf, class Restart, class Substep>
 LaneResult step_or_divide(const LaneStep& whole, const HeatOf& heat_of, int max_halvings, const LaneStart& start,

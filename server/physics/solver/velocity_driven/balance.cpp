@@ -16,14 +16,14 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
-constexpr double kFlowConverged = 1e-3;  // of the trial stress: Newton's error is the square of this
+constexpr double kFlowConverged = 1e-3;  // relative to the trial stress; Newton's error is its square
 constexpr double kBalanced = 1e-8;       // largest residual of an answer, relative to the flow
 constexpr double kFarAbove = 100.0;      // flow over the trial stress from which Newton works on logarithms
-constexpr double kLeastGuess = 1e-12;    // of the upper end: a smaller starting stress is no useful guess
-constexpr int kNewtonIterations = 16;    // more than usual; from then on every second step bisects
+constexpr double kLeastGuess = 1e-12;    // relative to the upper end: a smaller starting stress is no useful guess
+constexpr int kNewtonIterations = 16;    // more than usual; afterwards every second step bisects
 constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
 
-// What limits the stress where the balance alone would allow more.
+// The bound that limits the stress where the balance alone would allow more.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 
 // The balance of one lane in magnitudes along the trial direction:
@@ -34,7 +34,7 @@ struct Lane {
   double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
   double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
   double a = 0.0;                 // iterate, then answer                                       [Pa]
-  Bound bound = Bound::kElastic;  // meaning of `hi` until F(hi) > 0 has been found
+  Bound bound = Bound::kElastic;  // the bound that `hi` is, until F(hi) > 0 has been found
   int hottest = 0;                // vertex that reaches Y_max first
   bool loaded = false;            // the trial stress is not 0
   bool hi_seen = false;
@@ -43,8 +43,8 @@ struct Lane {
   bool at_bound = false;       // the answer is `hi`, held by `bound`
 };
 
-// The stress the step starts from. In INTERFACE_SLIP the jump is friction at z = 0, at its limit from the start and
-// again when the jump turns against the stress: DLP 5.2.
+// The stress from which the step starts. In INTERFACE_SLIP the jump is friction at z = 0: the stress is at its limit
+// from the start, and again when the jump turns against the stress, DLP 5.2.
 double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
   if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || (s_old < 0.0 && jump < 0.0) ||
       (s_old > 0.0 && jump > 0.0))
@@ -65,9 +65,9 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.a_trial = std::abs(trial.stress);
   state.heating = trial.heating;
 
-  // Upper ends. Elastic: nothing yields.
+  // The upper end of the bracket is the smallest of several bounds. Elastic: nothing yields.
   state.hi = state.a_trial;
-  // Ceiling: a = Y_max g(T0(a)) / sqrt(3) where heating makes T0; with g = 0 nothing is carried at all.
+  // Ceiling: a = Y_max g(T0(a)) / sqrt(3) with the heating by a; with g = 0 the layer carries no stress.
   StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
   limit.effort = inputs.effort;
   const int hottest_ad = heated.hottest(0.0);
@@ -90,7 +90,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = rubbing;
     state.bound = Bound::kCoulomb;
   }
-  // Not answers, only bounds: a vertex would be molten; the hottest one alone would carry more than all the slip.
+  // Two more upper ends, which are bounds but not answers: above the first the hottest vertex alone would flow by more
+  // than the whole slip; above the second a vertex would be molten.
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
   const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
@@ -116,7 +117,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
 // bracket.
 void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
   const double flow = compliance * slip;
-  const double left = lane.a_trial - lane.a;  // what the flow must take
+  const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
   // 1. Bracket.
   if (flow < left) {
     if (lane.a == lane.hi && !lane.hi_seen) {
@@ -156,7 +157,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
       return;
     }
   }
-  // 3. Keep inside; try the bound itself when it could be the answer.
+  // 3. Keep the next stress inside the bracket; try the bound itself when it could be the answer.
   const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
   const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
   if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
@@ -166,8 +167,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   }
 }
 
-// Finds the roots of all lanes together. Ends with `sum` and the new strain under the answers; strain_new holds the yield
-// thresholds until then.
+// Finds the roots of all lanes together. On return `sum` and `strain_new` hold flow and strain under the answers;
+// before, strain_new holds the yield thresholds.
 void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
                 Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
   flow_thresholds(flow, load, strain_new);
@@ -245,7 +246,7 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
   double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
   bool slips = flows;
   if (problem.options.drive == Drive::kInterfaceSlip) {
-    // Slip at z = 0: DLP (64), corrected. Along the jump or none, and never against the stress.
+    // Slip at z = 0: DLP (64), corrected. The slip is along the jump or 0, and never against the stress.
     const double along = jump < 0.0 ? -1.0 : 1.0;
     const double at_interface = along * (jump + drive) - along * lane.direction * kSqrt3 * layer_slip / dt;
     slip = lane.direction * along < 0.0 || jump == 0.0 ? 0.0 : along * std::max(0.0, at_interface);
@@ -274,7 +275,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
-  bool loaded = false;  // any lane; else nothing flows
+  bool loaded = false;  // any lane is loaded; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
@@ -288,7 +289,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   if (stage.early_flux == nullptr)
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
-  // 2. Distribution of the step's heat: at z = 0, or as the layer flowed in the last step. Its amount is solved for.
+  // 2. Distribution of the heat of the step: at z = 0, or as the layer flowed in the last step. Part 4 solves for its
+  // amount.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
@@ -312,7 +314,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     }
     lanes[l].done = !lanes[l].loaded;
     loaded = loaded || lanes[l].loaded;
-    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // nothing between elastic and the ceiling
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // the answer is at an upper end
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;
@@ -339,8 +341,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
   }
 
-  // 6. Slip in excess of elastic shear and flow: at the ceiling the hottest vertex flows by it; at mu P it is slip of
-  //    the interface.
+  // 6. Slip in excess of elastic shear and flow: at the ceiling it is flow of the hottest vertex, at mu P it is slip of
+  // the interface.
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];

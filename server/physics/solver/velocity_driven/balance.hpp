@@ -1,5 +1,5 @@
-// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56) with the drive that (56) leaves
-// out. The host imposes the velocity jump, the layer's plastic flow finds the stress.
+// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56), with the drive that is missing
+// in (56). The host imposes the velocity jump, the plastic flow of the layer finds the stress.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"
@@ -7,11 +7,11 @@
 
 namespace shearbus::physics {
 
-// One solution of the balance under given heat: a backward Euler step, or a stage of SDIRK2.
+// One solution of the balance with a given heat operator: a backward Euler step, or a stage of SDIRK2.
 struct BalanceStage {
   const HeatOperator* heat;
   double dt;                           // over which the jump acts  [s]
-  const double* early_flux = nullptr;  // second stage, which finds T_ad in `trial`: flux of the first, [lane]  [W/m2]
+  const double* early_flux = nullptr;  // if set: flux of the first stage, [lane]; `trial` holds T_ad  [W/m2]
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);

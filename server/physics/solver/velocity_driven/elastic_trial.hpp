@@ -1,5 +1,5 @@
 // The stress of a velocity-driven layer that only shears elastically (server/physics/MODEL.md, "Velocity-driven step"):
-// DLP (37), (56). Where it is at rest, and where nothing yields under it, it is the answer.
+// DLP (37), (56). This stress is the answer where the layer is at rest and nothing yields under it.
 #pragma once
 
 #include <algorithm>
@@ -10,13 +10,14 @@ namespace shearbus::physics {
 
 struct ElasticTrial {
   double stress;     // s_old + G0 dt w / h, signed                        [Pa]
-  double direction;  // its sign, or that of the jump where there is none
+  double direction;  // sign of the stress; of the jump if the stress is 0
   double heating;    // q per magnitude: beta_T max([V] direction, 0)      [m/s]
 
   bool heats() const { return stress != 0.0 && heating > 0.0; }
 };
 
-// w: the jump, or what the host's own shear makes of it.
+// The velocity w that shears the layer: the velocity jump, or with INTERFACE_SLIP the host's own shear rate times the
+// thickness  [m/s].
 inline double driving_velocity(const Problem& problem, const TileInputs& inputs, int lane) {
   if (problem.options.drive == Drive::kLayerShear) return inputs.velocity_jump[lane];
   return problem.options.grid.thickness * inputs.soft_shear_rate[lane];

@@ -1,5 +1,6 @@
-// The velocity-driven step of layers with inertia (MODEL.md, "Layer inertia"): DLP (36), solved with the rest. The host
-// imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic flow find the stress.
+// The velocity-driven step of layers with inertia (MODEL.md, "Layer inertia"): DLP (36) is solved together with heat
+// and plastic flow. The host imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic
+// flow find the stress.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"

@@ -25,14 +25,14 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   double early_flux[kLanes] = {};
   for (const int l : lanes_of(inputs.active)) early_flux[l] = outputs.friction_heat[l] / stage.dt;
 
-  // 2. The whole step from where that points to.
+  // 2. The whole step, from temperatures extrapolated from the first stage.
   begin_second_stage(stage, n, T_old, early_flux, T);
   const std::uint32_t fallen_back = lanes_out_of_range(problem, inputs, T_old, T);
   TileInputs theirs = inputs;
   theirs.active = inputs.active & ~fallen_back;
   solve_balance(problem, operators, {&stage, operators.dt(), early_flux}, theirs, committed, trial, outputs);
 
-  // 3. Where it points nowhere: backward Euler.
+  // 3. Backward Euler for lanes whose extrapolated temperatures are out of range.
   if (fallen_back == 0) return;
   const std::size_t doubles = problem.layout.doubles;
   double* fallback = scratch_tile(Scratch::kStages, doubles);

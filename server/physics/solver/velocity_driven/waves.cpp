@@ -16,16 +16,16 @@ using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;        // relative: the next Newton step is below rounding
-constexpr double kLocallyConverged = 1e-9;  // the same of a return to the yield stress
+constexpr double kLocallyConverged = 1e-9;  // relative, for a return to the yield stress
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;           // of T_melt: a temperature rise without effect on the strength
+constexpr double kUnfelt = 1e-14;           // temperature rise, relative to T_melt, without effect on the strength
 constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
-constexpr double kUndershoot = 0.5;         // largest slope before the minimum of a shortened step, likewise
-constexpr double kLeastDescent = 0.25;      // twice the least decrease of the energy, of the initial slope
-constexpr int kLocalSteps = 60;             // of a return; three are usual
-constexpr int kLocalNewtonSteps = 12;       // from then on every second step bisects
-constexpr int kBisections = 200;            // of an interval, to rounding
-constexpr int kGuardedSteps = 400;          // Newton steps with line search at one flux
+constexpr double kUndershoot = 0.5;     // largest slope before the minimum of a shortened step, of the initial slope
+constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energy, of the initial slope
+constexpr int kLocalSteps = 60;         // iterations of a return; three are usual
+constexpr int kLocalNewtonSteps = 12;   // iterations after which every second step bisects
+constexpr int kBisections = 200;        // bisections of an interval, to rounding
+constexpr int kGuardedSteps = 400;      // Newton steps with line search at one flux
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
@@ -167,7 +167,7 @@ class Waves {
   }
   double velocity_behind(int c) const { return c < num_cells_ ? fields_.velocity[c] : step_.jump; }
 
-  double residual(int c) const {  // of the balance of momentum  [Pa]
+  double residual(int c) const {  // residual of the balance of momentum  [Pa]
     return fields_.stress[c + 1] - fields_.stress[c] - inertia(c) * (fields_.velocity[c] - velocity_old_[c]);
   }
 
@@ -196,7 +196,7 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // The same with a given q, or with the q that the stress at z = 0 makes.
+  // Stresses and slopes at the iterate, at the given q or else at the q that the stress at z = 0 causes.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
@@ -212,8 +212,8 @@ class Waves {
 
   struct InterfaceReturn {
     double stress;  // magnitude        [Pa]
-    double slope;   // with |t|
-    bool held;      // by mu P
+    double slope;   // d stress / d|t|
+    bool held;      // mu P holds the stress
   };
 
   // The return at z = 0 with its own heating: a = R(|t|; T_ad + B q, q = per_stress a). The strength of a vertex falls
@@ -224,7 +224,7 @@ class Waves {
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
     struct Carried {
-      double stress, log_slope, flow_slope;  // with a, by a; with |t|, by flow
+      double stress, log_slope, flow_slope;  // d log(stress) / da; d stress / d|t|
     };
     const auto carried = [&](double a) -> Carried {
       const Softening soften = softening(*step_.soft, step_.pressure, fields_.T_ad[0] + rise * a);
@@ -315,8 +315,8 @@ class Waves {
     return largest;
   }
 
-  // Whether the step is small relative to the velocities, and to the velocities that make stresses as large as the
-  // present ones, by a wave or in one step.
+  // Whether the step is small relative to two velocities: the velocities of the layer, and the velocities that would
+  // cause stresses as large as the present stresses, by a wave or in one step.
   bool small_step() const {
     const Material& soft = *step_.soft;
     double v = std::abs(step_.jump);
@@ -340,7 +340,8 @@ class Waves {
   }
 
   // Newton's method with a line search; returns whether it converged. The slope of the energy increases along a
-  // direction, so bisection finds where it is small. `surely`: two slopes have to prove that each step lowers the energy.
+  // direction, so bisection finds where it is small. With `surely` two slopes must prove that each step lowers the
+  // energy.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
@@ -352,7 +353,7 @@ class Waves {
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
       double slope = slope_after(1.0, flux);
       if (last) return true;
-      // With heating by the stress the balance has no energy, and a direction need not be one of descent.
+      // With heating by the stress the balance is not the gradient of an energy, so a direction need not descend.
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;

@@ -17,13 +17,13 @@ namespace shearbus::physics {
 // Summed over the layer, with rho -> 0, these are the balance of the layer without inertia to the last weight.
 
 struct WaveStep {
-  const Material* soft;    // at the pressure of the node
-  const Grid* grid;        // at most kMaxInertiaCells
+  const Material* soft;    // soft body at the pressure of the node
+  const Grid* grid;        // grid of at most kMaxInertiaCells cells
   const double* response;  // B
   double dt;               // [s]
   double pressure;         // [Pa]
   double jump;             // [V]                                          [m/s]
-  double heat_share;       // of the friction power, to the conducting bodies
+  double heat_share;       // fraction of the friction power that enters the conducting bodies
   double coulomb;          // mu P; infinity: no such limit                [Pa]
 };
 
@@ -46,8 +46,8 @@ struct WaveAnswer {
   bool found = true;            // false: stopped early, the fields mean nothing
 };
 
-// Newton on all fields at once. If Newton has not converged after `newton_steps`, a guarded search follows, which cannot
-// fail but may be long: it stops after `evaluations` of the balance, and `found` is false.
+// Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
+// follows, which cannot fail but may be long: it stops after `evaluations` of the balance, and `found` is then false.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
