@@ -24,7 +24,7 @@ struct StressLimit {
   const Material* soft = nullptr;
   Junctions junctions = {};                   // junctions with their state at the node
   double offset = 0.0;                        // added to the limit                              [Pa]
-  SearchEffort* effort = nullptr;             // counts evaluations
+  SearchEffort* effort = nullptr;             // counts evaluations; null: nothing is counted
   const InterfaceOptions* varying = nullptr;  // a friction law that is not constant, in place of `coulomb`
   double share = 1.0;                         // factor on the friction of `varying`
 
@@ -52,7 +52,8 @@ struct StressLimit {
     return varying_friction(temperature, slip);
   }
 
-  // The friction of a step with slip c - b a for a law that depends on slip; empty for other laws.
+  // For a law that depends on slip: the friction of a step whose slip under the stress a is c - b a. Empty for other
+  // laws.
   std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const {
     if (varying == nullptr) return {};
     return varying_friction_of_step(c, b, a_stick);

@@ -40,7 +40,8 @@ struct HeatGrid {
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
-//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   a = alpha dt / (weight * width before), c after
+//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   with
+//   a[i] = alpha dt / (weight[i] * width of the cell before i), c[i] likewise with the cell behind i
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
 // temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
 // difference is formed, so nothing cancels: the solution is accurate to rounding for any dt and grading.
@@ -82,7 +83,7 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
                 const double* response, double* temperature);
 
 // One step without flux, all lanes of a tile, from `before` to `after`, both [vertex][lane]; the two may be the same.
-// Vertices at the far temperature that no heat reaches in this step, to the last bit, are skipped.
+// Vertices at the far temperature whose bits this step does not change are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // One step without flux of one lane of a tile, in place.

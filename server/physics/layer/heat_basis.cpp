@@ -63,7 +63,7 @@ std::vector<double> HeatBasis::decay(double dt) const {
 SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
-  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // the same choice as in conduct()
+  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // the colder end, as in conduct()
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     const double* projection = basis.projection.data() + k * n;

@@ -1,5 +1,6 @@
-// Eigenmodes of the discrete heat equation without flux (METHODS.md, sleep). A step without friction is one product per
-// mode, and decayed modes are dropped. The scheme is that of HeatOperator in other coordinates.
+// Eigenmodes of the discrete heat equation without flux (METHODS.md, sleep). A step without friction multiplies the
+// amplitude of each mode by a factor, and modes that have decayed are dropped; the others are called live. The scheme
+// is that of HeatOperator in other coordinates.
 #pragma once
 
 #include <cstddef>

@@ -18,7 +18,7 @@ struct ModesOptions {
   double longest_time = 1e-4;    // [s]
 };
 
-// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds its images.
+// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image sources.
 struct HeatKernel {
   HeatKernel(const Material& soft, const GridOptions& layer);
 
@@ -53,7 +53,7 @@ struct HeatModes {
 
 // A step of length dt. The response to the flux of the step itself uses the exact K, because no sum of exponentials
 // approximates K down to t = 0.
-//   constant flux:             T0 = T_start + sum of decay u + B0 q
+//   constant flux:             T0 = T_start + sum of decay u + B0 q, u: share of T0 of each mode before the step
 //   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
