@@ -183,7 +183,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
     const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
     const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
-    if (law.limit(T0(stick)) >= stick) {  // at rest; a stop is a kink
+    if (law.limit(T0(stick)) >= stick) {  // the node sticks; one that comes to rest is left to backward Euler
       if (V != 0.0) return false;
       rests = true;
       mean = s1 = s2 = stick;
@@ -251,7 +251,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const Profile &T_ad = heat.T_ad, &B = heat.B;
   const double beta_T = conducted_share(options);
 
-  // DLP (61).
+  // The jump without friction and its reduction per stress, DLP (61).
   const double jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
   const double per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
   const double direction = jump_free < 0.0 ? -1.0 : 1.0;
@@ -264,7 +264,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const auto coulomb = [&](double a) {
     return friction_coefficient(options, in.pressure, T0(a), slip(a)) * in.pressure;
   };
-  // DLP (49-54): ep_a grows with the slip.
+  // Junctions, DLP (49-54): their strain ep_a grows with the slip.
   const auto junction_strain = [&](double v) {
     return options.junctions ? state.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
   };

@@ -1,4 +1,4 @@
-// The step of one layer with inertia, scalar and slow: the twin of solver/velocity_driven/waves.
+// The step of one layer with inertia, scalar and slow: the reference twin of solver/velocity_driven/waves.
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>

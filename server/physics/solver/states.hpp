@@ -47,10 +47,10 @@ class TileLayout : public StateList {
   // `modes`: null with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;  // vertices in the hard body, without z = 0; 0 if it does not conduct
-  std::size_t num_heat_modes;     // rows in place of a profile: start temperature, shares of T0
-  std::size_t num_vertices;       // temperatures in the soft body: the layer and a half-space behind it; modes: 1, T0
-  std::size_t num_strain_vertices;
+  std::size_t num_hard_vertices;    // vertices of the hard body without that at z = 0; 0 if it does not conduct
+  std::size_t num_heat_modes;       // rows instead of a profile: start temperature, each mode's share of T0
+  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes: 1, T0
+  std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
   std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
   std::size_t num_velocity_cells;   // cells of a layer with inertia
 
@@ -63,13 +63,14 @@ class TileLayout : public StateList {
   // Fraction of the work that heats each vertex.
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
   std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // signed
-  std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // against the hard body
+  std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
-  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; asleep: living modes, else 0
-  // While asleep, where the layer can flow: temperature of the hottest vertex, plastic strain of the least strained one.
+  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // number of steps at rest; live modes, 0: awake
+  // Where the layer can flow, while the node sleeps: the temperature of the hottest vertex, and the plastic strain of
+  // the least strained vertex.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
   std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
 

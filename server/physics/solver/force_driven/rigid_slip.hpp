@@ -10,8 +10,8 @@ namespace shearbus::physics {
 
 // Forces of the host on one lane.
 struct Forcing {
-  double acceleration;         // s_soft/m_soft + s_hard/m_hard: that of the jump without friction   [m/s2]
-  double mobility;             // 1/m_soft + 1/m_hard                                            [m2/kg]
+  double acceleration;         // of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
+  double mobility;             // change of that acceleration per stress: 1/m_soft + 1/m_hard  [m2/kg]
   double plastic_drive = 0.0;  // sqrt(3) h Ep_dot of the host's soft zone, DLP (64)              [m/s]
 };
 
@@ -33,7 +33,7 @@ struct TrialSlip {
   double drive;         // plastic_drive, along the direction                         [m/s]
   double stress_stick;  // stress at which slip ends with the step                    [Pa]
 
-  // Heating of an interface that slips: [v] = [V]mid + drive = c - b a.
+  // Heating of an interface that slips by [v] = [V]mid + drive = c - b a under the stress a.
   FrictionHeating slipping(double T_ad, double rise) const {
     return {T_ad, rise, 0.5 * (jump_old + direction * jump_free) + drive, 0.5 * per_stress};
   }
