@@ -53,7 +53,7 @@ double HeatGrid::capacity(int vertex, const Material& soft, const Material& hard
 namespace {
 
 struct Coupling {
-  double before, after;  // a, c: coefficients of the neighbours
+  double before, after;  // coefficients a and c of the two neighbours (HeatOperator)
 };
 
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {

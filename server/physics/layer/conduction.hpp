@@ -33,7 +33,7 @@ struct HeatGrid {
   // Heat capacity per area of a vertex  [J/(m2 K)].
   double capacity(int vertex, const Material& soft, const Material& hard) const;
 
-  int interface = 0;           // the vertex at z = 0
+  int interface = 0;           // index of the vertex at z = 0
   std::vector<double> width;   // conduction length of each cell                 [m]
   std::vector<double> weight;  // length whose heat each vertex holds; at z = 0 the part in the soft body [m]
   double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
@@ -54,12 +54,12 @@ struct HeatOperator {
   void factorise(const HeatGrid& grid, const Material& soft, const Material& hard);
 
   double dt;                        // [s]
-  int interface;                    // the vertex at z = 0
+  int interface;                    // index of the vertex at z = 0
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
   std::span<double> outward;        // t[i] / t[inner neighbour] for old values 0; unused at z = 0
-  double inward_hard;               // elimination factor at z = 0 from the hard side; inward[z = 0]: soft side
-  std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+  double inward_hard;          // elimination factor at z = 0 from the hard side; from the soft side: inward[interface]
+  std::span<double> response;  // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 
@@ -71,7 +71,7 @@ struct HeatOperator {
 struct SpreadHeat {
   SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  std::vector<double> gain;  // dt / capacity of each vertex of the layer: rise per source  [K m2/W]
+  std::vector<double> gain;  // temperature rise of each vertex of the layer per source in it: dt / capacity  [K m2/W]
 };
 
 // Writes B_phi, the temperature after a step from 0 K with 1 W/m2 distributed over the layer by the fractions `shape`.

@@ -83,7 +83,7 @@ SHEARBUS_WIDE void to_profile(const HeatBasis& basis, int num_live, int lane, co
   const std::ptrdiff_t n = basis.num_modes();
   double sum[kMaxBasisVertices];
   std::fill_n(sum, n, 0.0);
-  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // adds the mean last: added first it would round the others off
+  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // mode 0, the mean, last: added first it would round off the others
     const double* shape = basis.shape.data() + k * n;
     const double amplitude = amplitudes[k * kLanes + lane];
     for (std::ptrdiff_t i = 0; i < n; ++i) sum[i] += amplitude * shape[i];

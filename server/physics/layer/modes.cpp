@@ -12,7 +12,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) above which the first image, exp(-h^2 / (alpha t)), is zero
+constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) above which the first image source, exp(-h^2 / (alpha t)), is 0
 constexpr double kSpent = 40.0;      // x from which on exp(-x) is below rounding
 constexpr double kPanelRatio = 8.0;  // ratio of mu between the two edges of a panel
 constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum

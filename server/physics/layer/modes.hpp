@@ -25,12 +25,12 @@ struct HeatKernel {
   double at(double t) const;
   double integral(double t) const;       // integral of K from 0 to t: B0, exact in time and space  [K m2/W]
   double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
-  bool far_face_unfelt(double t) const;  // whether the images are below rounding until t
+  bool far_face_unfelt(double t) const;  // whether the image sources are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
   double diffusivity;   // alpha  [m2/s]
-  double half_space;    // sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
+  double half_space;    // K(t) sqrt(t) of a half-space: sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
 // K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on. The
@@ -63,7 +63,7 @@ struct ModeOperator {
   void fill(const HeatModes& modes);
 
   double dt;                       // [s]
-  int interface;                   // the row of T0
+  int interface;                   // index of the row of T0
   double response = 0.0;           // B0: response of T0 to q      [K m2/W]
   double early_response = 0.0;     // response of T0 to q_early       [K m2/W]
   std::vector<double> decay;       // exp(-rate dt)

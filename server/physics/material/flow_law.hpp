@@ -52,8 +52,8 @@ struct LawFault {
 
 inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
 inline constexpr double kNoLoad = -1e305;  // the load under which nothing yields, however hot
-inline constexpr double kMaxExcess =
-    300.0;  // a larger excess is cut to this: the strain is finite and beyond that of any host
+// A larger excess is cut to this: the strain is then finite, and beyond that of any host.
+inline constexpr double kMaxExcess = 300.0;
 
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
 // a default: a law that does not declare all of them does not compile.

@@ -138,7 +138,7 @@ class JohnsonCook {
     if (rated > 0.0) fall_to_root(ep, roots);
     double any_creeps = 0.0;
     for (int l = 0; l < N; ++l) {
-      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end
+      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end, the rate r0
       any_creeps += roots.creeps[l];
     }
     if (any_creeps > 0.0) flow_at_rest(ep, rise, roots);

@@ -60,7 +60,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     return out;
   }
 
-  // The stress from which the step starts.
+  // The stress from which the step starts: with INTERFACE_SLIP the yield stress, unless the old stress is along the
+  // jump.
   double s_old = state.shear_stress;
   if (!layer_shear && V != 0.0 && s_old * V <= 0.0) {
     s_old = std::copysign(flow_stress(soft, state.plastic_strain[0], in.pressure, state.temperature[0]) / kSqrt3, V);
@@ -301,7 +302,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, reached without heating
+    if (slips.empty() && !can_stick) slips.push_back(end);  // only the limit itself, reached without heating
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
     const bool stick = can_stick && (rests || slips.empty());

@@ -33,7 +33,7 @@ struct ModelOptions {
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
   std::optional<ModesOptions> modes;  // force-driven, one conducting body: heat by modes, from the thickness alone
   Drive drive = Drive::kLayerShear;   // velocity-driven: what shears the layer
-  std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
+  std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: contact at junctions only

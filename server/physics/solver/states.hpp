@@ -17,7 +17,7 @@ namespace shearbus::physics {
 struct State {
   const char* name;    // name of the checkpoint column
   const char* unit;    // UDUNITS
-  std::size_t offset;  // offset of [width][kLanes] in the tile
+  std::size_t offset;  // offset in the tile of the state's values, [width][kLanes]
   std::size_t width;   // values per node
 };
 
@@ -38,8 +38,9 @@ class StateList {
   std::vector<State> states_;
 };
 
-// The list. A member is the offset of a state in a tile, its initialiser is the state's row; members are initialised in
-// the order of their declaration, which is the order in the tile.
+// The list of the states. Each member with add() is one row: its initialiser declares the state, its value is the
+// offset of the state in a tile. Members are initialised in the order of their declaration, which is the order in the
+// tile.
 class TileLayout : public StateList {
   const ModelOptions* options_;  // null after the construction
 

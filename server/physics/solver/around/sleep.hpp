@@ -34,8 +34,8 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
 // How a strategy steps a lane at rest.
 struct RestRules {
   // The step of a sleeping lane, bit for bit the step that the solver would find; empty where heat or slip wakes the
-  // lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after a step without friction
-  // [K].
+  // lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after the step,
+  // without friction  [K].
   std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                                      const Material& soft, double T0, int lane);
   // Whether a stuck step under these inputs may count as rest. Null: always.
@@ -43,7 +43,7 @@ struct RestRules {
 };
 struct SleepingSolver {
   AdvanceTile solve;  // steps the lanes that are awake
-  RestRules rest;     // steps the lanes that are asleep
+  RestRules rest;     // the strategy's rules for lanes at rest
 };
 
 // One step of the active lanes; the rest of `trial` is left for the caller.

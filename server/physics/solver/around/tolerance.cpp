@@ -64,7 +64,7 @@ struct Progress {
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
   double left = 0.0;      // remaining error budget, relative to the same range as the tolerance
-  double estimate = 0.0;  // error so far
+  double estimate = 0.0;  // estimated error of the accepted substeps
 };
 
 // Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress s acts

@@ -31,7 +31,7 @@ struct TrialSlip {
   double direction;     // +1 or -1
   double jump_old;      // along the direction                                        [m/s]
   double drive;         // plastic_drive, along the direction                         [m/s]
-  double stress_stick;  // stress at which slip ends with the step                    [Pa]
+  double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 
   // Heating of an interface that slips by [v] = [V]mid + drive = c - b a under the stress a.
   FrictionHeating slipping(double T_ad, double rise) const {
@@ -39,6 +39,7 @@ struct TrialSlip {
   }
 };
 
+// The regime of a slipping interface at T0.
 Regime slip_regime(const StressLimit& limit, double T0, double slip);
 
 // The step of a closed contact. `guess`: starting stress of the search  [Pa]. `stuck`: the interface did not slip at

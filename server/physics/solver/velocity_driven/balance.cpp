@@ -290,8 +290,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   if (stage.early_flux == nullptr)
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
-  // 2. Distribution of the heat of the step: at z = 0, or as the layer flowed in the last step. Part 4 solves for its
-  // amount.
+  // 2. Where the heat of the step is released: at z = 0, or distributed as the layer flowed in the last step with slip.
+  // Part 4 finds how much it is.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
@@ -315,7 +315,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     }
     lanes[l].done = !lanes[l].loaded;
     loaded = loaded || lanes[l].loaded;
-    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // the answer is at an upper end
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // the answer is the upper end of the bracket
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;

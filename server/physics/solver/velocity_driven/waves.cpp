@@ -30,8 +30,8 @@ constexpr int kGuardedSteps = 400;      // largest number of Newton steps with l
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
-// In this file t is a stress, not the time: the trial stress t = s_old + G0 dt dv/dz of a vertex. The stress of the
-// vertex is s = R(t). Below the yield stress s = t; above it
+// In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
+// length of the step. The stress of the vertex is s = R(t). Below the yield stress s = t; above it
 //   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
 // R is odd and its slope lies in [0, 1].
 
@@ -49,7 +49,7 @@ struct ReturnRows {
   alignas(64) Row T;           // temperature                                     [K]
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
   alignas(64) Row compliance;  // growth of x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
-  alignas(64) Row slope;       // ds/dt by the trial stress t
+  alignas(64) Row slope;       // slope of s over the trial stress t
   alignas(64) Row softening;   // ds/dT                                            [Pa/K]
 };
 
@@ -426,7 +426,7 @@ class Waves {
   int evaluations_left_;
   bool held_ = false;             // mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
-  double flux_slope_ = 0.0;       // dq/dt, t the trial stress at z = 0  [W/(m2 Pa)]
+  double flux_slope_ = 0.0;       // slope of q over the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
   alignas(64) Row stress_old_;
   alignas(64) Row velocity_old_;
