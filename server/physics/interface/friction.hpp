@@ -21,7 +21,7 @@ enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws
 
 struct InterfaceOptions {
   double friction_coefficient = 0.0;            // mu, or its value without slip and below the reference temperature
-  double yield_strength = 0.0;                  // [Pa]
+  double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
   FrictionLaw friction_law{};                   // the law of mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
   double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]

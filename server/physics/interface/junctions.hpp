@@ -19,7 +19,7 @@ struct JunctionOptions {
 
 // The junctions of one node in one step; their strain is a state of the node.
 struct Junctions {
-  static constexpr StateVariable kStates[] = {{"junction_strain", "1"}};  // ep_a
+  static constexpr StateVariable kStates[] = {{"junction_strain", "1"}};  // plastic strain of the junctions, ep_a
 
   const JunctionOptions* options = nullptr;  // null: no junctions, the bodies touch everywhere
   double strain_old = 0.0;                   // plastic strain ep_a before the step

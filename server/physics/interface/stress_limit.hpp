@@ -20,7 +20,7 @@ struct StressLimit {
   // mu P of constant friction; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
   double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
-  double pressure = 0.0;  // P                                                                      [Pa]
+  double pressure = 0.0;  // normal pressure P  [Pa]
   const Material* soft = nullptr;
   Junctions junctions = {};                   // junctions with their state at the node
   double offset = 0.0;                        // added to the limit                              [Pa]
@@ -29,7 +29,7 @@ struct StressLimit {
   double share = 1.0;                         // factor on the friction of `varying`
 
   struct Value {
-    double stress;            // [Pa]
+    double stress;            // the limit  [Pa]
     double slope;             // d stress / d T0  [Pa/K]
     bool is_coulomb;          // the friction branch is the limit
     double slip_slope = 0.0;  // d stress / d slip  [Pa s/m]

@@ -180,7 +180,7 @@ namespace {
 // The vertices of one body, without z = 0.
 struct Arm {
   std::ptrdiff_t heated;     // outermost vertex above the far temperature in any lane; z = 0 if there is none
-  std::ptrdiff_t outermost;  // outermost vertex
+  std::ptrdiff_t outermost;  // outermost vertex of the body
   std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };
 

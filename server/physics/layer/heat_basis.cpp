@@ -10,8 +10,8 @@
 namespace shearbus::physics {
 namespace {
 
-// Smallest live amplitude: a thousand modes below it sum to less than half an ulp of 300 K.
-constexpr double kDead = 1e-17;  // [K]
+// A thousand modes below this amplitude sum to less than half an ulp of 300 K.
+constexpr double kDead = 1e-17;  // smallest live amplitude  [K]
 
 }  // namespace
 

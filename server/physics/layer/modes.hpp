@@ -14,8 +14,8 @@ namespace shearbus::physics {
 
 struct ModesOptions {
   double accuracy = 1e-6;        // largest relative error of K from shortest_step to longest_time
-  double shortest_step = 1e-10;  // [s]
-  double longest_time = 1e-4;    // [s]
+  double shortest_step = 1e-10;  // shortest step of the host  [s]
+  double longest_time = 1e-4;    // K is accurate up to this time  [s]
 };
 
 // K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image sources.
@@ -44,7 +44,7 @@ struct HeatModes {
 
   HeatKernel kernel;
   std::vector<double> rate;    // [1/s], ascending; 0: the mean temperature of a slab
-  std::vector<double> weight;  // [K m2/J]
+  std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured relative error of K
 
   // Rows of a tile: the start temperature, each mode's share of T0, T0 itself.
@@ -66,7 +66,7 @@ struct ModeOperator {
   int interface;                   // index of the row of T0
   double response = 0.0;           // B0: response of T0 to q      [K m2/W]
   double early_response = 0.0;     // response of T0 to q_early       [K m2/W]
-  std::vector<double> decay;       // exp(-rate dt)
+  std::vector<double> decay;       // factor of a step on each mode, exp(-rate dt)
   std::vector<double> gain;        // response of each mode to q      [K m2/W]
   std::vector<double> early_gain;  // response of each mode to q_early [K m2/W]; empty: constant flux
 

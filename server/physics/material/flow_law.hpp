@@ -140,7 +140,7 @@ concept CoupledFlowKernel = FlowKernel<Law> &&
 };
 
 template <class Law>
-concept FlowLawClass = DeclaresFlowLawProperties<Law> && Law::kVanishesAtMelting &&  // molten: no stress
+concept FlowLawClass = DeclaresFlowLawProperties<Law> && Law::kVanishesAtMelting &&  // no stress if molten
     FlowLawFunctions<Law> &&
     ((Law::kSeparable && SeparableFlowKernel<Law>) || (!Law::kSeparable && CoupledFlowKernel<Law>));
 

@@ -12,7 +12,7 @@
 
 namespace shearbus::physics {
 
-enum class MeltingCurve { kConstant, kLindemann };  // T_melt, or T_melt(P)
+enum class MeltingCurve { kConstant, kLindemann };  // T_melt is constant, or rises with P
 enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
 
 enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
@@ -73,7 +73,7 @@ struct Material {
 
 // A constant of a material and its name in scenes. Overrides, effective scenes and messages all use this table.
 struct MaterialField {
-  std::string_view name;  // "yield_strength_pa"
+  std::string_view name;  // key in scenes, for example "yield_strength_pa"
   double Material::*value;
   bool required;     // by every material whose law has the constant; false: it may be absent
   bool may_be_zero;  // false: the constant must be above 0

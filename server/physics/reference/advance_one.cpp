@@ -34,7 +34,7 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
     const double T = std::clamp((T0 - T_ref) / (T_melt - T_ref), 0.0, 1.0);
     return mu * (1.0 - std::pow(T, law.friction_softening_exponent));
   }
-  return mu;  // ConstantFriction: DLP (65)
+  return mu;  // constant friction, DLP (65)
 }
 
 namespace {

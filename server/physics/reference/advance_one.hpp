@@ -20,7 +20,7 @@ struct NodeState {
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
   bool sticking = false;         // with a plastic layer: the last step ended without slip
-  double junction_strain = 0.0;  // ep_a
+  double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
 };
 
 struct NodeInputs {

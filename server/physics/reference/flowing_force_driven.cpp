@@ -91,7 +91,7 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
 // All sliding solutions, by rising heat flux. The flux gives T0 and T0 gives the stress; the work of that stress must
 // equal the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
-  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // molten
+  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // the interface is molten
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
   std::vector<double> fluxes;
   scan_to_melting(step, 0, fluxes);

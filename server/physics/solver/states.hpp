@@ -16,9 +16,9 @@ namespace shearbus::physics {
 
 struct State {
   const char* name;    // name of the checkpoint column
-  const char* unit;    // UDUNITS
+  const char* unit;    // in the notation of UDUNITS
   std::size_t offset;  // offset in the tile of the state's values, [width][kLanes]
-  std::size_t width;   // values per node
+  std::size_t width;   // number of values per node
 };
 
 class StateList {

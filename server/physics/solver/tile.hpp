@@ -40,8 +40,8 @@ struct TileInputs {
 
 // Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.
 struct TileOutputs {
-  alignas(64) double shear_stress[kLanes];              // s                                [Pa]
-  alignas(64) double sliding_velocity[kLanes];          // [v]                              [m/s]
+  alignas(64) double shear_stress[kLanes];              // shear stress s                   [Pa]
+  alignas(64) double sliding_velocity[kLanes];          // sliding velocity [v]             [m/s]
   alignas(64) double interface_temperature[kLanes];     // T0                               [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];             // entered the conducting bodies in this step   [J/m2]

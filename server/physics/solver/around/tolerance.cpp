@@ -245,7 +245,7 @@ class ControlledStep {
   TileOutputs first_{}, second_{};  // answers of the two halves
   const Problem& problem_;
   const StepOperators& operators_;
-  const AdvanceTile advance_;  // one substep
+  const AdvanceTile advance_;  // solves one substep
   const TileInputs& inputs_;
   const double* committed_;
   double* trial_;

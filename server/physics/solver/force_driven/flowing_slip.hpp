@@ -38,7 +38,7 @@ class FlowingSlip {
   struct Answer {
     LaneStep step;
     double surplus;  // integral(dep) in excess of DLP (48), at the hottest vertex   [m]
-    int hottest;     // the hottest vertex
+    int hottest;     // index of the hottest vertex
   };
   Answer answer(double slip) const;  // `slip` under the answer's load
 

@@ -26,9 +26,9 @@ struct TrialSlip {
 
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }  // signed
 
-  double jump_free;     // signed                                                     [m/s]
+  double jump_free;     // jump after the step without friction, signed               [m/s]
   double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
-  double direction;     // +1 or -1
+  double direction;     // the trial direction, +1 or -1
   double jump_old;      // along the direction                                        [m/s]
   double drive;         // plastic_drive, along the direction                         [m/s]
   double stress_stick;  // stress at which slip stops at the end of the step          [Pa]

@@ -38,8 +38,8 @@ struct LaneStart {
   int lane;
   LaneStep before;      // stress, jump_new and sticks of the last step
   int num_rows;         // rows of temperatures or modes, [row][lane]
-  const double* T_old;  // before the step
-  double* T;            // after conduction over the whole step; after substeps: the new temperatures
+  const double* T_old;  // temperatures or modes before the step
+  double* T;            // the same after conduction over the whole step; after substeps: their new values
 };
 
 // Equal substeps from the old temperatures. `substep(from)` returns the LaneStep after `from` and after conduction.

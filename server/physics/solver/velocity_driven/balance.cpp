@@ -236,7 +236,7 @@ void reshape_heat(const Problem& problem, const double* strain_old, const double
 }
 
 struct Answer {
-  double slip;  // [v], signed  [m/s]
+  double slip;  // sliding velocity [v], signed  [m/s]
   Regime regime;
 };
 
@@ -347,7 +347,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];
-    double interface_slip = 0.0;  // [m]
+    double interface_slip = 0.0;  // slip of the interface in the step  [m]
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
       if (lane.bound == Bound::kCeiling) {

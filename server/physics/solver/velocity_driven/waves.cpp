@@ -50,7 +50,7 @@ struct ReturnRows {
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
   alignas(64) Row compliance;  // growth of x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
   alignas(64) Row slope;       // slope of s over the trial stress t
-  alignas(64) Row softening;   // ds/dT                                            [Pa/K]
+  alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
 };
 
 inline bool any_positive(const double (&value)[kPacket]) {
@@ -213,7 +213,7 @@ class Waves {
   }
 
   struct InterfaceReturn {
-    double stress;  // magnitude        [Pa]
+    double stress;  // magnitude of the stress at z = 0  [Pa]
     double slope;   // d stress / d|t|, t the trial stress
     bool held;      // mu P holds the stress
   };

@@ -22,7 +22,7 @@ struct WaveStep {
   const Grid* grid;        // grid of at most kMaxInertiaCells cells
   const double* response;  // temperature rise per unit heat flux at z = 0, B, per vertex  [K m2/W]
   double dt;               // length of the step                           [s]
-  double pressure;         // P                                            [Pa]
+  double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
   double heat_share;       // fraction of the friction power that enters the conducting bodies
   double coulomb;          // mu P; infinity: no such limit                [Pa]
