@@ -20,9 +20,9 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;  // mu, or its value without slip and below the reference temperature
-  double yield_strength = 0.0;        // [Pa]
-  FrictionLaw friction_law{};
+  double friction_coefficient = 0.0;            // mu, or its value without slip and below the reference temperature
+  double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
+  FrictionLaw friction_law{};                   // the law of mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
   double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
   double friction_reference_temperature = 0.0;  // T_ref of thermal softening   [K]
@@ -36,9 +36,9 @@ struct FrictionValue {
   double slip_slope;  // d mu / d |[v]|   [s/m]
 };
 
-// Friction of one step with slip c - b a, of a law that depends on slip and not on temperature. Slip does not depend on
-// temperature except through the stress, so a step in which mu(c - b a) P holds the stress has its answer before T0 is
-// known: for the rest of the solver the limit is a constant.
+// Friction of one step whose slip under the stress a is c - b a, by a law that depends on slip and not on temperature.
+// Slip does not depend on temperature except through the stress, so a step in which mu(c - b a) P holds the stress has
+// its answer before T0 is known: for the rest of the solver the limit is a constant.
 struct SlidingFriction {
   double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
   double holding;  // mu P at the slip of a = a_stick: the limit of an interface that sticks                       [Pa]

@@ -12,17 +12,17 @@
 namespace shearbus::physics {
 
 struct JunctionOptions {
-  double contact_fraction = 1.0;  // f
-  double height = 0.0;            // d  [m]
+  double contact_fraction = 1.0;  // fraction f of the area in contact
+  double height = 0.0;            // height d of the junctions  [m]
   Material metal;                 // metal of the junctions, for its hardening: Y0_a, Y_max_a, beta_a, n_a
 };
 
 // The junctions of one node in one step; their strain is a state of the node.
 struct Junctions {
-  static constexpr StateVariable kStates[] = {{"junction_strain", "1"}};  // ep_a
+  static constexpr StateVariable kStates[] = {{"junction_strain", "1"}};  // plastic strain of the junctions, ep_a
 
   const JunctionOptions* options = nullptr;  // null: no junctions, the bodies touch everywhere
-  double strain_old = 0.0;                   // ep_a
+  double strain_old = 0.0;                   // plastic strain ep_a before the step
   double strain_per_slip = 0.0;              // dt / (sqrt(3) d)  [s/m]
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }

@@ -7,11 +7,11 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;    // bisection alone needs about 60
-constexpr int kNewtonIterations = 12;  // more than Newton has needed; afterwards every second step bisects
-constexpr double kConverged = 1e-9;    // relative: the next Newton step is below rounding
-constexpr double kLeastGuess = 1e-12;  // relative to the upper end: a smaller starting stress is no useful guess
-constexpr int kMaxSearchIterations = 400;
+constexpr int kMaxIterations = 200;        // largest number of iterations; bisection alone needs about 60
+constexpr int kNewtonIterations = 12;      // more than Newton's method has needed; afterwards every second step bisects
+constexpr double kConverged = 1e-9;        // longest last Newton step, relative: the next one is below rounding
+constexpr double kLeastGuess = 1e-12;      // smallest useful starting stress, relative to the upper end of the bracket
+constexpr int kMaxSearchIterations = 400;  // largest number of iterations of approach_zero()
 
 // s_lim at the temperature and slip that the stress a causes, and d s_lim / da.
 struct Carried {

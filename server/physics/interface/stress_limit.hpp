@@ -17,21 +17,21 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  double coulomb = std::numeric_limits<
-      double>::infinity();  // mu P of constant friction; infinity: no friction limit                 [Pa]
-  double tresca = 0.0;      // yield strength / sqrt(3), without junctions                            [Pa]
-  double pressure = 0.0;    // P                                                                      [Pa]
+  // mu P of constant friction; infinity: no friction limit  [Pa]
+  double coulomb = std::numeric_limits<double>::infinity();
+  double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
+  double pressure = 0.0;  // normal pressure P  [Pa]
   const Material* soft = nullptr;
   Junctions junctions = {};                   // junctions with their state at the node
   double offset = 0.0;                        // added to the limit                              [Pa]
-  SearchEffort* effort = nullptr;             // counts evaluations
+  SearchEffort* effort = nullptr;             // counts evaluations; null: nothing is counted
   const InterfaceOptions* varying = nullptr;  // a friction law that is not constant, in place of `coulomb`
   double share = 1.0;                         // factor on the friction of `varying`
 
   struct Value {
-    double stress;  // [Pa]
-    double slope;   // d stress / d T0  [Pa/K]
-    bool is_coulomb;
+    double stress;            // the limit  [Pa]
+    double slope;             // d stress / d T0  [Pa/K]
+    bool is_coulomb;          // the friction branch is the limit
     double slip_slope = 0.0;  // d stress / d slip  [Pa s/m]
   };
   Value at(double temperature, double slip = 0.0) const {
@@ -46,13 +46,14 @@ struct StressLimit {
     return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
-  // The friction branch alone, without `offset`.
+  // The friction branch of the limit alone, without `offset`.
   Value friction(double temperature, double slip = 0.0) const {
     if (varying == nullptr) return {coulomb, 0.0, true};
     return varying_friction(temperature, slip);
   }
 
-  // The friction of a step with slip c - b a for a law that depends on slip; empty for other laws.
+  // For a law that depends on slip: the friction of a step whose slip under the stress a is c - b a. Empty for other
+  // laws.
   std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const {
     if (varying == nullptr) return {};
     return varying_friction_of_step(c, b, a_stick);

@@ -8,10 +8,10 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;  // bisection alone needs about 60
-constexpr double kArrived = 1e-15;   // relative length of the last step
+constexpr int kMaxIterations = 200;  // largest number of iterations; bisection alone needs about 60
+constexpr double kArrived = 1e-15;   // longest last step, relative to the upper end of the bracket
 
-// The balance h(a) = mu(c - b a) P - a of a step.
+// The balance h(a) = mu(c - b a) P - a of a step, by the stress a.
 struct Balance {
   const VelocityWeakening& law;
   double pressure, c, b;

@@ -2,8 +2,9 @@
 //
 //   mu(v) = mu_inf + (mu_0 - mu_inf) exp(-theta v)
 //
-// In a step with slip c - b a the balance h(a) = mu(c - b a) P - a is convex where friction falls with velocity: it has
-// two zeros at most while the interface slips, and one only where b theta (mu_0 - mu_inf) P exp(-theta v) < 1.
+// In a step whose slip under the stress a is c - b a the balance h(a) = mu(c - b a) P - a is convex where friction
+// falls with velocity: it has two zeros at most while the interface slips, and one only where b theta (mu_0 - mu_inf) P
+// exp(-theta v) < 1.
 #pragma once
 
 #include <string_view>
@@ -20,9 +21,9 @@ struct VelocityWeakening {
   static constexpr bool kDependsOnSlip = true;
   static constexpr bool kDependsOnTemperature = false;
 
-  double at_rest;  // mu_0
-  double fast;     // mu_inf
-  double decay;    // theta  [s/m]
+  double at_rest;  // coefficient without slip, mu_0
+  double fast;     // coefficient at high velocity, mu_inf
+  double decay;    // decay with velocity, theta  [s/m]
 
   double coefficient(double velocity) const;
 

@@ -53,7 +53,7 @@ double HeatGrid::capacity(int vertex, const Material& soft, const Material& hard
 namespace {
 
 struct Coupling {
-  double before, after;  // a, c: coefficients of the neighbours
+  double before, after;  // coefficients a and c of the two neighbours (HeatOperator)
 };
 
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
@@ -180,7 +180,7 @@ namespace {
 // The vertices of one body, without z = 0.
 struct Arm {
   std::ptrdiff_t heated;     // outermost vertex above the far temperature in any lane; z = 0 if there is none
-  std::ptrdiff_t outermost;  // outermost vertex
+  std::ptrdiff_t outermost;  // outermost vertex of the body
   std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };
 

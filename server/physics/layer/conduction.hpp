@@ -33,14 +33,15 @@ struct HeatGrid {
   // Heat capacity per area of a vertex  [J/(m2 K)].
   double capacity(int vertex, const Material& soft, const Material& hard) const;
 
-  int interface = 0;           // the vertex at z = 0
+  int interface = 0;           // index of the vertex at z = 0
   std::vector<double> width;   // conduction length of each cell                 [m]
   std::vector<double> weight;  // length whose heat each vertex holds; at z = 0 the part in the soft body [m]
   double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
-//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   a = alpha dt / (weight * width before), c after
+//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   with
+//   a[i] = alpha dt / (weight[i] * width of the cell before i), c[i] likewise with the cell behind i
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
 // temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
 // difference is formed, so nothing cancels: the solution is accurate to rounding for any dt and grading.
@@ -53,12 +54,12 @@ struct HeatOperator {
   void factorise(const HeatGrid& grid, const Material& soft, const Material& hard);
 
   double dt;                        // [s]
-  int interface;                    // the vertex at z = 0
+  int interface;                    // index of the vertex at z = 0
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
   std::span<double> outward;        // t[i] / t[inner neighbour] for old values 0; unused at z = 0
-  double inward_hard;               // elimination factor at z = 0 from the hard side; inward[z = 0]: soft side
-  std::span<double> response;       // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+  double inward_hard;          // elimination factor at z = 0 from the hard side; from the soft side: inward[interface]
+  std::span<double> response;  // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
 
@@ -70,7 +71,7 @@ struct HeatOperator {
 struct SpreadHeat {
   SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  std::vector<double> gain;  // dt / capacity of each vertex of the layer: rise per source  [K m2/W]
+  std::vector<double> gain;  // temperature rise of each vertex of the layer per source in it: dt / capacity  [K m2/W]
 };
 
 // Writes B_phi, the temperature after a step from 0 K with 1 W/m2 distributed over the layer by the fractions `shape`.
@@ -82,7 +83,7 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
                 const double* response, double* temperature);
 
 // One step without flux, all lanes of a tile, from `before` to `after`, both [vertex][lane]; the two may be the same.
-// Vertices at the far temperature that no heat reaches in this step, to the last bit, are skipped.
+// Vertices at the far temperature whose bits this step does not change are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // One step without flux of one lane of a tile, in place.

@@ -5,7 +5,7 @@
 
 namespace shearbus::physics {
 
-inline constexpr int kMaxBasisVertices = 1000;  // both bodies, with sleep: the modes are a square matrix
+inline constexpr int kMaxBasisVertices = 1000;  // of both bodies in a model with sleep: the modes are a square matrix
 
 enum class FarBoundary { kInsulated, kHalfSpace };
 

@@ -10,8 +10,8 @@
 namespace shearbus::physics {
 namespace {
 
-// Smallest live amplitude: a thousand modes below it sum to less than half an ulp of 300 K.
-constexpr double kDead = 1e-17;  // [K]
+// A thousand modes below this amplitude sum to less than half an ulp of 300 K.
+constexpr double kDead = 1e-17;  // smallest live amplitude  [K]
 
 }  // namespace
 
@@ -63,7 +63,7 @@ std::vector<double> HeatBasis::decay(double dt) const {
 SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
-  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // the same choice as in conduct()
+  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // the colder end, as in conduct()
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     const double* projection = basis.projection.data() + k * n;
@@ -83,7 +83,7 @@ SHEARBUS_WIDE void to_profile(const HeatBasis& basis, int num_live, int lane, co
   const std::ptrdiff_t n = basis.num_modes();
   double sum[kMaxBasisVertices];
   std::fill_n(sum, n, 0.0);
-  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // adds the mean last: added first it would round the others off
+  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // mode 0, the mean, last: added first it would round off the others
     const double* shape = basis.shape.data() + k * n;
     const double amplitude = amplitudes[k * kLanes + lane];
     for (std::ptrdiff_t i = 0; i < n; ++i) sum[i] += amplitude * shape[i];

@@ -1,5 +1,6 @@
-// Eigenmodes of the discrete heat equation without flux (METHODS.md, sleep). A step without friction is one product per
-// mode, and decayed modes are dropped. The scheme is that of HeatOperator in other coordinates.
+// Eigenmodes of the discrete heat equation without flux (METHODS.md, sleep). A step without friction multiplies the
+// amplitude of each mode by a factor, and modes that have decayed are dropped; the others are called live. The scheme
+// is that of HeatOperator in other coordinates.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +23,8 @@ struct HeatBasis {
   std::vector<double> rate;          // [1/s], ascending; the first is 0: the mean temperature is conserved
   std::vector<double> shape;         // [mode][vertex]
   std::vector<double> projection;    // [mode][vertex]: amplitude_k = sum over vertices of projection_ki T_i
-  std::vector<double> at_interface;  // shape at z = 0
-  std::vector<double> soft_heat;     // heat in the soft body per amplitude  [J/(m2 K)]
+  std::vector<double> at_interface;  // shape of each mode at z = 0
+  std::vector<double> soft_heat;     // heat in the soft body per amplitude of each mode  [J/(m2 K)]
   double heat = 0.0;                 // heat per amplitude of the first mode; other modes have no net heat  [J/(m2 K)]
 };
 

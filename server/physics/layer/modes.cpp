@@ -12,11 +12,11 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) above which the first image, exp(-h^2 / (alpha t)), is zero
-constexpr double kSpent = 40.0;      // exp(-40) is below rounding
+constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) above which the first image source, exp(-h^2 / (alpha t)), is 0
+constexpr double kSpent = 40.0;      // x from which on exp(-x) is below rounding
 constexpr double kPanelRatio = 8.0;  // ratio of mu between the two edges of a panel
 constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum
-constexpr int kLongestRule = 24;
+constexpr int kLongestRule = 24;     // largest number of nodes of the Gauss rule of a panel
 constexpr int kTimesPerDecade = 40;  // times per decade at which the error is measured
 
 // Lines of a spectrum: K(t) = sum of weight exp(-mu^2 t).
@@ -207,7 +207,7 @@ void ModeOperator::fill(const HeatModes& modes) {
   }
 }
 
-// q(dt - s) = q - (q - q_early) s / ((1 - early) dt).
+// The flux at the time s before the end of the step: q(dt - s) = q - (q - q_early) s / ((1 - early) dt).
 ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : ModeOperator(modes, step) {
   const double span = (1.0 - early) * dt;
   early_response = modes.kernel.moment(dt) / span;

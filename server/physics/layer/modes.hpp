@@ -14,23 +14,23 @@ namespace shearbus::physics {
 
 struct ModesOptions {
   double accuracy = 1e-6;        // largest relative error of K from shortest_step to longest_time
-  double shortest_step = 1e-10;  // [s]
-  double longest_time = 1e-4;    // [s]
+  double shortest_step = 1e-10;  // shortest step of the host  [s]
+  double longest_time = 1e-4;    // K is accurate up to this time  [s]
 };
 
-// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds its images.
+// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image sources.
 struct HeatKernel {
   HeatKernel(const Material& soft, const GridOptions& layer);
 
   double at(double t) const;
   double integral(double t) const;       // integral of K from 0 to t: B0, exact in time and space  [K m2/W]
   double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
-  bool far_face_unfelt(double t) const;  // whether the images are below rounding until t
+  bool far_face_unfelt(double t) const;  // whether the image sources are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
   double diffusivity;   // alpha  [m2/s]
-  double half_space;    // sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
+  double half_space;    // K(t) sqrt(t) of a half-space: sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
 // K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on. The
@@ -44,7 +44,7 @@ struct HeatModes {
 
   HeatKernel kernel;
   std::vector<double> rate;    // [1/s], ascending; 0: the mean temperature of a slab
-  std::vector<double> weight;  // [K m2/J]
+  std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured relative error of K
 
   // Rows of a tile: the start temperature, each mode's share of T0, T0 itself.
@@ -53,7 +53,7 @@ struct HeatModes {
 
 // A step of length dt. The response to the flux of the step itself uses the exact K, because no sum of exponentials
 // approximates K down to t = 0.
-//   constant flux:             T0 = T_start + sum of decay u + B0 q
+//   constant flux:             T0 = T_start + sum of decay u + B0 q, u: share of T0 of each mode before the step
 //   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
@@ -63,10 +63,10 @@ struct ModeOperator {
   void fill(const HeatModes& modes);
 
   double dt;                       // [s]
-  int interface;                   // the row of T0
+  int interface;                   // index of the row of T0
   double response = 0.0;           // B0: response of T0 to q      [K m2/W]
   double early_response = 0.0;     // response of T0 to q_early       [K m2/W]
-  std::vector<double> decay;       // exp(-rate dt)
+  std::vector<double> decay;       // factor of a step on each mode, exp(-rate dt)
   std::vector<double> gain;        // response of each mode to q      [K m2/W]
   std::vector<double> early_gain;  // response of each mode to q_early [K m2/W]; empty: constant flux
 

@@ -55,7 +55,8 @@ constexpr Material with(Material m, const Compression& c) {
   return m;
 }
 
-// As Johnson and Cook print them: A, B [MPa], n, C, m, T_melt [K]; rates are per second, room temperature is 298 K.
+// Constants as Johnson and Cook print them: A, B [MPa], n, C, m, T_melt [K]; rates are per second, room temperature is
+// 298 K.
 struct JohnsonCookConstants {
   double A, B, n, C, m, T_melt;
 };
@@ -80,7 +81,7 @@ constexpr Material metal(double density, double G0, const JohnsonCookConstants& 
   return m;
 }
 
-// As Preston, Tonks and Wallace name them, G0 at 0 K [GPa], M [g/mol].
+// Constants as Preston, Tonks and Wallace name them; G0 at 0 K [GPa], M [g/mol], T_melt [K].
 struct PrestonConstants {
   double G0, alpha, theta, p, s0, s_inf, kappa, gamma, y0, y_inf, y1, y2, beta, M, T_melt;
 };

@@ -1,7 +1,7 @@
 // exp, log and erf with bits that do not depend on the machine, the library or the lane: plain products and sums in a
 // fixed order. The C library picks variants with fused multiply-add where the processor has them, which changes last
-// bits from host to host. All inline into lane loops and vectorise. The error of exp and log is below 2 units in the
-// last place, the error of erf below 1e-15 (tests/unit/physics_elementary.cpp).
+// bits from host to host. All functions are inlined into loops over lanes and vectorise. The error of exp and log is
+// below 2 units in the last place, the error of erf below 1e-15 (tests/unit/physics_elementary.cpp).
 #pragma once
 
 #include <bit>
@@ -9,7 +9,7 @@
 
 namespace shearbus::physics {
 
-inline constexpr double kExponentialRange = 700.0;  // |x| beyond this is taken as this: results stay normal numbers
+inline constexpr double kExponentialRange = 700.0;  // a larger |x| is cut to this: results stay normal numbers
 
 namespace detail {
 

@@ -6,9 +6,9 @@
 // where g is the softening, which is 0 at T_melt and above and which the yield strength of the interface follows too,
 // and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
 // with T, and Y has a closed range of temperatures in which it is positive. Then every balance of the layer has one
-// root and a bracket. A separable law, whose H does not depend on P and T, gives the kernels logarithms; a law whose
-// rate and temperature are coupled gives them its own inverse. The concepts below list what a law must offer, one
-// requirement and one comment a line; the compiler names what a new law lacks.
+// root and a bracket. The kernels of a separable law, whose H does not depend on P and T, work on logarithms; a law
+// whose rate and temperature are coupled offers an inverse of its own. The concepts below list what a law must offer,
+// one requirement with its comment per line; the compiler names what a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -20,7 +20,7 @@
 namespace shearbus::physics {
 
 inline constexpr double kSqrt3 = 1.7320508075688772;
-inline constexpr double kMeltingFactor = 0.001;  // of exp(-0.001 T/(T_melt - T)): DLP (15)
+inline constexpr double kMeltingFactor = 0.001;  // the factor in exp(-0.001 T/(T_melt - T)), DLP (15)
 
 // g(P, T) and dg/dT.
 struct Softening {
@@ -28,7 +28,7 @@ struct Softening {
   double slope = 0.0;
 };
 
-// The share of excess that temperature makes, and its derivative with respect to T.
+// The part of the excess (SeparableFlowKernel, below) that is due to temperature, and its derivative by T.
 struct SofteningExcess {
   double value;
   double rate;
@@ -37,23 +37,23 @@ struct SofteningExcess {
 // N vertices under the loads of their lanes, for the kernel of a law that is not separable.
 template <int N>
 struct LoadedVertices {
-  const double* load;          // load_of(a)
-  const double* bracket;       // bracket_at(m, P)
-  const double* T_melt;        // at P                               [K]
-  alignas(64) double T[N];     // at the end of the step             [K]
+  const double* load;          // load_of(a) of each lane
+  const double* bracket;       // bracket_at(m, P) of each lane
+  const double* T_melt;        // melting temperature at P           [K]
+  alignas(64) double T[N];     // temperature after the step         [K]
   alignas(64) double rise[N];  // a dT/da: T less T without friction [K]
 };
 
-// A fault in the constants of a law that no constant shows alone; an empty field: no fault.
+// A fault in the constants of a law together, each of which is valid alone. An empty field means no fault.
 struct LawFault {
-  std::string_view field;
+  std::string_view field;  // key of the constant to blame
   std::string_view text;
 };
 
-inline constexpr double kMolten = 1e300;   // softening excess where g = 0: any load flows, kNoLoad does not
+inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
 inline constexpr double kNoLoad = -1e305;  // the load under which nothing yields, however hot
-inline constexpr double kMaxExcess =
-    300.0;  // larger excess is cut to this: the strain is beyond any host's, and finite
+// A larger excess is cut to this: the strain is then finite, and beyond that of any host.
+inline constexpr double kMaxExcess = 300.0;
 
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
 // a default: a law that does not declare all of them does not compile.
@@ -62,9 +62,9 @@ struct FlowLawProperties {
   bool separable;            // H does not depend on P and T: Y is a product H(ep, dep/dt) g(P, T)
   bool first_order_in_time;  // the stress follows the mean rate of a step, so that the step is of first order
   bool vanishes_at_melting;  // g is 0 at T_melt and above
-  bool has_pressure_term;    // g depends on P directly (gP P), so that PressureTerm means something
-  bool has_ceiling;          // a largest H exists (Y_max) for some constants
-  bool has_wave_return;      // solver/layer_waves knows the return of a stress to the flow stress of the law
+  bool has_pressure_term;    // g contains gP P, so that Material::pressure_term has an effect
+  bool has_ceiling;          // for some constants H has a largest value (Y_max)
+  bool has_wave_return;      // solver/velocity_driven/waves (inertia) can return a stress to the law's flow stress
 };
 
 // The constexpr members that every law declares.
@@ -94,16 +94,16 @@ constexpr FlowLawProperties properties_of_law() {
 template <class Law>
 concept FlowLawFunctions = requires(const Material& m, double ep, double dep, double rate, double dt, double P,
                                     double T) {
-  { Law::kName } -> std::convertible_to<std::string_view>;                  // the word of scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;              // the source; this and the next two are
-  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // printed in OPTIONS.md
-  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law
+  { Law::kName } -> std::convertible_to<std::string_view>;                  // its name in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;              // its source, for OPTIONS.md
+  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what it adds, for OPTIONS.md
+  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use it, for OPTIONS.md
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
-  { Law::fault_of(m) } -> std::same_as<LawFault>;                           // a fault of its constants together
+  { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT
-  { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // bound of |dg/dT| from T to T
+  { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
   { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // H; separable laws ignore P and T
-  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // dH/d(dep) at ep + dep, dep/dt
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // dH/d(dep) at ep + dep and dep/dt
   { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };
@@ -112,22 +112,22 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
 template <class Law>
 concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
     requires(const Law law, const Material& m, double a, double P) {
-  { law.load_of(a) } -> std::same_as<double>;         // the measure of a stress magnitude that the kernel takes
-  { Law::unit_of_load(m) } -> std::same_as<double>;   // [Pa]; a load below its least normal share is none
-  { Law::bracket_at(m, P) } -> std::same_as<double>;  // what g needs of P
+  { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
+  { Law::unit_of_load(m) } -> std::same_as<double>;   // [Pa]; loads far below it (set_load()) are kNoLoad
+  { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 
 // The kernel of a separable law. A vertex flows where
 //   excess = load_of(a) + softening_excess - log_strength
-// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. take(lane, dep, slope) receives dep and a d(dep)/da, where
-// heating by a enters through growth = a d(softening_excess)/da.
+// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. flow() calls take(lane, dep, slope) with
+// dep and slope = a d(dep)/da, in which heating by a enters through growth = a d(softening_excess)/da.
 template <class Law>
 concept SeparableFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],
              const double* strain, void (*take)(int lane, double dep, double slope)) {
-  { law.log_strength(ep) } -> std::same_as<double>;                               // of H at rest
-  { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // of g
-  law.flow(packet, packet, strain, take);                                         // of excess, growth, ep
+  { law.log_strength(ep) } -> std::same_as<double>;                               // logarithm of H at rate 0
+  { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // part of the excess due to g
+  law.flow(packet, packet, strain, take);                                         // from excess, growth and ep
 };
 
 // The kernel of a law that couples rate and temperature. A vertex flows where load_of(a) > strength_at_rest.
@@ -135,12 +135,12 @@ template <class Law>
 concept CoupledFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const LoadedVertices<1>& vertices,
              const double (&packet)[1], const double* strain, void (*take)(int lane, double dep, double slope)) {
-  { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) as a load
-  law.flow(vertices, packet, strain, take);                                  // of load, excess, ep
+  { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) in the units of load_of
+  law.flow(vertices, packet, strain, take);                                  // from loads, excess and ep
 };
 
 template <class Law>
-concept FlowLawClass = DeclaresFlowLawProperties<Law> && Law::kVanishesAtMelting &&  // a molten vertex carries nothing
+concept FlowLawClass = DeclaresFlowLawProperties<Law> && Law::kVanishesAtMelting &&  // no stress if molten
     FlowLawFunctions<Law> &&
     ((Law::kSeparable && SeparableFlowKernel<Law>) || (!Law::kSeparable && CoupledFlowKernel<Law>));
 

@@ -14,7 +14,7 @@ namespace shearbus::physics {
 template <FlowLawClass... Laws>
 using FlowLawList = LawList<FlowLaw, Laws...>;
 
-using FlowLaws = FlowLawList<SteinbergCochranGuinan,  // one line each
+using FlowLaws = FlowLawList<SteinbergCochranGuinan,  // one line per law
                              JohnsonCook,             //
                              PrestonTonksWallace>;
 

@@ -3,11 +3,12 @@
 //   H(ep, r) = (A + B ep^n) (1 + C ln(max(r / r0, 1))),   r = dep/dt
 //   g(T)     = 1 - T*^m,   T* = (T - T_ref) / (T_melt - T_ref), cut at 0 and 1
 //
-// A is the material's yield strength, n its hardening exponent. Pressure does not enter, but through T_melt(P) where a
-// scene asks for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep +
-// dep)^n and x = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is
-// convex, its root is unique and Newton's method falls to it from any point above. Such points are the strain that
-// would do without the rate and the rate that would do without hardening. Slower than r0 the root is closed.
+// A is the material's yield strength, n its hardening exponent. Pressure enters only through T_melt(P), if a scene asks
+// for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep + dep)^n and
+// x = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is convex, its
+// root is unique and Newton's method falls to it from any point above. Two such points are the strain that would carry
+// the stress without rate hardening, and the strain whose rate would carry it without strain hardening. Where the rate
+// is below r0 the root has a closed form.
 #pragma once
 
 #include <algorithm>
@@ -78,7 +79,7 @@ class JohnsonCook {
   static double ceiling(const Material&) { return std::numeric_limits<double>::infinity(); }
   static bool hardens(const Material&) { return true; }
 
-  // Everything in units of A.
+  // All stresses are in units of A.
   JohnsonCook(const Material& m, double dt)
       : yield_strength_(m.yield_strength),
         B_(m.hardening_modulus / m.yield_strength),
@@ -118,7 +119,7 @@ class JohnsonCook {
                                    const Take& take) const {
     Roots<N> roots;
     const double rated = C_ > 0.0 ? 1.0 : 0.0;
-    alignas(64) double rise[N];  // of B (ep + dep)^n at the strength of rest, over B
+    alignas(64) double rise[N];  // growth of ep^n that carries the load at a rate below r0
     for (int l = 0; l < N; ++l) {
       const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
       const bool yields = cut > 0.0;
@@ -137,7 +138,7 @@ class JohnsonCook {
     if (rated > 0.0) fall_to_root(ep, roots);
     double any_creeps = 0.0;
     for (int l = 0; l < N; ++l) {
-      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end
+      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end, the rate r0
       any_creeps += roots.creeps[l];
     }
     if (any_creeps > 0.0) flow_at_rest(ep, rise, roots);
@@ -151,10 +152,10 @@ class JohnsonCook {
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
   static constexpr double kMostLogStrain = 230.0;
-  static constexpr double kNever = 1e3;  // ln of a strain beyond the largest
+  static constexpr double kNever = 1e3;  // ln of a strain beyond the largest; in place of ln(r0 dt) if C = 0
   static constexpr double kLeastStrain = 1e-300;
-  static constexpr int kMostIterations = 60;  // it takes 2 to 5
-  static constexpr double kConverged = 1e-5;  // of ln(dep): the next step is below rounding
+  static constexpr int kMostIterations = 60;  // largest number of iterations; 2 to 5 are usual
+  static constexpr double kConverged = 1e-5;  // longest last step in ln(dep): the next one is below rounding
   static constexpr double kMostBend = 0.5;    // Halley's correction at most doubles Newton's step
 
   static double static_strength(const Material& m, double ep) {
@@ -178,15 +179,16 @@ class JohnsonCook {
   template <int N>
   struct Roots {
     alignas(64) double target[N];     // sqrt(3) a / (A g)
-    alignas(64) double x[N];          // ln(dep)
-    alignas(64) double dep[N];        // the root
-    alignas(64) double log_slope[N];  // d ln(u w) / d(dep) there
+    alignas(64) double x[N];          // ln(dep) of the search
+    alignas(64) double dep[N];        // the root dep
+    alignas(64) double log_slope[N];  // d ln(u w) / d(dep) at the root
     alignas(64) double moves[N];      // 1 where the search goes on, else 0
-    alignas(64) double creeps[N];     // 1 where the root is slower than r0: its rate takes no part
+    alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
   };
 
-  // Halley's method on u w - target, w = 1 + C (x - ln(r0 dt)), lane by lane: a lane that has arrived stays, whatever
-  // its neighbours still do. What the last step leaves is its cube; that step is added to the exponential as a series.
+  // Halley's method on u w - target, u = 1 + B (ep + dep)^n, w = 1 + C (x - ln(r0 dt)), lane by lane: a lane that has
+  // converged keeps its root while its neighbours go on. The last step leaves an error of the order of its cube; dep
+  // after a step is dep before it times the series of exp(-step).
   template <int N>
   [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
@@ -207,7 +209,7 @@ class JohnsonCook {
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // Where it has arrived all is taken along the last step.
+        // The values after the step follow from those before it by series, without another evaluation.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;
@@ -223,8 +225,8 @@ class JohnsonCook {
     }
   }
 
-  // Where the rate takes no part: (ep^n + rise)^(1/n) - ep, as a ratio where there is strain already, so that nothing
-  // cancels.
+  // The roots where the rate has no effect: dep = (ep^n + rise)^(1/n) - ep. Where ep > 0 this is computed as
+  // ep ((1 + rise / ep^n)^(1/n) - 1), so that nothing cancels.
   template <int N>
   [[gnu::always_inline]] void flow_at_rest(const double* ep, const double (&rise)[N], Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {

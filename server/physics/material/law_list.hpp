@@ -1,5 +1,5 @@
-// A list of classes as the one place where laws of a kind are registered. What a law is called at run time is its
-// place.
+// A list of classes: the one place where the laws of a kind are registered. At run time a law is identified by its
+// place in the list.
 #pragma once
 
 #include <cstddef>
@@ -25,13 +25,13 @@ class LawList {
     return static_cast<Place>(at);
   }
 
-  // f(LawType<Law>{}) with the law at a place: a choice made once, outside the loops.
+  // Calls f(LawType<Law>{}) with the law at a place. Callers choose the law once, outside their loops.
   template <class F>
   [[gnu::always_inline]] static decltype(auto) with(Place place, F&& f) {
     return choose<F, Laws...>(static_cast<std::size_t>(place), std::forward<F>(f));
   }
 
-  // Whether f(LawType<Law>{}) holds for one of them.
+  // Whether f(LawType<Law>{}) is true for at least one law of the list.
   template <class F>
   static constexpr bool any(F&& f) {
     return (f(LawType<Laws>{}) || ...);
@@ -41,7 +41,7 @@ class LawList {
     return with(place, [](auto law) { return decltype(law)::type::kName; });
   }
 
-  // The law of a scene's number for it; 0 is none said.
+  // The law with this number in a scene's enum; empty for 0 (no law chosen) and for unknown numbers.
   static std::optional<Place> numbered(int number) {
     if (number <= 0 || number > static_cast<int>(sizeof...(Laws))) return {};
     return static_cast<Place>(number - 1);

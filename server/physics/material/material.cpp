@@ -52,7 +52,7 @@ bool is_strength(double Material::*constant) {
       [&](auto each) { return has_constant(FlowLaws::place<typename decltype(each)::type>(), constant); });
 }
 
-// A constant of no law belongs to every material, a constant of laws to the materials that follow one of these.
+// Whether a material with this law has the constant: a constant of strength if the law uses it, any other always.
 bool belongs(double Material::*constant, FlowLaw law) {
   return !is_strength(constant) || has_constant(law, constant);
 }
@@ -204,7 +204,7 @@ std::string_view constant_missing_for_options(const Material& material) {
 
 double compression_at(const Material& m, double pressure) {
   if (!(pressure > 0.0)) return 1.0;
-  // P (1 - s x)^2 = rho0 c0^2 x, the root below 1/s written without a difference; x = 1 - 1/eta.
+  // With x = 1 - 1/eta: P (1 - s x)^2 = rho0 c0^2 x. The root below 1/s is written without a difference.
   const double stiffness = m.density * m.sound_speed * m.sound_speed;
   const double slope = m.hugoniot_slope * pressure;
   const double x = 2.0 * pressure / (stiffness + 2.0 * slope + std::sqrt(stiffness * (stiffness + 4.0 * slope)));

@@ -12,7 +12,7 @@
 
 namespace shearbus::physics {
 
-enum class MeltingCurve { kConstant, kLindemann };  // T_melt, or T_melt(P)
+enum class MeltingCurve { kConstant, kLindemann };  // T_melt is constant, or rises with P
 enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
 
 enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
@@ -55,7 +55,8 @@ struct Material {
   double overdriven_exponent = kNotGiven;       // beta   [1]
   double modulus_temperature = kNotGiven;       // alpha  [1], G = G0 (1 - alpha T/T_melt)
 
-  // Compression and melting under pressure, as Steinberg tabulates them; needed by the two options only.
+  // Compression and melting under pressure, as Steinberg tabulates them; needed only by melting_curve and
+  // pressure_term.
   double sound_speed = kNotGiven;        // c0     [m/s], of the Hugoniot U = c0 + s u
   double hugoniot_slope = kNotGiven;     // s      [1]
   double grueneisen = kNotGiven;         // gamma0 [1]
@@ -70,13 +71,12 @@ struct Material {
   }
 };
 
-// One constant of a material under the name scenes give it. The one table behind overrides, effective scenes and
-// messages.
+// A constant of a material and its name in scenes. Overrides, effective scenes and messages all use this table.
 struct MaterialField {
-  std::string_view name;  // "yield_strength_pa"
+  std::string_view name;  // key in scenes, for example "yield_strength_pa"
   double Material::*value;
-  bool required;     // where the material's law has it; false: what has a meaning when absent
-  bool may_be_zero;  // the others must be above 0
+  bool required;     // by every material whose law has the constant; false: it may be absent
+  bool may_be_zero;  // false: the constant must be above 0
 };
 std::span<const MaterialField> material_fields();
 
@@ -87,10 +87,10 @@ struct CatalogEntry {
 };
 std::span<const CatalogEntry> catalog();
 
-// The catalog's material `name` (may be empty) with the constants in `given` put over it. `law`: another flow-stress
-// law than the catalog's, whose own constants must then all be given. Where it cannot be made - unknown name (nearest
-// one named), unknown constant, constant missing or of another law, not finite or not positive where it must be -
-// `fault` says why and `fault_field` which ("material" or a constant's name); both empty otherwise.
+// The catalog's material `name` (may be empty) with the constants in `given` put over it. `law`: a flow law in place of
+// the catalog's; all its constants must then be given. The material cannot be made if the name is unknown, or if a
+// constant is unknown, missing, of another law, not finite, or not positive although it must be. `fault` then says why,
+// and `fault_field` is "material" or the name of the constant. Otherwise both are empty.
 struct MaterialResult {
   Material material;
   std::string fault_field;
@@ -102,7 +102,7 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
 // The first constant that the material's options need and it does not have; empty: none.
 std::string_view constant_missing_for_options(const Material& material);
 
-// (name, value) of every constant that is finite and used by the material's law: an effective scene's body.
+// (name, value) of every constant that is finite and used by the material's law, as an effective scene lists them.
 std::vector<std::pair<std::string, double>> constants_of(const Material& material);
 
 }  // namespace shearbus::physics

@@ -6,13 +6,13 @@
 
 namespace shearbus::physics {
 
-inline constexpr double kMeltingShare = 0.99;  // of T_melt: from here on an interface that yields is called melting
+inline constexpr double kMeltingShare = 0.99;  // share of T_melt above which an interface that yields is called melting
 
 // eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The density of any state at that pressure
 // differs from it in the third order of the compression only.
 double compression_at(const Material& m, double pressure);
 
-// The material as it is at a pressure, both options worked into its constants: T_melt and gP are those there.
+// The material at a pressure: its melting_curve and pressure_term are worked into the constants T_melt and gP.
 //   T_melt(P) = T_melt exp(2 a (1 - 1/eta)) eta^(2 (gamma0 - a - 1/3))      (Lindemann's law, as Steinberg gives it)
 //   gP(P)     = gP / eta^(1/3)                                              (Steinberg, Cochran, Guinan 1980)
 Material at_pressure(const Material& m, double pressure);
@@ -23,7 +23,8 @@ inline Softening softening(const Material& m, double pressure, double temperatur
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::softening(m, pressure, temperature); });
 }
 
-// f(LawType<Law>{}, m), where a law whose strength depends on P and T beyond g sees the material at the pressure.
+// Calls f(LawType<Law>{}, m) with the material's law. For a law that is not separable m is the material at the
+// pressure.
 template <class F>
 double with_law_at(const Material& m, double pressure, F&& f) {
   return FlowLaws::with(m.flow_law, [&](auto law) {
@@ -40,7 +41,7 @@ inline double hardened_strength(const Material& m, double plastic_strain, double
   });
 }
 
-// dH/d(dep) where a step of dt brings the strain `increment`   [Pa]
+// dH/d(dep) where a step of dt adds the plastic strain `increment`   [Pa]
 inline double hardening_slope(const Material& m, double plastic_strain, double increment, double dt, double pressure,
                               double T) {
   return with_law_at(m, pressure, [&](auto law, const Material& now) {
@@ -48,7 +49,7 @@ inline double hardening_slope(const Material& m, double plastic_strain, double i
   });
 }
 
-// Y(ep, dep/dt, P, T)   [Pa]
+// The flow stress Y(ep, dep/dt, P, T)   [Pa]
 inline double flow_stress(const Material& m, double plastic_strain, double pressure, double temperature,
                           double rate = 0.0) {
   return hardened_strength(m, plastic_strain, rate, pressure, temperature) * softening(m, pressure, temperature).g;

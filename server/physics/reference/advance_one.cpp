@@ -34,7 +34,7 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
     const double T = std::clamp((T0 - T_ref) / (T_melt - T_ref), 0.0, 1.0);
     return mu * (1.0 - std::pow(T, law.friction_softening_exponent));
   }
-  return mu;  // ConstantFriction: DLP (65)
+  return mu;  // constant friction, DLP (65)
 }
 
 namespace {
@@ -60,7 +60,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     return out;
   }
 
-  // The stress from which the step starts.
+  // The stress from which the step starts: with INTERFACE_SLIP the yield stress, unless the old stress is along the
+  // jump.
   double s_old = state.shear_stress;
   if (!layer_shear && V != 0.0 && s_old * V <= 0.0) {
     s_old = std::copysign(flow_stress(soft, state.plastic_strain[0], in.pressure, state.temperature[0]) / kSqrt3, V);
@@ -183,7 +184,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
     const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
     const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
-    if (law.limit(T0(stick)) >= stick) {  // at rest; a stop is a kink
+    if (law.limit(T0(stick)) >= stick) {  // the node sticks; one that comes to rest is left to backward Euler
       if (V != 0.0) return false;
       rests = true;
       mean = s1 = s2 = stick;
@@ -251,7 +252,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const Profile &T_ad = heat.T_ad, &B = heat.B;
   const double beta_T = conducted_share(options);
 
-  // DLP (61).
+  // The jump without friction and its reduction per stress, DLP (61).
   const double jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
   const double per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
   const double direction = jump_free < 0.0 ? -1.0 : 1.0;
@@ -264,7 +265,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const auto coulomb = [&](double a) {
     return friction_coefficient(options, in.pressure, T0(a), slip(a)) * in.pressure;
   };
-  // DLP (49-54): ep_a grows with the slip.
+  // Junctions, DLP (49-54): their strain ep_a grows with the slip.
   const auto junction_strain = [&](double v) {
     return options.junctions ? state.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
   };
@@ -301,7 +302,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    if (slips.empty() && !can_stick) slips.push_back(end);  // the limit itself, reached without heating
+    if (slips.empty() && !can_stick) slips.push_back(end);  // only the limit itself, reached without heating
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
     const bool stick = can_stick && (rests || slips.empty());

@@ -1,6 +1,6 @@
-// The twin: the step of one node, scalar, slow and obvious, against which the fast solvers are tested. It shares only
-// the grid and the softening of the materials with them; the laws are written here as printed. The heat equation is
-// solved by Eigen's sparse LU, every root by bisection.
+// The reference twin of the solvers: the step of one node, scalar, slow and obvious, against which the fast solvers are
+// tested. It shares only the grid and the softening of the materials with the fast solvers; the laws are written here
+// as their papers print them. The heat equation is solved by Eigen's sparse LU, every root by bisection.
 #pragma once
 
 #include <vector>
@@ -20,7 +20,7 @@ struct NodeState {
   double shear_stress = 0.0;             // [Pa]
   Regime regime = Regime::kOpen;
   bool sticking = false;         // with a plastic layer: the last step ended without slip
-  double junction_strain = 0.0;  // ep_a
+  double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
 };
 
 struct NodeInputs {

@@ -1,4 +1,4 @@
-// The step of the twin under a tolerance.
+// The step of the reference twin under a tolerance.
 #include <algorithm>
 #include <cmath>
 
@@ -8,7 +8,7 @@ namespace shearbus::physics::reference {
 
 namespace {
 
-// Error bound of a jump that changes sign or seems to stop in a substep  [m/s].
+// Bound of the error of a jump that changes sign or seems to stop in a substep  [m/s] (solver/around/tolerance.cpp).
 double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
   const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
   const double acceleration = std::abs(in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);

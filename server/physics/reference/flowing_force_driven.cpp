@@ -91,7 +91,7 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
 // All sliding solutions, by rising heat flux. The flux gives T0 and T0 gives the stress; the work of that stress must
 // equal the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
-  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // molten
+  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // the interface is molten
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
   std::vector<double> fluxes;
   scan_to_melting(step, 0, fluxes);
@@ -160,7 +160,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
   if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the layer flows
 
-  // 2. Strain by (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
+  // 2. Strain by DLP (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
   const double a = taken.stress;
   const double wanted = taken.sticks ? step.jump_new(a) + step.drive : step.jump_mid(a) + step.drive - taken.slip;
   const double surplus = std::max(0.0, (wanted - step.flow(a, taken.flux)) * dt / kSqrt3);
@@ -178,7 +178,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
     state.plastic_strain[hottest] += surplus / step.grid.weight[hottest];
   }
 
-  // 3. Upscale.
+  // 3. The answers to the host, and the new state.
   heat_up(state, step.T_ad, taken.flux, step.B);
   state.shear_stress = out.shear_stress = step.direction * a;
   state.sticking = taken.sticks;

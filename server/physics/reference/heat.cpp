@@ -1,4 +1,4 @@
-// Heat of the twin: the linear systems are assembled and solved directly.
+// Heat of the reference twin: the linear systems are assembled and solved directly.
 #include <Eigen/SparseCore>
 #include <Eigen/SparseLU>
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Pieces of the twin's steps.
+// Pieces of the steps of the reference twin (advance_one.hpp).
 #pragma once
 
 #include <functional>
@@ -38,7 +38,7 @@ struct Heat {
 };
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old);
 // The second stage of SDIRK2, from the temperatures at the end of the first stage.
-inline constexpr double kGamma = 0.29289321881345254;
+inline constexpr double kGamma = 0.29289321881345254;  // 1 - 1/sqrt(2)
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
 // Whether the temperatures of a second-order step stay between the coldest old temperature and melting.
@@ -50,8 +50,8 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 // dep of one vertex under a stress magnitude [Pa], by the flow law of the material as its paper prints it.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
 
-// The friction coefficient at z = 0, as printed: of the interface law, or of a velocity-driven layer the coefficient of
-// its Coulomb limit; infinity without friction.
+// The friction coefficient at z = 0. Force-driven: by the interface law, as its paper prints it. Velocity-driven: the
+// coefficient of the Coulomb limit, or infinity if there is none.
 double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip);
 
 // The force-driven step with plastic strain.

@@ -1,4 +1,4 @@
-// The flow laws as their papers print them, inverted by bisection: the twin of the kernels in material/.
+// The flow laws as their papers print them, inverted by bisection: the scalar reference for the kernels in material/.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -14,14 +14,14 @@ namespace {
 constexpr double kLeastLog = -690.0, kMostLog = 230.0;  // ln of the least and the largest strain increment
 constexpr double kMostStrain = 1e100;
 
-// dep with Y(dep) = sqrt(3) a, where Y rises.
+// The strain increment dep with Y(dep) = sqrt(3) a, for a flow stress Y that rises with dep.
 double increment_of(const std::function<double(double)>& yield, double a) {
   const auto missing = [&](double log_dep) { return yield(std::exp(log_dep)) - kSqrt3 * a; };
   if (missing(kLeastLog) >= 0.0) return 0.0;
   return missing(kMostLog) <= 0.0 ? kMostStrain : std::exp(bisect(missing, kLeastLog, kMostLog));
 }
 
-// DLP (48).
+// The strain increment of DLP (48).
 double steinberg(const Material& m, double a, double g, double ep_old) {
   const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
   return std::min(kMostStrain, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));
@@ -70,8 +70,8 @@ class Preston {
 
   const Material& m_;
   double T_hat_;
-  double attempts_ = 0.0;  // gamma xi             [1/s]
-  double two_G_ = 0.0;     // with the melting factor [Pa]
+  double attempts_ = 0.0;  // attempt rate gamma xi           [1/s]
+  double two_G_ = 0.0;     // 2 G times the melting factor    [Pa]
 };
 
 }  // namespace

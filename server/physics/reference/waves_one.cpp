@@ -1,4 +1,4 @@
-// The step of one layer with inertia, scalar and slow: the twin of solver/velocity_driven/waves.
+// The step of one layer with inertia, scalar and slow: the reference twin of solver/velocity_driven/waves.
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -46,11 +46,13 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   return {t - stiffness * lo, lo, rate / (rate + stiffness)};
 }
 
+// The solution of the balance, or an iterate.
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;
 };
 
+// Stresses, flow and slopes for the velocities of `at`.
 void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   for (int i = 0; i <= layer.cells(); ++i) {
     const double before = i == 0 ? 0.0 : at.velocity[i - 1];

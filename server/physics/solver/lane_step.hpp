@@ -8,13 +8,13 @@
 namespace shearbus::physics {
 
 struct LaneStep {
-  double stress;    // s, signed                          [Pa]
-  double slip;      // [v], signed                        [m/s]
-  double jump_new;  // [V] at n+1/2                       [m/s]
-  double flux;      // q                                  [W/m2]
+  double stress;    // shear stress s, signed             [Pa]
+  double slip;      // sliding velocity [v], signed       [m/s]
+  double jump_new;  // velocity jump [V] at n+1/2, signed [m/s]
+  double flux;      // heat flux q at z = 0               [W/m2]
   Regime regime;
   bool sticks;   // the interface does not slip at the end of the step
-  bool unique;   // the criterion of server/physics/MODEL.md, "Force-driven step" holds
+  bool unique;   // the step certainly has one answer (MODEL.md, "Force-driven step")
   bool several;  // several answers satisfied the step
 };
 

@@ -20,7 +20,7 @@ namespace shearbus::physics {
 namespace {
 
 // Largest number of halvings of dt where a force-driven step has several answers. Each halving makes the left side of
-// the criterion 2^1.5 times smaller; six make it 512 times smaller.
+// the criterion for one answer (slip_is_unique()) 2^1.5 times smaller; six make it 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
@@ -155,8 +155,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: number of halvings of the step already made. It leaves fewer halvings to the ladder, so that the shortest
-  // substep of the ladder does not depend on the tolerance.
+  // `times`: number of halvings of the step already made. So many fewer are left to force_driven/substeps.hpp,
+  // whose shortest substep therefore does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;

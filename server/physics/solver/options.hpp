@@ -17,8 +17,8 @@ enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr double kShortestControlledStep = 1e-12;  // shortest step of the host with a tolerance  [s]
-inline constexpr int kMaxInertiaCells = 1000;  // cells of a layer with inertia, whose step works on the stack
-inline constexpr int kMaxSleepCells = 900;     // cells of both bodies in a model with sleep
+inline constexpr int kMaxInertiaCells = 1000;  // most cells of a layer with inertia, whose step works on the stack
+inline constexpr int kMaxSleepCells = 900;     // most cells of both bodies together in a model with sleep
 // A half-space adds at most 49 vertices to the cells of its body: each cell is 1.3 times as wide as the last, up to
 // 1000 thicknesses.
 static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
@@ -28,15 +28,15 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;  // the hard body conducts too; absent: it receives the fraction 1 - beta_T
+  std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: it gets 1 - beta_T of the heat
   double initial_temperature = 300.0;    // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
-  std::optional<ModesOptions> modes;           // no profile: force-driven, one conducting body; uses only the thickness
-  Drive drive = Drive::kLayerShear;            // velocity-driven
-  std::optional<double> friction_coefficient;  // velocity-driven: adds s <= mu P
-  InterfaceOptions interface;                  // force-driven
+  std::optional<ModesOptions> modes;  // force-driven, one conducting body: heat by modes, from the thickness alone
+  Drive drive = Drive::kLayerShear;   // velocity-driven: what shears the layer
+  std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
+  InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
-  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: real contact by junctions
+  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: contact at junctions only
 
   // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
   // smaller. discretised() gives the grid and the methods for a tolerance.

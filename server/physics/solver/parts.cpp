@@ -16,7 +16,7 @@ namespace {
 
 using enum Property;
 
-// As [layer], to the depth that heat reaches in the hard body meanwhile.
+// The grid of [layer], scaled to the depth that heat reaches in the hard body while it crosses the layer.
 GridOptions matching_hard_grid(const ModelOptions& o) {
   GridOptions grid = o.grid;
   grid.thickness *= std::sqrt(o.hard.diffusivity / o.soft.diffusivity);
@@ -40,7 +40,8 @@ constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// What does not change the balance of one step at one temperature, or is solved by each solver of it.
+// Properties that do not change the balance of one step at a given temperature, or that every solver of this balance
+// handles. They go with parts that need no more than that balance.
 constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
@@ -323,7 +324,7 @@ constexpr std::array kExclusions = {
               "the stress of a step has one direction, and that of waves turns across the layer"},
 };
 
-// Limits of one option alone: what is wrong with its values, or nothing.
+// A check of one option alone: says what is wrong with its value, or nothing.
 using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
 std::optional<Refusal> most_cells(std::string key, int most, int found) {
@@ -383,7 +384,7 @@ constexpr const Exclusion* exclusion_of(Property a, Property b, std::span<const 
   return nullptr;
 }
 
-// Whether each strategy excludes one of the two, so that the pair never comes alone.
+// Whether each strategy excludes one of the two properties, so that they never meet.
 constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exclusions) {
   for (const Property strategy : {kVelocityDriven, kForceDriven})
     if (exclusion_of(a, strategy, exclusions) == nullptr && exclusion_of(b, strategy, exclusions) == nullptr)
@@ -391,7 +392,7 @@ constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exc
   return true;
 }
 
-// Whether every pair of rows is decided in exactly one way: listed by the later row, excluded, or never met.
+// Whether every pair of rows is decided in exactly one way: listed by the later row, excluded, or unable to meet.
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {

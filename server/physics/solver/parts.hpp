@@ -1,6 +1,8 @@
-// What a model can be made of, and what excludes what: the one place of these rules. Options of the model and laws are
-// described by properties. Two properties go together only where the later row lists the earlier one: a pair that no row
-// decides is refused, and does not compile in the table of this file. Model's constructor, the service, the options page and the tests read the same rows.
+// The parts of which a model can be made, and which of them exclude each other: the one place of these rules. A part is
+// an option of the model or a kind of law, and has one row and one Property. Two properties may be on together only if
+// the later row lists the earlier one. If a pair of rows in parts.cpp is neither listed, nor excluded, nor unable to
+// meet, that file does not compile. Model's constructor, the service, the options page and the tests read the same
+// rows.
 #pragma once
 
 #include <cstdint>
@@ -62,24 +64,26 @@ class Properties {
   std::uint64_t bits_ = 0;
 };
 
-// One property. Rows of a law's property have no `value` (the law's name stands there) and no texts (the law has them).
+// The row of one property. Where it is a property of laws, `value` is empty, because a scene writes the law's name
+// there, and so are the texts, which the law has.
 struct Part {
   Property property{};
-  std::string_view key{};    // of the scene, "layer.inertia"
-  std::string_view value{};  // that switches it on, as a scene writes it: "true"
+  std::string_view key{};    // key of a scene, for example "layer.inertia"
+  std::string_view value{};  // its value that switches the property on, as a scene writes it: "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
-  // Switches the part on, with typical values where it needs some, or off. Null: a choice with no off position.
+  // Switches the part on, with typical values where it needs some, or off. Null: a choice that cannot be switched off.
   void (*set)(ModelOptions&, bool on) = nullptr;
-  Properties goes_with{};       // of the rows before this one
-  std::string_view law_with{};  // of a law's property: what such a law is called, "friction law that depends on slip"
-  // Of the options page; empty where the page has no row.
+  Properties goes_with{};       // properties of earlier rows with which it may be on together
+  std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
+  // Texts of the row on the options page; empty where that page has no row.
   std::string_view equation{};
   std::string_view adds{};
   std::string_view when{};
 };
 std::span<const Part> parts();
 const Part& part_of(Property property);
-// As a scene writes it: `layer.inertia = true`, `[junctions]`, `soft.flow_law = "johnson_cook"`.
+// The setting that switches a part on, as a scene writes it: `layer.inertia = true`, `[junctions]`, `soft.flow_law =
+// "johnson_cook"`.
 std::string setting_of(const Part& part, const ModelOptions& options);
 
 // Two properties that exclude each other. A refusal names the key of `first`.
@@ -92,13 +96,13 @@ std::span<const Exclusion> exclusions();
 
 // Why a model cannot be made.
 struct Refusal {
-  std::string key;   // of the scene, "layer.inertia"
+  std::string key;   // key of a scene, for example "layer.inertia"
   std::string text;  // one sentence that begins with the key
 };
 
-// Empty: the model can be made.
+// All reasons why a model with these options cannot be made; empty: it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
-// The same by other rows, for tests of the rules.
+// The same under other rows and exclusions, for tests.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 
@@ -107,7 +111,7 @@ bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclus
 
 Properties properties_of(const ModelOptions& options);
 
-// Whether the options go with a property, which they have or not.
+// Whether a property may be on together with all properties of the options, which may or may not contain it.
 bool goes_with(Property property, const ModelOptions& options);
 
 // The options with a part switched on or off, and the discretisation that a tolerance then asks for.

@@ -37,7 +37,7 @@ bool all_finite(const TileOutputs& outputs, int lane) {
          std::isfinite(outputs.friction_heat[lane]);
 }
 
-// Links 3 and 4: the solver; a sleeping lane needs only one product per mode.
+// Links 3 and 4: sleep, which steps the sleeping lanes by their modes, and the solver for all other lanes.
 void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs) {
   const AdvanceTile solve = solver_of(problem.options);

@@ -5,7 +5,7 @@
 
 namespace shearbus::physics {
 
-// Users that may be active at the same time have scratch of their own.
+// What a scratch tile is used for. Uses that may overlap in time have a tile each.
 enum class Scratch { kStages, kWaking, kAccepted, kFirstHalf, kSecondHalf };
 
 double* scratch_tile(Scratch use, std::size_t doubles);

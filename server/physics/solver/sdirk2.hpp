@@ -15,10 +15,11 @@
 namespace shearbus::physics::sdirk2 {
 
 inline constexpr double kDiagonal = 0.29289321881345254;     // gamma = 1 - 1/sqrt(2)
-inline constexpr double kExtrapolation = 2.414213562373095;  // r = 1 + sqrt(2)
-inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in the mean; kDiagonal: second
+inline constexpr double kExtrapolation = 2.414213562373095;  // r = (1 - gamma) / gamma = 1 + sqrt(2)
+inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in a mean; second: kDiagonal
 
-// Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T` holds T1.
+// Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T`: T1 on
+// entry. With modes: conduction over the whole step from the old state, plus the response to the early flux.
 void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,
                         const double (&early_flux)[kLanes], double* T);
 void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],

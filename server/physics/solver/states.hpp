@@ -16,9 +16,9 @@ namespace shearbus::physics {
 
 struct State {
   const char* name;    // name of the checkpoint column
-  const char* unit;    // UDUNITS
-  std::size_t offset;  // offset of [width][kLanes] in the tile
-  std::size_t width;   // values per node
+  const char* unit;    // in the notation of UDUNITS
+  std::size_t offset;  // offset in the tile of the state's values, [width][kLanes]
+  std::size_t width;   // number of values per node
 };
 
 class StateList {
@@ -38,8 +38,9 @@ class StateList {
   std::vector<State> states_;
 };
 
-// The list. A member is the offset of a state in a tile, its initialiser is the state's row; members are initialised in
-// the order of their declaration, which is the order in the tile.
+// The list of the states. Each member with add() is one row: its initialiser declares the state, its value is the
+// offset of the state in a tile. Members are initialised in the order of their declaration, which is the order in the
+// tile.
 class TileLayout : public StateList {
   const ModelOptions* options_;  // null after the construction
 
@@ -47,10 +48,10 @@ class TileLayout : public StateList {
   // `modes`: null with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;  // vertices in the hard body, without z = 0; 0 if it does not conduct
-  std::size_t num_heat_modes;     // rows in place of a profile: start temperature, shares of T0
-  std::size_t num_vertices;       // temperatures in the soft body: the layer and a half-space behind it; modes: 1, T0
-  std::size_t num_strain_vertices;
+  std::size_t num_hard_vertices;    // vertices of the hard body without that at z = 0; 0 if it does not conduct
+  std::size_t num_heat_modes;       // rows instead of a profile: start temperature, each mode's share of T0
+  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes: 1, T0
+  std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
   std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
   std::size_t num_velocity_cells;   // cells of a layer with inertia
 
@@ -63,13 +64,14 @@ class TileLayout : public StateList {
   // Fraction of the work that heats each vertex.
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
   std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // signed
-  std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // against the hard body
+  std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
-  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; asleep: living modes, else 0
-  // While asleep, where the layer can flow: temperature of the hottest vertex, plastic strain of the least strained one.
+  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // number of steps at rest; live modes, 0: awake
+  // Where the layer can flow, while the node sleeps: the temperature of the hottest vertex, and the plastic strain of
+  // the least strained vertex.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
   std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
 

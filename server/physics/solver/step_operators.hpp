@@ -71,9 +71,9 @@ class StepOperators {
   int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   double dt() const { return dt_; }
-  const double* decay() const { return decay_.data(); }  // factor of each mode of sleeping nodes
+  const double* decay() const { return decay_.data(); }  // factor of a step on each mode of sleeping nodes
   const SpreadHeat& spread() const { return *spread_; }
-  int num_heated() const { return num_heated_; }  // vertices that the heat of one step reaches
+  int num_heated() const { return num_heated_; }  // number of vertices, from z = 0, that the heat of one step reaches
 
   // SDIRK2: with a profile both stages use the operator of gamma dt; with modes the second goes over the whole step.
   struct ModeStages {

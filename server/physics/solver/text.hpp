@@ -6,7 +6,7 @@
 
 namespace shearbus::physics {
 
-// A number with `digits` digits; plain numbers have six.
+// A number with `digits` digits; other numbers have six.
 struct Digits {
   int digits;
   double value;

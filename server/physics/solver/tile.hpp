@@ -16,23 +16,23 @@ inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
 inline constexpr std::uint8_t kAsleep = 32;      // the node was at rest and was not solved
-inline constexpr std::uint8_t kFirstOrder = 64;  // a second-order step left its domain: backward Euler in its place
+inline constexpr std::uint8_t kFirstOrder = 64;  // backward Euler in place of a second-order step that left its domain
 inline constexpr std::uint8_t kFailed = 128;
 
 // The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number; they are not
 // read. Members `second_` are second tangential components: they are read only if a model has two.
 struct TileInputs {
-  const double* stress_before = nullptr;                     // [kLanes], in place of the committed shear stress  [Pa]
-  SearchEffort* effort = nullptr;                            // counters to add to; null: none
-  std::uint32_t active = 0;                                  // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};             // [V], of n-1/2 when force-driven  [m/s]
-  alignas(64) double pressure[kLanes] = {};                  // P, compression positive          [Pa]
-  alignas(64) double soft_shear_rate[kLanes] = {};           // shear rate of the soft zone (interface_slip)  [1/s]
-  alignas(64) double stress_soft[kLanes] = {};               // soft side                        [Pa]
-  alignas(64) double stress_hard[kLanes] = {};               // hard side                        [Pa]
-  alignas(64) double mass_soft[kLanes] = {};                 // [kg/m2]
-  alignas(64) double mass_hard[kLanes] = {};                 // [kg/m2]
-  alignas(64) double soft_plastic_strain_rate[kLanes] = {};  // Ep_dot, >= 0 (plastic layer)  [1/s]
+  const double* stress_before = nullptr;            // stress before the step, [kLanes]; null: committed stress  [Pa]
+  SearchEffort* effort = nullptr;                   // counters to add to; null: none
+  std::uint32_t active = 0;                         // bit i: lane i takes the step
+  alignas(64) double velocity_jump[kLanes] = {};    // [V]; force-driven: at n-1/2      [m/s]
+  alignas(64) double pressure[kLanes] = {};         // P, compression positive          [Pa]
+  alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the soft zone (interface_slip)  [1/s]
+  alignas(64) double stress_soft[kLanes] = {};      // far stress on the soft side      [Pa]
+  alignas(64) double stress_hard[kLanes] = {};      // far stress on the hard side      [Pa]
+  alignas(64) double mass_soft[kLanes] = {};        // mass of the soft zone per area   [kg/m2]
+  alignas(64) double mass_hard[kLanes] = {};        // mass of the hard zone per area   [kg/m2]
+  alignas(64) double soft_plastic_strain_rate[kLanes] = {};  // Ep_dot >= 0 of the soft zone (plastic layer)  [1/s]
   alignas(64) double second_velocity_jump[kLanes] = {};      // [m/s]
   alignas(64) double second_stress_soft[kLanes] = {};        // [Pa]
   alignas(64) double second_stress_hard[kLanes] = {};        // [Pa]
@@ -40,12 +40,12 @@ struct TileInputs {
 
 // Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.
 struct TileOutputs {
-  alignas(64) double shear_stress[kLanes];              // s                                [Pa]
-  alignas(64) double sliding_velocity[kLanes];          // [v]                              [m/s]
+  alignas(64) double shear_stress[kLanes];              // shear stress s                   [Pa]
+  alignas(64) double sliding_velocity[kLanes];          // sliding velocity [v]             [m/s]
   alignas(64) double interface_temperature[kLanes];     // T0                               [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];             // entered the conducting bodies in this step   [J/m2]
-  alignas(64) double error_estimate[kLanes];            // only with a tolerance                          [1]
+  alignas(64) double error_estimate[kLanes];            // of T0, relative as the tolerance; only with one  [1]
   alignas(64) double second_shear_stress[kLanes];       // [Pa]
   alignas(64) double second_sliding_velocity[kLanes];   // [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // [m/s]

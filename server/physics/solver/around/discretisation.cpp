@@ -16,12 +16,12 @@ namespace {
 // one, the flow localised at the interface does. Both errors are second order in (growth - 1), measured.
 constexpr double kGrowthInsulated = 7.0;
 constexpr double kGrowthHalfSpace = 20.0;
-constexpr double kMostGrowth = 1.0;
+constexpr double kMostGrowth = 1.0;  // largest (cell growth - 1)
 // The first cells resolve the diffusion length of this time, and therefore the skin in which the flow localises near
 // melting.
-constexpr double kShortTime = 1e-11;  // proportional to tolerance^3 below kShortTimeTolerance  [s]
-constexpr double kShortestTime = 1e-14;
-constexpr double kShortTimeTolerance = 1e-3;
+constexpr double kShortTime = 1e-11;          // proportional to tolerance^3 below kShortTimeTolerance  [s]
+constexpr double kShortestTime = 1e-14;       // lower limit of that time  [s]
+constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which that time falls
 
 constexpr double kKernelShare = 0.1;   // error of the modes' kernel, relative to the tolerance
 constexpr double kLongestTime = 1e-3;  // longest time of the modes; a half-space has forgotten older heat  [s]

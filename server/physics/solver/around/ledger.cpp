@@ -11,13 +11,13 @@
 namespace shearbus::physics {
 namespace {
 
-// sum += factor (now - before), lane by lane, at one vertex
+// Adds factor (now - before) at one vertex to `sum`, lane by lane.
 void add_change(LaneValues& sum, double factor, const double* before, const double* now, int vertex) {
   const std::ptrdiff_t first = std::ptrdiff_t{vertex} * kLanes;
   for (int lane = 0; lane < kLanes; ++lane) sum[lane] += factor * (now[first + lane] - before[first + lane]);
 }
 
-// sqrt(3) integral(dep)  [m]
+// The plastic slip of the layer in the step, sqrt(3) integral(dep)  [m].
 LaneValues plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new) {
   LaneValues sum{};
   for (int i = 0; i < problem.grid.num_vertices(); ++i)
@@ -43,7 +43,7 @@ double host_shear(const Problem& problem, const TileInputs& inputs, double stres
 // Share of the plastic work that the scheme does not turn into heat.
 double cold_share(const ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven) return 1.0;
-  if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the jump's work heats, the layer's own flow does not
+  if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the work of the jump heats, the flow of the layer does not
   return 1.0 - options.taylor_quinney_factor.value_or(1.0);
 }
 

@@ -13,19 +13,19 @@ namespace shearbus::physics {
 namespace {
 
 constexpr int kLeastStepsBeforeSleep = 16;
-constexpr double kTemperatureMargin = 1e-6;     // far above the rounding error of temperatures in modes  [K]
-constexpr double kStrengthMargin = 1.0 - 1e-9;  // likewise of a flow stress
+constexpr double kTemperatureMargin = 1e-6;     // added to temperatures; far above the rounding of the modes  [K]
+constexpr double kStrengthMargin = 1.0 - 1e-9;  // factor on the flow stress; far above rounding, too
 
 int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
 }
 
-// A lower bound of the layer's strength: the strength at the strain of the least strained vertex and the temperature of the hottest.
-// The bound holds as long as the lane sleeps: without source diffusion only levels the temperature, and without flow the
-// strain is constant.
+// The strength at the temperature of the hottest vertex and the strain of the least strained vertex is a lower bound of
+// the layer's strength. It holds as long as the lane sleeps: without a source diffusion only levels the temperature,
+// and without flow the strain is constant.
 struct WeakestVertex {
-  double temperature;  // [K]
-  double strain;       // plastic
+  double temperature;  // of the hottest vertex         [K]
+  double strain;       // plastic strain of the least strained vertex
 };
 
 WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
@@ -38,14 +38,14 @@ WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lan
   return {hottest, least};
 }
 
-// Whether certainly no vertex flows under a stress magnitude, with margins far above rounding: its flow stress at rest,
-// to which a rate only adds, is larger. `soft`: at the pressure.
+// Whether certainly no vertex flows under the stress magnitude `stress`, with margins far above rounding. Compares with
+// the flow stress at strain rate 0, which a rate can only raise. `soft`: the soft material at the pressure.
 bool surely_rigid(const Material& soft, double pressure, double stress, const WeakestVertex& weakest) {
   const double strength = flow_stress(soft, weakest.strain, pressure, weakest.temperature + kTemperatureMargin);
   return kSqrt3 * stress <= kStrengthMargin * strength;
 }
 
-// The step of a sleeping lane; nothing where heat or flow wakes the lane.
+// The step of a sleeping lane; empty where heat or flow wakes the lane.
 std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, const RestRules& rest,
                                         const TileInputs& inputs, const double* committed, const Material& soft,
                                         double T0, int lane) {
@@ -68,7 +68,7 @@ bool rested(const Problem& problem, const RestRules& rest, const TileInputs& inp
          (regime == Regime::kStick && (rest.may_rest == nullptr || rest.may_rest(problem, inputs, lane)));
 }
 
-// A copy of the committed tile in which the waking lanes have their temperatures back.
+// A copy of the committed tile in which the waking lanes hold temperatures again instead of amplitudes.
 const double* waking_tile(const Problem& problem, std::uint32_t waking, const double* committed) {
   const TileLayout& layout = problem.layout;
   double* states = scratch_tile(Scratch::kWaking, layout.doubles);
@@ -119,7 +119,7 @@ void count_rest(const Problem& problem, const RestRules& rest, const TileInputs&
 
 // Heat of one lane above a uniform reference temperature.
 struct Held {
-  double soft, hard;
+  double soft, hard;  // [J/m2]
 };
 Held held_heat(const Problem& problem, const double* tile, int lane, double reference) {
   const HeatGrid& grid = problem.heat_grid;
@@ -187,7 +187,7 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
     if (!slept[l] && !sleeps[l]) continue;
     stored.soft[l] = stored.hard[l] = 0.0;
     if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // no heat enters or leaves
-    // Relative to the cold end of the profile or to the mean temperature, so that the difference cancels little.
+    // Heat is measured from the mean temperature of the sleeping state, so that the differences cancel little.
     const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
     const Held before = held_heat(problem, committed, l, reference);
     const Held after = held_heat(problem, trial, l, reference);

@@ -1,8 +1,8 @@
-// Sleep of nodes at rest (server/physics/METHODS.md). A node rests while its contact is open, or sticks without friction
-// heat and its layer certainly does not flow. After some steps at rest the temperatures of the node are replaced by
-// amplitudes of the heat's eigenmodes, in place, and a step is one product per live mode. The first step that would bring
-// heat or might bring flow restores the temperatures and is solved. Sleep and waking of a lane depend on its own state
-// and inputs alone.
+// Sleep of nodes at rest (server/physics/METHODS.md). A node rests while its contact is open. It also rests while it
+// sticks, produces no friction heat and its layer certainly does not flow. After some steps at rest the temperatures of
+// the node are replaced, in place, by the amplitudes of the eigenmodes of heat conduction; a step then multiplies each
+// mode that has not decayed by a factor. The first step that would bring heat or might bring flow restores the
+// temperatures and is solved. Sleep and waking of a lane depend on its own state and inputs alone.
 #pragma once
 
 #include <optional>
@@ -12,10 +12,11 @@
 
 namespace shearbus::physics {
 
-// Steps at rest before a node sleeps: about as many as the two transformations cost.
+// Number of steps at rest before a node sleeps. To solve as many costs about as much as the transformation of the
+// temperatures to amplitudes and back.
 int steps_before_sleep(int num_heat_vertices);
 
-// Whether the rows of this lane's temperatures hold amplitudes.
+// Whether a lane is asleep: its rows of temperatures then hold amplitudes of modes.
 inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
   return layout.resting != TileLayout::kAbsent && tile[layout.resting + kLanes + lane] != 0.0;
 }
@@ -23,7 +24,7 @@ inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
 // T0 of a lane, asleep or not  [K].
 double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
 
-// Growth of the heat in the bodies over a step, of lanes asleep before or after the step too  [J/m2].
+// Growth of the heat in the bodies over a step, also of lanes that are asleep before or after it  [J/m2].
 StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
                                   const double* entered);
 
@@ -32,16 +33,17 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
 
 // How a strategy steps a lane at rest.
 struct RestRules {
-  // The step of a sleeping lane, with the bits of the awake step; nothing where heat or slip wakes the lane. `soft`: at
-  // the pressure; T0: at the end of the step, without friction  [K].
+  // The step of a sleeping lane, bit for bit the step that the solver would find; empty where heat or slip wakes the
+  // lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after the step,
+  // without friction  [K].
   std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                                      const Material& soft, double T0, int lane);
   // Whether a stuck step under these inputs may count as rest. Null: always.
   bool (*may_rest)(const Problem&, const TileInputs&, int lane) = nullptr;
 };
 struct SleepingSolver {
-  AdvanceTile solve;  // lanes that are awake
-  RestRules rest;
+  AdvanceTile solve;  // steps the lanes that are awake
+  RestRules rest;     // the strategy's rules for lanes at rest
 };
 
 // One step of the active lanes; the rest of `trial` is left for the caller.

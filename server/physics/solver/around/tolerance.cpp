@@ -15,16 +15,16 @@ namespace {
 constexpr double kStepShare = 0.25;
 // A substep may use a share of the remaining error budget: its length relative to the remaining time, but at least the
 // following fractions.
-constexpr double kEarlyShare = 0.05;    // for a substep as long as the time before it: steps may start suddenly
-constexpr double kRefinedShare = 0.25;  // for a shortened substep: a later change may be sudden too
+constexpr double kEarlyShare = 0.05;    // times its length over the time since the step began: steps may start suddenly
+constexpr double kRefinedShare = 0.25;  // for a shortened substep: a later change may be sudden, too
 // The next substep may be twice as long where the error was below this fraction of the budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
 constexpr double kJumpTime = 1e-6;    // time for which an error of the jump continues to heat  [s]
-constexpr double kLeastRange = 0.01;  // smallest temperature range of a tolerance, relative to T_melt
-constexpr int kMostHalvings = 22;
-constexpr int kMostAttempts = 1024;  // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;   // number of substeps, about, of that unchecked rest
+constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
+constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
+constexpr int kMostAttempts = 1024;   // substeps tried in one step of a lane; then the rest is accepted unchecked
+constexpr int kHurriedPieces = 64;    // number of substeps, about, of that unchecked rest
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -63,15 +63,16 @@ struct Progress {
   bool coarse_known = true;
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
-  double left = 0.0;      // remaining error budget, relative as the tolerance
-  double estimate = 0.0;  // error so far
+  double left = 0.0;      // remaining error budget, relative to the same range as the tolerance
+  double estimate = 0.0;  // estimated error of the accepted substeps
 };
 
-// Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress acts over
-// the whole substep, so all halves of the substep can have the same error and comparing them does not show it. Up to
-// the reversal the jump falls by A + 2 b s per substep, afterwards it rises by A; a substep that changes by A
-// throughout ends too far by the returned value. If the jump stops while the far stresses exceed the stress that slip
-// has carried, its error is bounded only by its old value.
+// Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress s acts
+// over the whole substep, so all halves of the substep can have the same error and comparing them does not show it. Let
+// the jump change by A in the substep, to which s contributes b s. Before the reversal friction has the other sign, so
+// that the jump really changes at the rate of A + 2 b s per substep, and at that of A only afterwards: the jump found
+// is wrong by the returned value. If the jump stops although the far stresses exceed the stress of the slip before, its
+// error is bounded only by its old value.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -196,8 +197,9 @@ class ControlledStep {
   }
 
   // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step
-  // relative to T_melt - T_ref. The largest of three: T0 (diffusion damps its error), the heat released, and the new
-  // jump of the host, which continues to heat. `of_rest`: length of the substep relative to the rest of the step.
+  // relative to T_melt less the initial temperature. The largest of three errors: of T0 (diffusion damps it), of the
+  // heat released, and of the new jump of the host, which continues to heat. `of_rest`: length of the substep relative
+  // to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();
@@ -243,7 +245,7 @@ class ControlledStep {
   TileOutputs first_{}, second_{};  // answers of the two halves
   const Problem& problem_;
   const StepOperators& operators_;
-  const AdvanceTile advance_;  // one substep
+  const AdvanceTile advance_;  // solves one substep
   const TileInputs& inputs_;
   const double* committed_;
   double* trial_;

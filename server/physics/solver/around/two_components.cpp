@@ -28,7 +28,7 @@ double length(const Vector& a) {
   return largest * std::sqrt(x * x + y * y);
 }
 
-// Inputs of one lane, and its old stress.
+// The inputs of one lane and its stress before the step, as vectors.
 struct LaneVectors {
   Vector jump, stress_soft, stress_hard, stress_old;
 };
@@ -41,7 +41,7 @@ LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const
 }
 
 // The trial vector, which gives the direction. Velocity-driven: the stress of an elastic layer, DLP (37). Force-driven:
-// the jump of a free interface, (61).
+// the jump of an interface without friction, DLP (61).
 Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
   if (options.strategy == Strategy::kForceDriven) {
     return lane.jump +

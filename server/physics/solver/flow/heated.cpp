@@ -2,8 +2,8 @@
 
 namespace shearbus::physics {
 
-// At the ceiling of one vertex another may be hotter; its ceiling is lower. The iteration descends to the vertex that is
-// the hottest under its own ceiling.
+// Under the ceiling stress of one vertex another vertex may be hotter, and its ceiling is then lower. The iteration
+// descends to the vertex that is the hottest under its own ceiling stress.
 double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
                       double guess, int& hottest) {
   double a = a_max;
@@ -13,7 +13,7 @@ double ceiling_stress(const StressLimit& limit, const Heated& heated, const Fric
     hottest = heated.hottest(flux.rise * (a * flux.slip(a)));
     if (a < a_max && hottest == before) return a;
     a = slip_stress(limit, {heated.T(hottest, 0.0), flux.rise * heated.response(hottest), flux.c, flux.b}, a, guess);
-    if (!(a < a_before)) return a;  // also where there is no number
+    if (!(a < a_before)) return a;  // also if `a` is not a number
   }
 }
 

@@ -10,10 +10,10 @@ namespace shearbus::physics {
 
 // T = T_ad + q B at the vertices that can be the hottest: z = 0 alone if all heat enters there and none leaves there.
 struct Heated {
-  const double* T_ad = nullptr;  // [vertex][lane], at the lane
-  const double* B = nullptr;     // [vertex], or [vertex][lane] at the lane
-  std::ptrdiff_t stride = 1;     // of B
-  int candidates = 1;
+  const double* T_ad = nullptr;  // [vertex][lane]; points to the lane's value at z = 0  [K]
+  const double* B = nullptr;     // [vertex], or [vertex][lane] from the lane's value at z = 0  [K m2/W]
+  std::ptrdiff_t stride = 1;     // distance in B from one vertex to the next
+  int candidates = 1;            // number of vertices, from z = 0, that can be the hottest
 
   double response(int i) const { return B[i * stride]; }
   double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }
@@ -25,8 +25,8 @@ struct Heated {
 };
 
 // The stress at which the first vertex reaches its ceiling, limit.tresca g(T), where a stress a heats by the flux
-// q = rise a max(0, c - b a), which must increase with a; `a_max` if no vertex does. `hottest`: in, the vertex that is
-// hottest without that heat; out, the vertex that limits the stress.
+// q = rise a max(0, c - b a), which must increase with a; `a_max` if no vertex does. `hottest`: before the call the
+// vertex that is hottest without that heat, after it the vertex that limits the stress.
 double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
                       double guess, int& hottest);
 

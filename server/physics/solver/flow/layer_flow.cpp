@@ -16,8 +16,8 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-// A law that couples rate and temperature needs the temperature of every vertex; a separable law needs that of the
-// heated ones alone, since the thresholds hold the rest.
+// Temperatures for a law that couples rate and temperature, which needs that of every vertex. A separable law needs the
+// temperatures of the heated vertices alone, since the thresholds contain those of the others.
 template <class Law, bool kSpread>
 [[gnu::always_inline]] inline void load_vertices(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t i,
                                                  LoadedVertices<kLanes>& vertices) {
@@ -42,7 +42,7 @@ template <class Law, bool kWrite, bool kSpread>
     const double* strain = problem.strain + i * kLanes;
     const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
-    alignas(64) double growth[kLanes] = {};  // of the softening's share with log(a)
+    alignas(64) double growth[kLanes] = {};  // d(softening excess) / d log(a)
     [[maybe_unused]] LoadedVertices<kLanes> vertices{load.load, load.bracket, load.T_melt, {}, {}};
     if constexpr (!Law::kSeparable) {
       load_vertices<Law, kSpread>(problem, load, i, vertices);
@@ -153,7 +153,7 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
 
 namespace {
 
-// dep of one vertex at temperature T, of which the heat of this step makes nothing.
+// dep of one vertex at the given temperature T, without its slope.
 template <class Law>
 double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
   double dep = 0.0;

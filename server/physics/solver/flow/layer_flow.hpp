@@ -11,30 +11,30 @@ namespace shearbus::physics {
 // (material/flow_law.hpp). Vertices beyond `num_heated` do not feel the heat of the step in any digit: there everything
 // but the load is known in advance.
 
-// A stress magnitude a per lane and what the flow needs of it.
+// What the flow needs of the stress magnitude a of each lane.
 struct FlowLoad {
   alignas(64) double load[kLanes];     // the law's load_of(a), or kNoLoad
-  alignas(64) double flux[kLanes];     // q: T = T_ad + q B, or B_phi                        [W/m2]
-  alignas(64) double bracket[kLanes];  // the law's, at the lane's pressure
-  alignas(64) double T_melt[kLanes];   // at the lane's pressure                             [K]
+  alignas(64) double flux[kLanes];     // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
+  alignas(64) double bracket[kLanes];  // the law's bracket_at() at the lane's pressure
+  alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure         [K]
 };
 
 struct FlowSum {
   alignas(64) double slip[kLanes];   // integral of dep over the layer                  [m]
   alignas(64) double slope[kLanes];  // a d slip / d a, heating by a included           [m]
-  int num_yielding;                  // vertices from the interface to the last one at which any lane yields
+  int num_yielding;                  // number of vertices from z = 0 to the last one at which any lane yields
 };
 
 // The layers of a tile at the start of a step. Arrays are [vertex][lane].
 struct FlowProblem {
   const Material* soft;
   const Grid* grid;
-  const double* response;  // B
-  const double* T_ad;
-  const double* strain;  // old
-  int num_heated;
-  double dt;
-  const double* spread_response = nullptr;  // B_phi, [vertex][lane]: instead of B where heat is released in the layer
+  const double* response;  // temperature rise per unit heat flux at z = 0, B; one value per vertex  [K m2/W]
+  const double* T_ad;      // temperature after the step without friction heat  [K]
+  const double* strain;    // plastic strain before the step
+  int num_heated;          // number of vertices, from z = 0, that the heat of the step reaches
+  double dt;               // [s]
+  const double* spread_response = nullptr;  // B_phi, used instead of B where heat is released in the layer
 };
 
 // Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
@@ -43,18 +43,18 @@ int num_heated_vertices(const Grid& grid, const double* response);
 // Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.
 void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
 
-// What yields have in common for all loads of the step.
+// Writes the yield threshold of each vertex: the part of its yield condition that is the same for all loads of a step.
 void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold);
 
-// The integral and its slope under one load. Only the first `num_rows` vertices are looked at: the caller knows that
-// the others do not yield.
+// The integral of dep over the layer and its slope under one load. Only the first `num_rows` vertices are summed: the
+// caller knows that the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
-// The integral of one lane, without thresholds made beforehand; writes the new strain where `strain_new`, which may be
-// the problem's own, is not null.
+// The integral of dep over the layer of one lane, without thresholds. Writes the new strain to `strain_new` unless that
+// is null; `strain_new` may be the array of the old strain.
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
 
-// The same sums, writing the new strain over the thresholds.
+// The same sums as flow_under(); replaces the thresholds by the new strain.
 void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain, FlowSum& sum);
 
 }  // namespace shearbus::physics

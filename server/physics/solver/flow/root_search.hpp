@@ -25,7 +25,7 @@ class RootSearch {
 
   double at() const { return at_; }  // argument of the next value; the zero after update() has returned true
 
-  // Takes f(at()). True: the search has ended.
+  // `value`: f(at()). Returns true when the search has ended.
   bool update(double value) {
     const Point now{at_, squeezed(value)};
     if (now.f == 0.0) return true;
@@ -73,7 +73,7 @@ class RootSearch {
 
   double scale_ = 1.0;
   double at_ = 0.0;
-  Point one_, two_, three_;  // one_ and two_ hold the zero between them, one_ is the newest
+  Point one_, two_, three_;  // the zero lies between one_ and two_; one_ is the newest
   int values_ = 0;
 };
 

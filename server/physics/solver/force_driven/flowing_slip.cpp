@@ -10,9 +10,9 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kAtCeiling = 1e-11;  // relative: a stress above the ceiling by less is at the ceiling
-constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search
-constexpr double kBeyond = 1e-10;     // relative: margin of a bound that is not an answer
+constexpr double kAtCeiling = 1e-11;  // relative excess over the ceiling up to which a stress counts as at it
+constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search, in ulps
+constexpr double kBeyond = 1e-10;     // relative margin of a bound that is not itself an answer
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
 // stress may melt the layer. The answer is then reduced until the layer stays below melting.
@@ -36,15 +36,16 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
-  // At the end of the step [V]new + drive = sqrt(3) integral(dep)/dt; with it [v] = ([V]old - [V]new)/2.
+  // A lane that sticks: at the end of the step [V]new + drive = sqrt(3) integral(dep)/dt, so that in the mean
+  // [v] = ([V]old - [V]new)/2.
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
-  // 1. The answer for a rigid layer is an answer if the layer does not flow under it. A stuck interface begins to slip
-  //    only when it cannot stick with the layer flowing.
+  // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under it.
+  //    An interface that was stuck begins to slip only if it cannot stick while the layer flows.
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
-  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // a molten interface cannot stick
+  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // stress 0: molten, and unable to stick
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
@@ -263,7 +264,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
     return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
   }
-  // The slip follows from its heat; a layer at its ceiling flows by the rest of (64).
+  // The slip follows from its heat; a layer at its ceiling flows by the rest of the slip in DLP (64).
   const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;

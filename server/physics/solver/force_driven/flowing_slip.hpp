@@ -37,8 +37,8 @@ class FlowingSlip {
 
   struct Answer {
     LaneStep step;
-    double surplus;  // part of integral(dep) beyond (48), which flows at the hottest vertex   [m]
-    int hottest;
+    double surplus;  // integral(dep) in excess of DLP (48), at the hottest vertex   [m]
+    int hottest;     // index of the hottest vertex
   };
   Answer answer(double slip) const;  // `slip` under the answer's load
 
@@ -68,20 +68,20 @@ class FlowingSlip {
   FlowingStart start_{};
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
   FrictionHeating stopping_{};  // heat of a lane that sticks at the end of the step
-  FrictionHeating slipping_{};
-  LaneStep rigid_{};         // the answer of a layer that does not flow
-  double compliance_ = 0.0;  // stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
+  FrictionHeating slipping_{};  // heat of a lane that slips at the end of the step
+  LaneStep rigid_{};            // the answer of a layer that does not flow
+  double compliance_ = 0.0;     // stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
   RootSearch search_;
 
   Phase phase_ = Phase::kDone;
   Kind kind_ = Kind::kRigid;
-  double a_ = 0.0, q_ = 0.0;
-  double a_stick_ = 0.0;  // sticking stress of the flowing layer
-  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
-  bool high_is_ceiling_ = false;  // in the present search the layer is at its ceiling at `high_`
-  bool at_ceiling_ = false;       // the answer is at the ceiling
+  double a_ = 0.0, q_ = 0.0;                         // the load to evaluate next: stress [Pa], heat flux [W/m2]
+  double a_stick_ = 0.0;                             // sticking stress of the flowing layer
+  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // bracket of the flux, slip_balance() at its lower end
+  bool high_is_ceiling_ = false;                     // in the present search the layer is at its ceiling at `high_`
+  bool at_ceiling_ = false;                          // the answer is at the ceiling
   bool stick_was_searched_ = false;
-  bool several_ = false;
+  bool several_ = false;  // the step has another answer
 };
 
 }  // namespace shearbus::physics

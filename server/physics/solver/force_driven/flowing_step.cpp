@@ -114,7 +114,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   }
 
   // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
-  // unique answer or the ladder ends.
+  // unique answer or the shortest substeps are reached.
   double flux[kLanes] = {};
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {

@@ -36,8 +36,8 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   // sticking interface.
   const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
 
-  // 1. Stick: no slip at the end of the step, if the interface carries the stress that this needs. ([V]mid = 0 would
-  // oscillate.)
+  // 1. Stick: no slip at the end of the step, if the interface carries the stress that this needs. (With the
+  // condition [V]mid = 0 instead the jump would oscillate.)
   const double a_stick = trial.stress_stick;
   StressLimit resolved;  // `strength` with the constant friction of the step
   if (by_slip) resolved = strength.with_friction(by_slip->holding);

@@ -10,8 +10,8 @@ namespace shearbus::physics {
 
 // Forces of the host on one lane.
 struct Forcing {
-  double acceleration;         // s_soft/m_soft + s_hard/m_hard: that of the jump without friction   [m/s2]
-  double mobility;             // 1/m_soft + 1/m_hard                                            [m2/kg]
+  double acceleration;         // of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
+  double mobility;             // change of that acceleration per stress: 1/m_soft + 1/m_hard  [m2/kg]
   double plastic_drive = 0.0;  // sqrt(3) h Ep_dot of the host's soft zone, DLP (64)              [m/s]
 };
 
@@ -26,19 +26,20 @@ struct TrialSlip {
 
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }  // signed
 
-  double jump_free;     // signed                                                     [m/s]
+  double jump_free;     // jump after the step without friction, signed               [m/s]
   double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
-  double direction;     // +1 or -1
+  double direction;     // the trial direction, +1 or -1
   double jump_old;      // along the direction                                        [m/s]
   double drive;         // plastic_drive, along the direction                         [m/s]
-  double stress_stick;  // stress at which slip ends with the step                    [Pa]
+  double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 
-  // Heating of an interface that slips: [v] = [V]mid + drive = c - b a.
+  // Heating of an interface that slips by [v] = [V]mid + drive = c - b a under the stress a.
   FrictionHeating slipping(double T_ad, double rise) const {
     return {T_ad, rise, 0.5 * (jump_old + direction * jump_free) + drive, 0.5 * per_stress};
   }
 };
 
+// The regime of a slipping interface at T0.
 Regime slip_regime(const StressLimit& limit, double T0, double slip);
 
 // The step of a closed contact. `guess`: starting stress of the search  [Pa]. `stuck`: the interface did not slip at

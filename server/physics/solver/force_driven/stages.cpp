@@ -18,7 +18,7 @@ using sdirk2::kDiagonal;
 using sdirk2::kFirstWeight;
 using sdirk2::lanes_out_of_range;
 
-constexpr double kMet = 1e-9;  // largest relative distance of a stress from its limit
+constexpr double kMet = 1e-9;  // largest accepted distance of a slipping interface's stress from its limit, relative
 
 // Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
 bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
@@ -39,8 +39,8 @@ struct StagedLane {
   double jump_old;   // along the direction  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]
-  double stress = 0.0;        // mean of the step    [Pa]
-  double slip = 0.0;          // [V]mid              [m/s]
+  double stress = 0.0;        // mean stress of the step  [Pa]
+  double slip = 0.0;          // mean jump of the step, [V]mid  [m/s]
 };
 
 double free_jump(const StagedLane& lane, double dt) {

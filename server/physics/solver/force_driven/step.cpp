@@ -35,7 +35,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     };
 
     // 3. A step that may have several answers is divided into shorter substeps until each has a unique answer or the
-    // ladder ends.
+    // shortest substeps are reached.
     const LaneResult result = step_or_divide(
         step_from(heat_of(0), before), heat_of, max_halvings, {lane, before, n, T_old, T},
         [&] { interface_step.junction_strain = junction_strain_old; }, step_from);

@@ -1,5 +1,6 @@
 // The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
-// answers (MODEL.md, "Force-driven step"). Both force-driven solvers use this ladder; a solver gives its own substep.
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each gives its own
+// substep.
 #pragma once
 
 #include <cmath>
@@ -16,7 +17,7 @@ namespace shearbus::physics {
 struct LaneResult {
   LaneStep step{};
   double heat = 0.0;  // friction heat of the step                                                   [J/m2]
-  double flux = 0.0;  // flux not yet in the temperatures; 0 after substeps    [W/m2]
+  double flux = 0.0;  // flux still to be added to the temperatures; 0 after substeps  [W/m2]
   std::uint8_t outcome = 0;
 };
 
@@ -37,8 +38,8 @@ struct LaneStart {
   int lane;
   LaneStep before;      // stress, jump_new and sticks of the last step
   int num_rows;         // rows of temperatures or modes, [row][lane]
-  const double* T_old;  // before the step
-  double* T;            // after conduction over the whole step; after substeps: the new temperatures
+  const double* T_old;  // temperatures or modes before the step
+  double* T;            // the same after conduction over the whole step; after substeps: their new values
 };
 
 // Equal substeps from the old temperatures. `substep(from)` returns the LaneStep after `from` and after conduction.

@@ -15,13 +15,14 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kConverged = 1e-10;     // relative: the next Newton step is below rounding
-constexpr double kFlowConverged = 1e-3;  // relative to the trial stress; Newton's error is its square
-constexpr double kBalanced = 1e-8;       // largest residual of an answer, relative to the flow
-constexpr double kFarAbove = 100.0;      // flow over the trial stress from which Newton works on logarithms
-constexpr double kLeastGuess = 1e-12;    // relative to the upper end: a smaller starting stress is no useful guess
-constexpr int kNewtonIterations = 16;    // more than usual; afterwards every second step bisects
-constexpr int kMaxIterations = 300;      // bisection alone, from 1e300 to rounding, needs fewer
+constexpr double kConverged = 1e-10;  // longest last Newton step, relative to the stress: a further one is rounding
+// Largest residual before the last Newton step, relative to the trial stress; that step squares it.
+constexpr double kFlowConverged = 1e-3;
+constexpr double kBalanced = 1e-8;     // largest residual of an answer, relative to the stress that the flow relieves
+constexpr double kFarAbove = 100.0;    // ratio of the flow to the trial stress above which Newton works on logarithms
+constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
+constexpr int kNewtonIterations = 16;  // Newton iterations, more than usual; afterwards every second step bisects
+constexpr int kMaxIterations = 300;    // limit of iterations; bisection alone, from 1e300 to rounding, needs fewer
 
 // The bound that limits the stress where the balance alone would allow more.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
@@ -31,20 +32,20 @@ enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 struct Lane {
   double direction = 1.0;         // of the trial stress
   double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
-  double heating = 0.0;           // q / a = beta_T max([V] direction, 0)                       [m/s]
-  double lo = 0.0, hi = 0.0;      // bracket: F(lo) < 0
+  double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
+  double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
   double a = 0.0;                 // iterate, then answer                                       [Pa]
-  Bound bound = Bound::kElastic;  // the bound that `hi` is, until F(hi) > 0 has been found
+  Bound bound = Bound::kElastic;  // which bound `hi` is, as long as hi_seen is false
   int hottest = 0;                // vertex that reaches Y_max first
   bool loaded = false;            // the trial stress is not 0
-  bool hi_seen = false;
+  bool hi_seen = false;           // F has been evaluated at `hi` and is not negative there
   bool done = false;
   bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
   bool at_bound = false;       // the answer is `hi`, held by `bound`
 };
 
-// The stress from which the step starts. In INTERFACE_SLIP the jump is friction at z = 0: the stress is at its limit
-// from the start, and again when the jump turns against the stress, DLP 5.2.
+// The stress from which the step starts. With INTERFACE_SLIP the jump is slip of the interface: the stress starts at
+// the yield stress when slip begins, and again when the jump turns against the stress (DLP, section 5.2).
 double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
   if (problem.options.drive == Drive::kLayerShear || jump == 0.0 || (s_old < 0.0 && jump < 0.0) ||
       (s_old > 0.0 && jump > 0.0))
@@ -142,8 +143,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     lane.done = !unseen_bound;
     return;
   }
-  // 2. Newton on F, which is nearly linear over the strain of one step. Where the flow exceeds by far what the step can
-  //    contain it is a high power of the stress: there Newton works on its logarithm.
+  // 2. Newton on F, which is nearly linear over the strain of one step. Where the flow is far larger than the
+  //    step can contain, it is a high power of the stress: there Newton works on the logarithm of the flow.
   double next = -1.0;
   if (flow > 0.0 && lane.a > 0.0) {
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
@@ -210,7 +211,7 @@ bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLan
   return any;
 }
 
-// Fraction of the work that becomes heat: the sum of the shape.
+// Fraction of the work that becomes heat: the sum of the heat shape over the vertices.
 double heated_share(const Grid& grid, const double* shape) {
   double sum = 0.0;
   for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
@@ -235,7 +236,7 @@ void reshape_heat(const Problem& problem, const double* strain_old, const double
 }
 
 struct Answer {
-  double slip;  // [v], signed  [m/s]
+  double slip;  // sliding velocity [v], signed  [m/s]
   Regime regime;
 };
 
@@ -275,7 +276,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
   const bool layer_hardens = hardens(soft);
-  bool loaded = false;  // any lane is loaded; otherwise nothing flows
+  bool loaded = false;  // at least one lane is loaded; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
@@ -289,8 +290,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   if (stage.early_flux == nullptr)
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
-  // 2. Distribution of the heat of the step: at z = 0, or as the layer flowed in the last step. Part 4 solves for its
-  // amount.
+  // 2. Where the heat of the step is released: at z = 0, or distributed as the layer flowed in the last step with slip.
+  // Part 4 finds how much it is.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
@@ -314,7 +315,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     }
     lanes[l].done = !lanes[l].loaded;
     loaded = loaded || lanes[l].loaded;
-    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // the answer is at an upper end
+    if (lanes[l].loaded && (!layer_hardens || lanes[l].hi == 0.0)) {  // the answer is the upper end of the bracket
       lanes[l].a = lanes[l].hi;
       lanes[l].at_bound = true;
       lanes[l].done = true;
@@ -346,7 +347,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];
-    double interface_slip = 0.0;  // [m]
+    double interface_slip = 0.0;  // slip of the interface in the step  [m]
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
       if (lane.bound == Bound::kCeiling) {
@@ -357,7 +358,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       }
     }
 
-    // 7. Upscale.
+    // 7. The answers to the host.
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);

@@ -1,5 +1,5 @@
 // The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56), with the drive that is missing
-// in (56). The host imposes the velocity jump, the plastic flow of the layer finds the stress.
+// in DLP (56). The host imposes the velocity jump; the stress follows from the plastic flow of the layer.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"
@@ -10,8 +10,8 @@ namespace shearbus::physics {
 // One solution of the balance with a given heat operator: a backward Euler step, or a stage of SDIRK2.
 struct BalanceStage {
   const HeatOperator* heat;
-  double dt;                           // over which the jump acts  [s]
-  const double* early_flux = nullptr;  // if set: flux of the first stage, [lane]; `trial` holds T_ad  [W/m2]
+  double dt;                           // time over which the jump acts  [s]
+  const double* early_flux = nullptr;  // flux of the first stage, [lane]  [W/m2]; if set, `trial` already holds T_ad
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);

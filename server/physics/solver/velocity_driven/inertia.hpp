@@ -1,6 +1,6 @@
 // The velocity-driven step of layers with inertia (MODEL.md, "Layer inertia"): DLP (36) is solved together with heat
-// and plastic flow. The host imposes the velocity jump at z = h, the hard body is at rest at z = 0, waves and plastic
-// flow find the stress.
+// and plastic flow. The host imposes the velocity jump at z = h, the hard body is at rest at z = 0, the stress follows
+// from waves and plastic flow.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"

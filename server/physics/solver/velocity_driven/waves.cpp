@@ -15,40 +15,42 @@ namespace {
 using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
-constexpr double kConverged = 1e-11;        // relative: the next Newton step is below rounding
-constexpr double kLocallyConverged = 1e-9;  // relative, for a return to the yield stress
+constexpr double kConverged = 1e-11;        // longest last Newton step, relative to the unknowns; the next is rounding
+constexpr double kLocallyConverged = 1e-9;  // the same for the return to the yield stress at one vertex
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;           // temperature rise, relative to T_melt, without effect on the strength
-constexpr double kOvershoot = 0.5;          // largest slope beyond the minimum, of the initial slope
-constexpr double kUndershoot = 0.5;     // largest slope before the minimum of a shortened step, of the initial slope
-constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energy, of the initial slope
-constexpr int kLocalSteps = 60;         // iterations of a return; three are usual
-constexpr int kLocalNewtonSteps = 12;   // iterations after which every second step bisects
-constexpr int kBisections = 200;        // bisections of an interval, to rounding
-constexpr int kGuardedSteps = 400;      // Newton steps with line search at one flux
+constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
+// Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
+constexpr double kOvershoot = 0.5;      // largest accepted slope beyond the minimum
+constexpr double kUndershoot = 0.5;     // largest accepted slope before the minimum, of a shortened step
+constexpr double kLeastDescent = 0.25;  // twice the smallest accepted decrease of the energy
+constexpr int kLocalSteps = 60;         // largest number of iterations of a return to the yield stress; 3 are usual
+constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
+constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
+constexpr int kGuardedSteps = 400;      // largest number of Newton steps with line search at one flux
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
-// A vertex with the trial stress t = s_old + G0 dt dv/dz has the stress s = R(t): t below the yield stress, above it
+// In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
+// length of the step. The stress of the vertex is s = R(t). Below the yield stress s = t; above it
 //   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
 // R is odd and its slope lies in [0, 1].
 
 struct ReturnLaw {
-  double exponent;  // n
+  double exponent;  // hardening exponent n
   double ceiling;   // Y_max / sqrt(3)                                       [Pa]
-  double bracket;   // 1 + gP P + 300 hT
-  double hT;        // [1/K]
-  double T_melt;    // [K]
+  double bracket;   // bracket of g at 0 K: 1 + gP P + 300 hT
+  double hT;        // temperature coefficient of g     [1/K]
+  double T_melt;    // melting temperature at P         [K]
 };
 
 // Inputs and results of the returns, one value per vertex.
 struct ReturnRows {
   alignas(64) Row t;           // trial stress                                    [Pa]
-  alignas(64) Row T;           // [K]
-  alignas(64) Row strength;    // Y0 (1 + beta ep)^n / sqrt(3)                     [Pa]
-  alignas(64) Row compliance;  // beta / (sqrt(3) G0 (1 + beta ep)): x per stress  [1/Pa]
-  alignas(64) Row slope;       // ds/dt
-  alignas(64) Row softening;   // ds/dT                                            [Pa/K]
+  alignas(64) Row T;           // temperature                                     [K]
+  alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
+  alignas(64) Row compliance;  // growth of x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
+  alignas(64) Row slope;       // slope of s over the trial stress t
+  alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
 };
 
 inline bool any_positive(const double (&value)[kPacket]) {
@@ -88,7 +90,7 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
       }
       continue;
     }
-    // The balance is concave and increasing in x: Newton's steps from below stay below the root.
+    // The equation of the return is concave and increasing in x: Newton's steps from below stay below the root.
     alignas(64) double x[kPacket], excess[kPacket], hardened[kPacket], still[kPacket];
     for (int l = 0; l < kPacket; ++l) {
       const double above = std::abs(t[l]) - yield[l];
@@ -112,7 +114,7 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
       const double limit = law.ceiling * g[l];
       const bool capped = hardened[l] >= limit;
       const double s = capped ? limit : hardened[l];
-      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // H / (sqrt(3) G0)
+      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // ds/d(dep) over sqrt(3) G0
       const bool yields = over[l] > 0.0;
       const double size = yields ? s : std::abs(t[l]);
       stress[first + l] = t[l] < 0.0 ? -size : size;
@@ -201,7 +203,7 @@ class Waves {
     set_trial_stress();
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
-    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // q: [W/m2] of [Pa]
+    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // q / s[0]  [m/s]
     const InterfaceReturn found = return_at_interface(per_stress);
     evaluate_at(per_stress * found.stress);
     held_ = found.held;
@@ -211,20 +213,22 @@ class Waves {
   }
 
   struct InterfaceReturn {
-    double stress;  // magnitude        [Pa]
-    double slope;   // d stress / d|t|
+    double stress;  // magnitude of the stress at z = 0  [Pa]
+    double slope;   // d stress / d|t|, t the trial stress
     bool held;      // mu P holds the stress
   };
 
-  // The return at z = 0 with its own heating: a = R(|t|; T_ad + B q, q = per_stress a). The strength of a vertex falls
-  // with its own heating, so there is one root, and it lies below melting for any trial stress.
+  // The return to the yield stress at z = 0, with the heat of the stress itself: finds the magnitude a = R(|t|) at the
+  // temperature T_ad + B q, q = per_stress a, where t is the trial stress. The strength falls with that heat, so there
+  // is one root, and it lies below melting for any trial stress.
   InterfaceReturn return_at_interface(double per_stress) {
     const double t = std::abs(rows_.t[0]);
     const double rise = per_stress * step_.response[0];
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
+    // The yield stress if the stress is a, its logarithmic slope d log(stress) / da and its slope d stress / d|t|.
     struct Carried {
-      double stress, log_slope, flow_slope;  // d log(stress) / da; d stress / d|t|
+      double stress, log_slope, flow_slope;
     };
     const auto carried = [&](double a) -> Carried {
       const Softening soften = softening(*step_.soft, step_.pressure, fields_.T_ad[0] + rise * a);
@@ -270,15 +274,15 @@ class Waves {
   }
 
   // Newton's step on the balance of momentum, residual = 0. The elimination from the far end forms no difference, so
-  // nothing cancels. Row c becomes
+  // nothing cancels. "Behind" is farther from z = 0, "before" nearer. Row c becomes
   //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
   // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {
     ++answer_.iterations;
     double stiffness = 0.0;  // ds/d(dv) of the vertex behind cell c
-    double excess = 0.0;     // pivot without the vertex before
-    double heat = 0.0;       // coupling of the rows behind
-    double pushed = 0.0;     // residual of the rows behind
+    double excess = 0.0;     // pivot of row c without the term of the vertex before cell c
+    double heat = 0.0;       // coupling to dv[0] carried over from the rows behind
+    double pushed = 0.0;     // residual carried over from the rows behind
     const double heat_gain = flux_slope_ * gain(0);
     for (int i = num_cells_; i >= 0; --i) {
       const double k = rows_.slope[i] * gain(i);
@@ -373,9 +377,10 @@ class Waves {
   }
 
   // The search that cannot fail. At a given q the step minimises the convex energy
-  //   E(v) = sum rho width/2 (v - v_old)^2 + const. sum over vertices of the integral of R over the trial stress,
+  //   E(v) = sum over cells of rho width/2 (v - v_old)^2
+  //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
-  // function q - share max(s[0] [V], 0) changes sign.
+  // function q - heat_share * max(s[0] [V], 0) changes sign.
   void search() {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;
@@ -420,8 +425,8 @@ class Waves {
   WaveAnswer answer_;
   int evaluations_left_;
   bool held_ = false;             // mu P holds the stress at z = 0
-  double interface_guess_ = 0.0;  // the last return there  [Pa]
-  double flux_slope_ = 0.0;       // dq / dt[0]             [W/(m2 Pa)]
+  double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
+  double flux_slope_ = 0.0;       // slope of q over the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
   alignas(64) Row stress_old_;
   alignas(64) Row velocity_old_;

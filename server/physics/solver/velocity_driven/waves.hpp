@@ -14,36 +14,37 @@ namespace shearbus::physics {
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3), dep[i] >= 0 and 0 below it                                    DLP (42-48)
 //   |s[0]| <= mu P, v[-1] along s[0] and 0 below it;   T = T_ad + q B,  q = share max(s[0] [V], 0)       DLP (18, 35)
-// Summed over the layer, with rho -> 0, these are the balance of the layer without inertia to the last weight.
+// where share is WaveStep::heat_share.
+// Summed over the layer and for rho -> 0 these equations are the balance of a layer without inertia, weight for weight.
 
 struct WaveStep {
   const Material* soft;    // soft body at the pressure of the node
   const Grid* grid;        // grid of at most kMaxInertiaCells cells
-  const double* response;  // B
-  double dt;               // [s]
-  double pressure;         // [Pa]
-  double jump;             // [V]                                          [m/s]
+  const double* response;  // temperature rise per unit heat flux at z = 0, B, per vertex  [K m2/W]
+  double dt;               // length of the step                           [s]
+  double pressure;         // normal pressure P                            [Pa]
+  double jump;             // imposed velocity jump [V]                    [m/s]
   double heat_share;       // fraction of the friction power that enters the conducting bodies
   double coulomb;          // mu P; infinity: no such limit                [Pa]
 };
 
 // One node's fields, a value per vertex or cell.
 struct WaveFields {
-  static constexpr int kPacket = 8;  // vertices per SIMD packet; rows are whole packets
+  static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of it
   using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
   alignas(64) Row T_ad;           // temperature after the step without friction  [K]
-  alignas(64) Row strain;         // ep, old
-  alignas(64) Row stress;         // s: old, then new                             [Pa]
-  alignas(64) Row velocity;       // v: old, then new                             [m/s]
-  alignas(64) Row strain_growth;  // dep
+  alignas(64) Row strain;         // plastic strain ep before the step
+  alignas(64) Row stress;         // stress s: before the step, then after it    [Pa]
+  alignas(64) Row velocity;       // velocity v: before the step, then after it  [m/s]
+  alignas(64) Row strain_growth;  // growth of the plastic strain in the step, dep
 };
 
 struct WaveAnswer {
-  double flux = 0.0;            // q                                      [W/m2]
-  double interface_slip = 0.0;  // v[-1], signed                          [m/s]
-  int iterations = 0;           // Newton steps
+  double flux = 0.0;            // heat flux q into the layer             [W/m2]
+  double interface_slip = 0.0;  // slip velocity v[-1], signed            [m/s]
+  int iterations = 0;           // number of Newton steps
   bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
-  bool found = true;            // false: stopped early, the fields mean nothing
+  bool found = true;            // false: the search stopped early, the fields mean nothing
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
