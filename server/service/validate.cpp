@@ -110,7 +110,8 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
   }
 }
 
-// Checks the length and the end time of a step. Scenes with heat modes or a tolerance accept fewer lengths.
+// Checks the length and the end time of a step. Scenes with heat modes or a tolerance have a larger shortest
+// step.
 void check_times(const wire::Downscale& step, const physics::ModelOptions& options) {
   if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
     refuse(Code::kInvalidValue, "dt_s",

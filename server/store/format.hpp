@@ -1,4 +1,4 @@
-// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash, stored to detect damage.
+// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash that detects damage.
 // Every length and every sum is checked before it is used.
 #pragma once
 
