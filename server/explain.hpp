@@ -26,7 +26,7 @@ struct ScenePart {
 struct SceneCost {
   std::uint64_t bytes_per_node = 0;  // committed and trial state, entry in the index, row of the kept reply
   double slipping_s = 0.0;           // time of a node-step in which the interface slips
-  double resting_s = 0.0;            // time of a node-step of an open contact that holds heat
+  double resting_s = 0.0;            // time of a node-step in which the contact is open and the layer still holds heat
   double step_length_s = 0.0;        // time to make the operators of a new step length
 };
 

@@ -26,7 +26,7 @@ enum class Triage { kProcess, kResend, kReject };
 
 struct Verdict {
   Triage triage = Triage::kProcess;
-  wire::Status status;  // reason of kReject
+  wire::Status status;  // why the request is rejected; set for kReject only
 };
 
 class Session {

@@ -104,7 +104,7 @@ class Shard {
 
  private:
   struct Release {
-    std::size_t mapped_bytes = 0;  // 0: allocated on the heap
+    std::size_t mapped_bytes = 0;  // size of a block mapped with mmap; 0: the block is on the heap
     void operator()(double* p) const;
   };
   using Block = std::unique_ptr<double[], Release>;  // two states per tile: [tile][2][TileLayout::doubles]

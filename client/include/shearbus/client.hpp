@@ -136,10 +136,9 @@ class Session {
   std::uint64_t rollback_to(const std::string& mark);
   // These calls change the set of nodes and are refused while the session has a trial. New nodes are added after the
   // present nodes, which keep their order.
-  void register_nodes(
-      std::span<const std::uint64_t> node_ids,
-      std::span<const double> initial_temperature_k = {});     // one value per node; empty: the scene's value
-  void retire_nodes(std::span<const std::uint64_t> node_ids);  // removes the nodes with their states
+  void register_nodes(std::span<const std::uint64_t> node_ids,
+                      std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
+  void retire_nodes(std::span<const std::uint64_t> node_ids);               // removes the nodes with their states
   // Moves nodes with their states to another session of the domain: that session passes the returned id to
   // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
   TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
