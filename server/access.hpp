@@ -18,19 +18,20 @@ namespace shearbus::server {
 
 class Access {
  public:
-  // Reads the keys. Throws std::invalid_argument for options that exclude each other, std::runtime_error for files that
-  // cannot be used.
+  // Reads the key files that the options name. Throws std::invalid_argument for options that exclude each other,
+  // std::runtime_error for files that cannot be used.
   explicit Access(const ServerOptions& options);
 
-  const std::string& secret_key() const { return secret_key_; }  // empty: no key
+  const std::string& secret_key() const { return secret_key_; }  // the server's secret key; empty: it has none
   std::string public_key() const;                                // public key of the server, for its clients
   bool for_other_users() const;
 
-  // Called on the transport's thread. Reads the file of authorised keys again after a change; while the file cannot be
-  // read, no key is admitted.
+  // Decides whether a peer may connect. Called on a thread of the transport. Reads the file of authorised keys again
+  // after a change; while the file cannot be read, no key is admitted.
   transport::Admission judge(const transport::Peer& peer);
 
-  // Returns the caller behind a user name given by judge(); an empty name is this process.
+  // Returns the caller behind a user name given by judge(); an empty name means a client inside this
+  // process.
   static service::Caller caller(std::string_view user);
 
  private:

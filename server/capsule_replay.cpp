@@ -40,7 +40,7 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
   return part;
 }
 
-// One row of the columns of a step. A column that is missing in the capsule was 0.
+// The inputs of the step as a batch of one row. A column that is missing in the capsule is 0, as it was in the step.
 wire::Batch row_of(const store::Capsule& capsule, const physics::ModelOptions& options) {
   const wire::StrategyColumns& columns = wire::columns_of(service::strategy_of(options));
   std::vector<wire::Field> fields(columns.required.begin(), columns.required.end());

@@ -1,4 +1,5 @@
-// Repeats the step of a failure capsule: one node, alone, without a server.
+// Repeats the step that a failure capsule records. The capsule is a file about one node without an answer; the node is
+// stepped alone, without a server.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +10,7 @@
 namespace shearbus::server {
 
 struct CapsuleReplay {
-  struct Part {  // a part of the state before the step
+  struct Part {  // a named part of the node's state before the step
     std::string name, units;
     std::size_t values = 0;
     std::size_t not_finite = 0;
@@ -19,7 +20,7 @@ struct CapsuleReplay {
     std::string name;
     double recorded = 0.0;
     double found = 0.0;
-    bool same = false;  // equal to the last bit
+    bool same = false;  // whether `recorded` and `found` agree to the last bit
   };
   std::string server_version;
   std::uint64_t node_id = 0, sequence = 0, step = 0, attempt = 0;

@@ -14,9 +14,10 @@
 namespace shearbus::server {
 namespace {
 
-constexpr const char* kEndpoint = "inproc://shearbus";  // unique, since each embedded server has its own context
+constexpr const char* kEndpoint = "inproc://shearbus";  // one name suffices: each server has its own context
 
-// Blocks all signals for threads that are started during its lifetime, so that the host receives them.
+// Blocks all signals for threads that are started during its lifetime, so that the signals go to
+// the threads of the host program.
 class SignalsBlocked {
  public:
   SignalsBlocked() {
@@ -44,7 +45,7 @@ class StopEvent {
   int file() const { return file_; }
   void set() const {
     const std::uint64_t one = 1;
-    // Fails only if the counter is at its maximum, and then the event is set.
+    // The write fails only if the counter of the eventfd is at its maximum, and then the event is set already.
     [[maybe_unused]] const ssize_t written = ::write(file_, &one, sizeof one);
   }
 

@@ -1,5 +1,5 @@
-// The whole server on a thread of the caller's process, reached over inproc://; used if no endpoint is named. It does
-// not log. Clients share its context and must be destroyed before it.
+// The whole server on a thread of the caller's process, reached over inproc://. Programs use it if their user names no
+// endpoint. It does not log. Clients share its libzmq context and must be destroyed before it.
 #pragma once
 
 #include <memory>
@@ -17,7 +17,7 @@ class Embedded {
   ~Embedded();  // completes the request in progress, then stops
 
   const std::string& endpoint() const;  // "inproc://..."
-  void* context() const;                // the libzmq context shared with the clients
+  void* context() const;                // the libzmq context that clients must use
 
  private:
   struct Impl;

@@ -27,22 +27,22 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using physics::kLanes;
 
-constexpr double kStep = 1e-9;       // [s]
-constexpr double kJump = 100.0;      // [m/s]
-constexpr double kPressure = 5e9;    // [Pa]
+constexpr double kStep = 1e-9;       // length of the measured steps  [s]
+constexpr double kJump = 100.0;      // velocity jump across the interface  [m/s]
+constexpr double kPressure = 5e9;    // contact pressure  [Pa]
 constexpr double kHalfZone = 10e-6;  // half a zone of the host's mesh  [m]
-constexpr int kSteps = 60;
-constexpr int kRepeats = 5;
+constexpr int kSteps = 60;           // largest number of steps of one run
+constexpr int kRepeats = 5;          // largest number of runs of one measurement, of which the fastest counts
 constexpr std::chrono::milliseconds kLongest{40};  // longest duration of one measurement
 
 using physics::Property;
 
-// Parts that replace other parts or leave work out, and therefore add no physics.
+// Parts that add no physics, because they replace other parts or save work.
 constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
                                     Property::kModes,         Property::kSleep,        Property::kTolerance};
 constexpr const char* kLedger = "energy ledger";
 
-// One tile of a model, stepped as a host would.
+// One tile of a model, stepped as a host program would step it.
 class Bench {
  public:
   explicit Bench(const physics::ModelOptions& options) : model_(options) {
@@ -147,8 +147,8 @@ std::string refusal_of(const physics::ModelOptions& options) {
   return refusals.empty() ? std::string() : refusals.front().text;
 }
 
-// The options with every part that adds physics and is compatible with the parts before it, in the order of the table,
-// and the keys of these parts.
+// The given options without heat modes and sleep, but with all compatible physics, and the keys of the added parts. The
+// parts are tried in the order of physics::parts(); a part is added if it is compatible with the options so far.
 struct FullModel {
   physics::ModelOptions options;
   std::vector<std::string> parts;

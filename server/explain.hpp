@@ -1,5 +1,5 @@
-// The cost of a scene: the parts that it switches on and the parts that it leaves out, each with its memory, from the
-// layout of the model, and its time, measured on this machine.
+// The cost of a scene: the parts that it switches on and the parts that it leaves out. The memory of a part follows
+// from the layout of the model; its time is measured on this machine. A node-step is one step of one node.
 #pragma once
 
 #include <cstddef>
@@ -15,18 +15,18 @@
 namespace shearbus::server {
 
 struct ScenePart {
-  std::string name;                 // "hard_layer"
+  std::string name;                 // key of the part, for example "hard_layer"
   bool on = false;                  // whether the scene has the part
   std::string meaning;              // the physics that it adds
-  std::string excluded;             // reason why this scene cannot switch the part; empty: it can
-  std::int64_t bytes_per_node = 0;  // memory of the part, or what it would need
+  std::string excluded;             // reason why this scene cannot switch the part on or off; empty: it can
+  std::int64_t bytes_per_node = 0;  // memory that the part adds, or would add
   double slipping_s = 0.0;          // time that the part adds, or would add, to a node-step
 };
 
 struct SceneCost {
-  std::uint64_t bytes_per_node = 0;  // both states, index and kept reply
+  std::uint64_t bytes_per_node = 0;  // committed and trial state, entry in the index, row of the kept reply
   double slipping_s = 0.0;           // time of a node-step in which the interface slips
-  double resting_s = 0.0;            // time of a node-step of an open contact that holds heat
+  double resting_s = 0.0;            // time of a node-step in which the contact is open and the layer still holds heat
   double step_length_s = 0.0;        // time to make the operators of a new step length
 };
 
@@ -34,7 +34,7 @@ struct Explanation {
   std::string scene;
   SceneCost cost;
   std::vector<ScenePart> parts;
-  SceneCost everything;               // cost with all compatible parts
+  SceneCost everything;               // cost of the scene with all compatible parts switched on
   std::vector<std::string> together;  // names of these parts
 
   std::string text(std::size_t nodes = 0) const;  // 0: text for one node
@@ -47,8 +47,8 @@ Explanation explain(std::string_view scene, const std::string& file);
 struct OmittedCost {
   std::vector<std::string> parts;                    // parts that are off and could all be on together
   std::uint64_t bytes_per_node = 0;                  // memory of the scene as it is
-  std::uint64_t bytes_per_node_with_everything = 0;  // memory with all compatible parts
-  std::optional<double> share_asleep;                // fraction of the node-steps; absent: the scene has no sleep
+  std::uint64_t bytes_per_node_with_everything = 0;  // memory with all compatible parts switched on
+  std::optional<double> share_asleep;                // share of node-steps of sleeping nodes; absent: no node can sleep
 
   std::vector<std::pair<std::string, std::string>> lines() const;  // lines of a summary: label and text
 };

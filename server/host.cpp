@@ -18,7 +18,7 @@
 namespace shearbus::server {
 namespace {
 
-constexpr std::uint64_t kCheckpointUs = 3'600'000'000;  // allowance for a long checkpoint  [µs]
+constexpr std::uint64_t kCheckpointUs = 3'600'000'000;  // time that the manager allows for a checkpoint  [µs]
 
 std::uint64_t file_limit() {
   rlimit limit{};
@@ -26,7 +26,7 @@ std::uint64_t file_limit() {
   return limit.rlim_cur;
 }
 
-// Returns 0 if the variable is not a number.
+// Returns 0 if the variable is not set or is not a number.
 std::uint64_t number_in_environment(const char* name) {
   const char* text = std::getenv(name);
   std::uint64_t number = 0;
@@ -44,7 +44,7 @@ ProcessUse process_use() {
   if (DIR* files = ::opendir("/proc/self/fd")) {
     while (::readdir(files) != nullptr) ++use.open_files;
     ::closedir(files);
-    use.open_files -= 3;  // ".", ".." and the directory itself
+    use.open_files -= 3;  // entries of no open file: ".", "..", and the descriptor of the directory that is read here
   }
   return use;
 }
@@ -80,7 +80,7 @@ ServiceManager::~ServiceManager() {
   if (socket_ >= 0) ::close(socket_);
 }
 
-// Sends without waiting for a manager that does not read.
+// Does not wait: if the service manager does not read, the message is lost.
 void ServiceManager::send(const std::string& message) const {
   if (socket_ >= 0) static_cast<void>(::send(socket_, message.data(), message.size(), MSG_NOSIGNAL | MSG_DONTWAIT));
 }

@@ -14,7 +14,7 @@ struct ProcessUse {
 };
 ProcessUse process_use();
 
-// Whether four fifths of the files that this process may open are open. Without free descriptors no client can connect.
+// Whether this process has used four fifths of its file descriptors. Without free descriptors no client can connect.
 bool files_run_out();
 
 // The protocol of sd_notify(3): datagrams to the socket named in NOTIFY_SOCKET. Without that variable all calls do
@@ -28,9 +28,10 @@ class ServiceManager {
 
   void ready(const std::string& status);
   void stopping();
-  // Must be called only by the loop that answers requests, once a second, so that a stuck loop is noticed.
+  // Tells the watchdog of the service manager that the server works. Must be called only by the loop that answers
+  // requests, once a second, so that a stuck loop is noticed.
   void alive();
-  // Extends the watchdog's time for a checkpoint.
+  // Between these two calls the watchdog waits longer, because no request is answered during a checkpoint.
   void checkpoint_begins();
   void checkpoint_ends();
 
@@ -38,7 +39,7 @@ class ServiceManager {
   void send(const std::string& message) const;
 
   int socket_ = -1;
-  std::uint64_t watchdog_us_ = 0;  // 0: no watchdog
+  std::uint64_t watchdog_us_ = 0;  // the manager ends a server that is not alive() for this time  [µs]; 0: no watchdog
   bool stopping_ = false;
 };
 

@@ -98,7 +98,8 @@ void start_log(const ServerOptions& options) {
   spdlog::set_default_logger(std::move(logger));
 }
 
-// Blocks the signals before any thread exists, so that every thread leaves them to the descriptor.
+// Returns a descriptor from which the stop signals are read. Must be called before any thread exists: all threads then
+// inherit the blocked signals, and no signal interrupts one of them.
 int block_stop_signals() {
   sigset_t stop;
   sigemptyset(&stop);

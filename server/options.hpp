@@ -9,22 +9,22 @@
 namespace shearbus::server {
 
 struct ServerOptions {
-  std::vector<std::string> endpoints;  // addresses to listen at: tcp://address:port or ipc://path
-  unsigned threads = 0;                // threads that solve layers, including the socket's thread; 0: one per core
-  std::size_t nodes_per_task = 512;    // smaller batches are answered on the socket's thread
-  std::uint64_t max_state_bytes = 0;   // limit of the states of all sessions; 0: three quarters of the machine's memory
-  std::string state_dir;               // state directory; empty: sessions end with the server
-  std::string durability = "process";  // with state_dir: none, process or power (store.hpp)
-  double checkpoint_every_s = 600.0;   // interval between checkpoints, if anything has changed
+  std::vector<std::string> endpoints;       // addresses to listen at: tcp://address:port or ipc://path
+  unsigned threads = 0;                     // threads that solve layers, including the socket's thread; 0: one per core
+  std::size_t nodes_per_task = 512;         // smallest number of nodes per thread if several threads share a step
+  std::uint64_t max_state_bytes = 0;        // limit of all sessions' states; 0: three quarters of the machine's memory
+  std::string state_dir;                    // directory of checkpoints and journal; empty: sessions end with the server
+  std::string durability = "process";       // with state_dir: none, process or power (server/store/store.hpp)
+  double checkpoint_every_s = 600.0;        // interval between checkpoints, if anything has changed
   std::uint64_t checkpoint_after_mb = 256;  // journal size that triggers a checkpoint earlier
-  std::size_t max_capsules = 16;            // the first failure capsules are kept in state_dir, later ones dropped
-  bool accept_empty = false;                // rename unusable state files and start empty
-  std::vector<std::uint32_t> allow_uids;    // users of ipc endpoints; empty: the server's own user
-  std::string curve_secret;                 // file of the server's secret key; with it tcp clients must have keys
-  std::string authorized_keys;              // file of the keys of tcp clients, with curve_secret
-  bool insecure_plaintext = false;          // allows tcp without keys: every client that connects is served
-  std::string log_level = "info";           // trace, debug, info, warn, error, off
-  std::string log_file;                     // empty: standard error
+  std::size_t max_capsules = 16;          // largest number of failure capsules in state_dir; later ones are not written
+  bool accept_empty = false;              // rename unusable state files and start empty
+  std::vector<std::uint32_t> allow_uids;  // uids that may use ipc endpoints; empty: the server's own
+  std::string curve_secret;               // file of the server's secret key; with it tcp clients must have keys
+  std::string authorized_keys;            // file of the keys of tcp clients, with curve_secret
+  bool insecure_plaintext = false;        // allows tcp without keys: every client that connects is served
+  std::string log_level = "info";         // trace, debug, info, warn, error or off
+  std::string log_file;                   // file of the log; empty: standard error
 };
 
 }  // namespace shearbus::server

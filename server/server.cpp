@@ -19,7 +19,7 @@ namespace shearbus::server {
 namespace {
 
 constexpr int kLookAfterMs = 1'000;
-constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // upper bound of distinct waiting requests
+constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // largest number of requests refused at the end
 
 std::uint64_t monotonic_ns() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
@@ -88,7 +88,8 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
   service_.recover();
 }
 
-// Called between two requests and while none arrive; the last answer has been sent.
+// Writes a checkpoint if one is due. Called between requests, after the last answer has been sent, and while no
+// requests arrive.
 void Server::checkpoint_if_due() {
   if (!store_ || !store_->changed_since_checkpoint()) return;
   const std::uint64_t now = monotonic_ns();
@@ -109,7 +110,8 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
-// Warns that no further client can connect because files run out; connected clients are still served.
+// Once a second: notifies the watchdog, and warns the operator if soon no further client can connect because file
+// descriptors run out. Connected clients are still served.
 void Server::look_after() {
   const std::uint64_t now = monotonic_ns();
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
@@ -166,12 +168,12 @@ void Server::run(int stop_fd, ServiceManager* manager) {
   if (manager != nullptr) manager->stopping();
   pollfd stop{.fd = stop_fd, .events = POLLIN, .revents = 0};
   if (::poll(&stop, 1, 0) > 0) {
-    std::array<char, 128> asked;  // a signal's description, or an event counter
+    std::array<char, 128> asked;  // content of stop_fd, not used: the description of a signal, or an event counter
     static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
   }
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);
-  // A second stop request skips the checkpoint: the journal holds everything.
+  // A second stop request skips the last checkpoint, because the journal holds everything.
   const bool in_haste = ::poll(&stop, 1, 0) > 0 && store_ && store_->journaling();
   if (store_ && store_->changed_since_checkpoint() && !in_haste) service_.checkpoint();
 }

@@ -32,9 +32,10 @@ class Server {
   // Binds an endpoint; see Router::bind.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
 
-  // Answers requests until `stop_fd` is readable, or until a drained server has no session left. Then refuses waiting
-  // requests with SHUTTING_DOWN and writes a last checkpoint. Throws std::runtime_error if the server must end at once,
-  // for example if the journal cannot be written. Notifies the manager, if there is one, once a second.
+  // Answers requests until `stop_fd` is readable, or until no session is left after an operator has asked the server to
+  // end with the last session. Then refuses waiting requests with SHUTTING_DOWN and writes a last checkpoint. Throws
+  // std::runtime_error if the server must end at once, for example if the journal cannot be written. Notifies `manager`
+  // once a second unless it is null.
   void run(int stop_fd, ServiceManager* manager = nullptr);
 
   void* context() { return router_.context(); }
@@ -60,7 +61,7 @@ class Server {
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
   std::uint64_t looked_after_ns_ = 0;
-  bool files_run_out_ = false;  // state that was reported last
+  bool files_run_out_ = false;  // whether the last report said that files run out
 };
 
 }  // namespace shearbus::server

@@ -77,7 +77,7 @@ int compare(const Options& options) {
   return text.empty() ? 0 : kExitFault;
 }
 
-// Opens a session of the scene in a server of this process, which checks schema and materials.
+// Checks a scene: opens a session of it in a server inside this process, which checks schema and materials.
 void check(const Options& options) {
   const std::string file = options.scene.string();
   const shearbus::server::Embedded server;
@@ -131,7 +131,7 @@ void options_page() {
   fmt::print("{}", shearbus::physics::options_page());
 }
 
-// The commands of the program. Parsing the command line chooses one of them, for run().
+// The commands of the program. Parsing the command line chooses the command that run() runs.
 class Commands {
  public:
   explicit Commands(CLI::App& app) : app_(app) {
@@ -143,7 +143,7 @@ class Commands {
     add_catalogs();
   }
 
-  int run() const { return run_(); }  // exit code
+  int run() const { return run_(); }  // runs the chosen command and returns the exit code
   int exit_code_of_trouble() const { return exit_code_of_trouble_; }
 
  private:
@@ -161,7 +161,7 @@ class Commands {
       return 0;
     });
   }
-  // Adds a command that puts a question to a server.
+  // Adds a command that connects to a server and asks it a question.
   CLI::App* ask(const char* name, const char* meaning, std::function<void(Client&)> question) {
     return with_server(add(name, meaning, [this, question = std::move(question)] {
       Client client = connect(options_);
@@ -287,7 +287,7 @@ int main(int argc, char** argv) {
   try {
     return commands.run();
   } catch (const shearbus::Error& fault) {
-    // The text of a scene's faults is a list of lines with their places, and is printed without a prefix.
+    // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
     const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
     fmt::print(stderr, "{}{}\n", scene ? "" : "shearbus-ctl: ", scene ? fault.status().text : describe(fault.status()));
   } catch (const std::exception& fault) {

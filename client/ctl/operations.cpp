@@ -25,7 +25,7 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// Returns the upper bound of the bucket that contains the quantile.
+// Returns the quantile `share` of the histogram as text: the upper bound of the bucket that contains it.
 std::string quantile(const wire::Histogram& histogram, double share) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : histogram.counts) all += count;

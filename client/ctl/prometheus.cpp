@@ -16,13 +16,13 @@ using prometheus::ClientMetric;
 using prometheus::MetricFamily;
 using prometheus::MetricType;
 
-// Divides instead of multiplying: the quotient is the double nearest to the decimal fraction, so that it is printed as
-// this fraction.
+// Divides by 1e9 instead of multiplying by 1e-9: the quotient is the double nearest to the exact decimal fraction, and
+// is therefore printed as this fraction.
 double seconds(std::uint64_t ns) {
   return static_cast<double>(ns) / 1e9;
 }
 
-// Collects metric families in the order of the text.
+// Collects metric families in the order in which they are printed.
 class Metrics {
  public:
   MetricFamily& add(const std::string& name, MetricType type, const char* help) {

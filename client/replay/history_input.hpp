@@ -20,15 +20,15 @@ class HistoryInput {
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
   bool force_driven() const { return force_driven_; }
-  std::uint32_t components() const { return components_; }  // components of slip and stress
+  std::uint32_t components() const { return components_; }  // number of components of slip and stress
   bool closed_loop() const { return closed_loop_; }
-  const std::string& jump_origin() const { return jump_origin_; }  // source of the jump, for the summary
+  const std::string& jump_origin() const { return jump_origin_; }  // source of the velocity jump, for the summary
   const std::vector<std::string>& notes() const { return notes_; }
 
-  void prepare(Batch& request) const;           // values of all steps, and the first jump of a closed loop
-  void fill(std::size_t step, Batch& request);  // the rows of a step
-  void feed_back(const StepResult& result, Batch& request) const;  // closed loop: sets the jump of the next step
-  void check_all_rows();                                           // reads every value once
+  void prepare(Batch& request) const;           // sets values that all steps share, and the first jump of a closed loop
+  void fill(std::size_t step, Batch& request);  // sets the values of one step
+  void feed_back(const StepResult& result, Batch& request) const;  // in a closed loop, sets the jump of the next step
+  void check_all_rows();                                           // reads every value once, to find faults
 
  private:
   struct Column {
@@ -46,11 +46,11 @@ class HistoryInput {
   bool force_driven_;
   std::uint32_t components_;
   bool closed_loop_ = false;
-  std::vector<Column> rows_;       // [T,N]
-  std::vector<Column> constants_;  // [N]
+  std::vector<Column> rows_;       // columns with values per step and node, [T,N]
+  std::vector<Column> constants_;  // columns with one value per node, [N]
   std::vector<std::string> missing_;
   std::vector<Field> optional_columns_;
-  std::vector<double> first_jump_[2];  // for each component
+  std::vector<double> first_jump_[2];  // first velocity jump of each component, one value per node
   std::string jump_origin_;
   std::vector<std::string> notes_;
 };

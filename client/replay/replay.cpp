@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-// The named server, or without a name a server on a thread of this process.
+// The server at the given endpoint; without an endpoint, a server on a thread of this process.
 struct Service {
   explicit Service(const wire::ServerAddress& server)
       : embedded(server.endpoint.empty()
@@ -38,7 +38,7 @@ struct Service {
   Client client;
 };
 
-// A column of the result file. There is one for every component of every column of the replies.
+// A column of the result file. Each component of each column of the replies is one column.
 struct ReplyColumn {
   Field field;
   std::uint32_t component;

@@ -12,9 +12,9 @@ struct Options {
   std::filesystem::path history;
   std::filesystem::path scene;
   std::filesystem::path out;
-  wire::ServerAddress server;  // without an endpoint, a server inside this process
-  bool check = false;          // read, compare and open a session; replay nothing
-  bool closed_loop = false;    // force-driven: feed each new jump back even where /velocity_jump is recorded
+  wire::ServerAddress server;  // without an endpoint: a server inside this process
+  bool check = false;          // only check: read the history and open a session, but replay nothing
+  bool closed_loop = false;    // force-driven scenes: feed each new jump back even if /velocity_jump exists
   bool progress = true;
   std::string version;  // version of this program, for /meta of the result
 };

@@ -27,7 +27,7 @@ Tally::Tally(const std::vector<std::uint64_t>& node_ids)
 void Tally::add(const StepResult& result, double time_s, double dt_s) {
   const auto temperature = result.interface_temperature_k();
   const auto velocity = result.sliding_velocity_m_per_s();
-  const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty where slip has one component
+  const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty if slip has one component
   const auto heat = result.friction_heat_j_per_m2();
   const auto regime = result.regime();
   const auto outcome = result.outcome();

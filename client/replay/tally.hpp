@@ -16,7 +16,7 @@ namespace shearbus::replay {
 
 struct RunTime {
   std::chrono::nanoseconds reading{0};
-  std::chrono::nanoseconds bus{0};  // round trips without the solver
+  std::chrono::nanoseconds bus{0};  // time of round trips minus time of the solver
   std::chrono::nanoseconds solver{0};
   std::chrono::nanoseconds writing{0};
   std::chrono::nanoseconds total{0};
@@ -38,10 +38,10 @@ class Tally {
   std::string outcomes_text() const;
 
   const std::vector<std::uint64_t>& node_ids_;
-  std::vector<double> slip_;  // [m]
-  std::vector<double> heat_;  // [J/m2]
+  std::vector<double> slip_;  // path length of the slip of each node  [m]
+  std::vector<double> heat_;  // friction heat of each node  [J/m2]
   std::array<std::uint64_t, kRegimes> regimes_{};
-  std::array<std::uint64_t, 8> outcomes_{};  // number of node-steps per bit
+  std::array<std::uint64_t, 8> outcomes_{};  // number of node-steps with each outcome bit
   std::uint64_t node_steps_ = 0;
   std::uint64_t flagged_ = 0;
   double peak_temperature_k_ = -std::numeric_limits<double>::infinity();

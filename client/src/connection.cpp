@@ -27,8 +27,8 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
-constexpr int kSilentFailures = 3;     // consecutive failures after which the client reports a wrong key
-constexpr int kGoodbyeLingerMs = 100;  // longest delay of the program's end by an unsent closing request
+constexpr int kSilentFailures = 3;     // handshakes failed in a row after which a wrong key is reported
+constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
 [[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
@@ -60,7 +60,7 @@ void check_endpoint(const ClientOptions& options) {
 }  // namespace
 
 void SocketConnection::CloseSocket::operator()(void* socket) const {
-  zmq_socket_monitor(socket, nullptr, 0);  // otherwise the events would wait for a reader that has ended
+  zmq_socket_monitor(socket, nullptr, 0);  // stops the events, which nobody reads any more
   zmq_close(socket);
 }
 void SocketConnection::CloseContext::operator()(void* context) const {
@@ -107,7 +107,7 @@ void SocketConnection::connect() {
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
   if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
   zmq::socket_ref socket(zmq::from_handle, socket_.get());
-  socket.set(zmq::sockopt::immediate, true);  // queue nothing before the connection is up
+  socket.set(zmq::sockopt::immediate, true);  // queues nothing until the connection is established
   socket.set(zmq::sockopt::linger, 0);
   socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxPayloadBytes));
   socket.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
@@ -132,7 +132,7 @@ void SocketConnection::connect() {
 
 std::string SocketConnection::own_public_key() const {
   std::array<char, wire::kKeyCharacters + 1> key{};
-  zmq_curve_public(key.data(), options().secret_key.c_str());  // fails only for keys that is_key() refuses
+  zmq_curve_public(key.data(), options().secret_key.c_str());  // cannot fail, because is_key() has accepted the key
   return key.data();
 }
 
@@ -225,7 +225,7 @@ bool SocketConnection::wait(short events, Clock::time_point until) {
   }
 }
 
-// Returns false if there is no connection (yet).
+// Sends without waiting. Returns false if there is no connection (yet).
 bool SocketConnection::send(const std::string& header, const wire::Batch& batch) {
   const bool has_payload = !batch.columns().empty();
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
@@ -256,7 +256,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
         unreachable(options(), zmq_strerror(zmq_errno()));
       }
       more = frame->more();
-      if (count == frames.size()) continue;  // decode() refuses a message of three frames
+      if (count == frames.size()) continue;  // surplus frames are dropped; decode() refuses three frames
       views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
       frames[count++] = std::move(frame);
     }

@@ -48,26 +48,26 @@ class Connection {
   virtual Clock::time_point now() const { return Clock::now(); }
   virtual void pause(std::chrono::milliseconds time);
 
-  // Time left until the deadline of a call that consists of several exchanges.
+  // Time left until the deadline of a call that began at `started`; a call may consist of several exchanges.
   std::chrono::milliseconds left_since(Clock::time_point started) const;
 
   const ClientOptions& options() const { return options_; }
   std::uint64_t next_request_id();  // never 0
   std::uint64_t claimant() {
     return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
-  }  // random, of this client
+  }  // random number of this client
 
-  // The last opening without a session: its outcome is unknown, or it was refused and a late copy may still succeed
-  // (for example when the disk has space again). A repeated opening must have the same bytes, so that one session owns
-  // the nodes.
+  // The last opening request that gave no session: its outcome is unknown, or it was refused and a late copy may still
+  // succeed (for example when the disk has space again). A repeated opening must have the same bytes, so that one
+  // session owns the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
-  bool durable() const { return durable_; }  // whether the sessions of the server outlive it, by its welcome
+  bool durable() const { return durable_; }  // whether sessions outlive the server, as its welcome says
   void set_durable(bool durable) { durable_ = durable; }
 
  private:
   ClientOptions options_;
-  std::uint64_t last_request_id_ = 0;  // 0: no id has been drawn yet
+  std::uint64_t last_request_id_ = 0;  // 0: no first id has been chosen yet
   std::uint64_t claimant_ = 0;
   bool durable_ = false;
 };

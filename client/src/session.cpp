@@ -1,4 +1,4 @@
-// A session sends its requests in order of their sequence numbers; each has one reply.
+// A session sends its requests in the order of their sequence numbers and waits for the reply to each.
 #include "client/src/session.hpp"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace shearbus {
 namespace {
 
-constexpr std::chrono::milliseconds kStoppingPause{100};  // between two attempts while the server restarts
+constexpr std::chrono::milliseconds kStoppingPause{100};  // pause between two attempts while the server restarts
 
 // A view of the same columns, valid while `batch` is.
 wire::Batch view_of(const wire::Batch& batch) {
@@ -43,7 +43,7 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
     try {
       return stand(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
     } catch (const Error& fault) {
-      // The server was restarted between the two requests.
+      // EPOCH means that the server was restarted between the two requests.
       const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
       if (!again) throw;
     }
@@ -101,7 +101,8 @@ void Session::Impl::adopt_position(Received& where) {
   node_ids.assign(nodes.begin(), nodes.end());
 }
 
-// Asks the server for the position, after a request other than the present one has run under its sequence number.
+// Asks the server for the session's last sequence number, nodes and offers. Called after another request has run under
+// the sequence number of the present one.
 void Session::Impl::resynchronise() {
   Received where = ask(*connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = resume_token}});
   adopt_position(where);
@@ -114,7 +115,7 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
 }
 
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
-// session then claims itself, checks its position and sends the request again with the new epoch.
+// client then claims the session, checks its last sequence number and sends the request again with the new epoch.
 Received Session::Impl::call(wire::Request& request) {
   const auto started = connection->now();
   for (;;) {
@@ -139,7 +140,7 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   try {
     where = claim_session(*connection, id, resume_token);
   } catch (const Error& refusal) {
-    if (refusal.status().code == Code::kUnknownSession) throw fault;  // its text explains the restart
+    if (refusal.status().code == Code::kUnknownSession) throw fault;  // the first error explains the restart
     throw;
   }
   const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;

@@ -34,11 +34,11 @@ Body& body_of(Received& received) {
 // Sends a request that has no sequence number, with a new request id, and waits for the reply.
 Received ask(Connection& connection, wire::Request request);
 
-// Claims the session for this client: the server then refuses requests of other clients, late requests included. The
-// reply holds the position of the session.
+// Claims the session for this client: the server then refuses requests of other clients, even ones sent before the
+// claim. The reply holds the last sequence number, the nodes and the offers of the session.
 Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token);
 
-// The payload of a request that names nodes; empty if there are none.
+// The payload of a request about some nodes: their ids and temperatures; empty without nodes.
 wire::Batch named_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> temperatures = {});
 
 struct Session::Impl {
@@ -56,15 +56,15 @@ struct Session::Impl {
   };
   std::optional<InDoubt> in_doubt;
   std::vector<TransferId> offers;
-  TransferId offered{};                 // id of the last offer, used again while its outcome is unknown
+  TransferId offered{};                 // id of the last offer, used again if its outcome is unknown
   std::optional<wire::Request> posted;  // the request of start_trial(), until finish_trial()
   bool closed = false;
   StepResult result;
 
   wire::Request next_request() const;
 
-  // Sends the session's next request. The sequence number advances with the reply only. A request without a reply keeps
-  // its id, so that a repeated call has the same bytes and the server recognises it.
+  // Sends the session's next request. The sequence number advances only when the reply arrives. A request without a
+  // reply keeps its id, so that a repeated call has the same bytes and the server recognises it.
   Received exchange(wire::Request request);
   template <typename Answer, typename Question>
   Received exchange(Question question, wire::Batch batch = {}) {

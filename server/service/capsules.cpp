@@ -1,4 +1,4 @@
-// Failure capsules: a small file for a node without an answer, with its state, inputs, scene and versions.
+// Failure capsules: small files, one for each node without an answer, with its state, inputs, scene and versions.
 #include <fmt/format.h>
 
 #include <exception>
@@ -11,7 +11,7 @@ namespace shearbus::service {
 
 namespace {
 
-// The values of a row. Numbers of every element type become doubles.
+// The values of one row of the batch. Numbers of every element type become doubles.
 std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t row) {
   std::vector<store::CapsuleValue> values;
   for (const wire::Column& column : batch.columns()) {

@@ -13,8 +13,8 @@ using physics::TileInputs;
 using physics::TileOutputs;
 using wire::Field;
 
-// Regimes and outcome bits of the solver are the bytes of a reply. The switch has no default, so that a new regime of
-// the physics does not compile until the wire has it.
+// The numbers of the solver's regimes and outcome bits are sent unchanged, as bytes of a reply. The switch below has no
+// default, so that a new regime of the physics does not compile until the wire protocol has it too.
 namespace {
 
 constexpr wire::Regime on_the_wire(physics::Regime regime) {
@@ -45,7 +45,7 @@ static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
 // ---- columns and members of a tile ----
 
-// The member of a second component has the name of the first component after `second_`.
+// The tile member of the second tangential component is named `second_` and the name of the first component's member.
 #define SECOND_Scalar(rows, enumerator, quantity)
 #define SECOND_Tangential(rows, enumerator, quantity) rows(enumerator, 1, second_##quantity)
 
@@ -71,7 +71,7 @@ constexpr LedgerRow kLedger[] = {
 #include "proto/wire/columns.inc"
 };
 
-// Adds a column where the reply has room for it.
+// Adds the answer column to `columns` if the reply has a column of this field and component.
 template <typename Lane>
 void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
                 std::vector<shard::OutputColumn>& columns) {

@@ -1,5 +1,5 @@
-// The columns of a session's steps: the columns that a model has, and the columns of a request and its reply, between
-// which and the tiles a shard moves values.
+// The columns of a session's steps: which columns a model has, and which tile member belongs to each column of a
+// request and of its reply. A shard moves the values between columns and tiles.
 #pragma once
 
 #include <string>
@@ -19,14 +19,15 @@ wire::Strategy strategy_of(const physics::ModelOptions& options);
 
 // The condition under which a model has a column of its strategy, and the refusal if it lacks the column.
 struct ColumnCondition {
-  wire::Field field;  // kUnspecified: all columns of the kind
+  wire::Field field;  // column; kUnspecified: all columns of the kind
   wire::Kind kind;
-  bool (*holds)(const physics::ModelOptions&);  // the model has the column
+  bool (*holds)(const physics::ModelOptions&);  // whether a model of these options has the column
   wire::Code code;
   const char* fault;  // fault text that follows the column's name
   const char* remedy;
 };
-// The condition that the model does not meet. Null if the model has the column, or if no model of its strategy has it.
+// The condition of this column that the model does not meet. Null if the model has the column, or if no model of its
+// strategy has it.
 const ColumnCondition* unmet_condition(wire::Field field, const physics::ModelOptions& options);
 
 // The columns of the model's strategy whose conditions the model meets.

@@ -50,7 +50,7 @@ std::uint64_t sum_of(const session::Session& conversation) {
   return wire::hash_of(parts);
 }
 
-// Compares in constant time.
+// Takes the same time for equal and different tokens, so that the time gives no hint at a guessed token.
 bool same_token(const wire::ResumeToken& a, const wire::ResumeToken& b) {
   unsigned difference = 0;
   for (std::size_t i = 0; i < a.size(); ++i) difference |= static_cast<unsigned>(a[i] ^ b[i]);
@@ -66,7 +66,8 @@ void make_repeat(wire::Reply& reply) {
     *totals = {.requests = totals->requests, .node_steps = totals->node_steps};
 }
 
-// Writes the request to the journal. Nothing may fail afterwards: a recovery replays the request, so it must run.
+// Writes the request to the journal. After this call the request must run and must not fail, because a recovery replays
+// it.
 void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member) {
   if (store_ == nullptr || replaying_) return;
   try {
@@ -95,7 +96,7 @@ void Service::recover() {
   replaying_ = false;
   epoch_ = options_.epoch;
   times_ = {};
-  metrics_.node_steps = metrics_.solver_ns = 0;  // counted by the server that ran the requests first
+  metrics_.node_steps = metrics_.solver_ns = 0;  // the server that ran the requests first has counted them
 }
 
 void Service::clear() {
@@ -226,7 +227,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
   if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // the count of claims begins with the start of the server
+    if (request.epoch != epoch_)  // claims are counted anew after every start of the server
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});

@@ -1,4 +1,4 @@
-// A session and its states. Private to the sources of the service.
+// A session and its states. Included only by the source files of the service.
 #pragma once
 
 #include <memory>
@@ -11,14 +11,14 @@ namespace shearbus::service {
 
 struct Service::Member {
   wire::SessionId id{};
-  std::string identity;              // the opener, the only identity that may use the session
+  std::string identity;              // identity that opened the session; only it and operators may use it
   wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
-  std::uint64_t claim = 0;           // the last granted claim
-  std::uint64_t claimant = 0;
-  std::uint64_t epoch = 0;  // epoch of the session's requests since that claim; 0: the server's
+  std::uint64_t claim = 0;           // number of the last granted claim; 0: none
+  std::uint64_t claimant = 0;        // random number of the client that has this claim
+  std::uint64_t epoch = 0;           // epoch that the requests must name since the last claim; 0: the server's
   session::Session conversation;
-  std::unique_ptr<shard::Shard> shard;  // null once closed
-  std::string domain;                   // empty: none
+  std::unique_ptr<shard::Shard> shard;  // null after the session has been closed
+  std::string domain;                   // name of the session's domain; empty: none
   std::string scene_name;
   std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
@@ -26,7 +26,7 @@ struct Service::Member {
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 
-  std::uint64_t held_bytes() const;  // memory of states and marks
+  std::uint64_t held_bytes() const;  // memory of states and marks  [bytes]
   Domain domain_it_is_in() const { return {identity, domain}; }
 };
 
@@ -43,10 +43,10 @@ struct Service::Arrival {
 // server was restarted in between.
 void make_repeat(wire::Reply& reply);
 
-// A batch of one column, the ids of the nodes.
+// A batch whose only column is the ids of the nodes.
 wire::Batch node_column(std::span<const std::uint64_t> node_ids);
 
-// Memory of the states that marks and transfers store, with the ids of their nodes.
+// Memory in bytes of the states that a mark or a transfer stores, including the ids of their nodes.
 std::uint64_t kept_bytes(const shard::States& states);
 std::uint64_t kept_bytes(const physics::Model& model, std::size_t nodes);
 

@@ -1,5 +1,5 @@
 // Histograms of the service's run time and counters of its refusals. Adding a time is a bit scan and two additions,
-// without allocation. The thread that counts is the thread that reads.
+// without allocation. The same thread adds and reads.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace shearbus::service {
 
 class Histogram {
  public:
-  static constexpr std::size_t kBuckets = 28;  // lower bound of the last bucket: 69 s
+  static constexpr std::size_t kBuckets = 28;  // number of buckets; the last one begins at 69 s
 
   void add(std::uint64_t ns) {
     const auto bucket = static_cast<std::size_t>(std::bit_width(ns / wire::kHistogramBaseNs));

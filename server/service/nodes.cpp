@@ -1,8 +1,9 @@
 // The set of a session's nodes: registering and retiring nodes, moving nodes between sessions, and marks.
 //
-// A node belongs to one session of its domain, or to one transfer. offer_nodes moves nodes from a session to a
-// transfer, accept_nodes moves them from a transfer to a session. Each of the two is one request of one session,
-// journaled and answered like any other request, so a crash between them leaves the nodes in the transfer.
+// Within its domain a node belongs to one session or to one transfer (an offer that waits to be accepted). offer_nodes
+// moves nodes from a session to a transfer, accept_nodes moves them from a transfer to a session. Each of the two is
+// one request of one session, journaled and answered like any other request, so a crash between them leaves the nodes
+// in the transfer.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -85,8 +86,9 @@ std::uint64_t Service::Member::held_bytes() const {
   return bytes;
 }
 
-// Throws NODE_OWNED if a session other than `self` or a waiting offer has one of the nodes. Offers of `self` after the
-// sequence `withdrawn_after` do not count, because the request withdraws them.
+// Throws NODE_OWNED if one of the nodes belongs to another session of the domain than `self`, or to an offer that waits
+// to be accepted. Offers that `self` made after its request `withdrawn_after` do not count, because the present request
+// withdraws them.
 void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                            std::span<const std::uint64_t> node_ids) const {
   if (domain.name.empty()) return;
@@ -116,7 +118,7 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   }
 }
 
-// Applies a prepared change; cannot fail.
+// Applies a prepared change of the set of nodes; cannot fail.
 void Service::apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
   metrics_.state_bytes -= member.shard->state_bytes();
   member.shard->apply(std::move(change));
@@ -228,7 +230,7 @@ std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
   return offers;
 }
 
-// Drops the offers of a domain without open sessions.
+// Drops the offers of a domain if none of its sessions is open.
 void Service::forget_transfers_of(const Domain& domain) {
   const auto open = [&](const auto& entry) { return entry.second->shard && entry.second->domain_it_is_in() == domain; };
   if (domain.name.empty() || std::ranges::any_of(members_, open)) return;
@@ -287,8 +289,9 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
   reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
 }
 
-// Restores the nodes of the mark with their states. Nodes registered since the mark leave the session. Nodes retired
-// since, and nodes of offers that were made since and still wait, return to it.
+// Restores the nodes of the mark with their states. Nodes registered after the mark leave the session. Nodes retired
+// after the mark return to it. So do nodes offered after the mark whose offer still waits. Throws NODE_OWNED if
+// another session has one of the nodes.
 void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
   const shard::Shard& before = *member.shard;
   std::unique_ptr<shard::Shard> other_nodes;
@@ -311,7 +314,8 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   metrics_.state_bytes += member.held_bytes();
 }
 
-// Withdraws the session's offers made after this request, and drops the marks made while one of the offers waited.
+// Withdraws the offers that the session made after its request `after_sequence`, and drops the marks made after the
+// first of these offers.
 void Service::withdraw_offers(Member& member, std::uint64_t after_sequence) {
   std::uint64_t first_withdrawn = std::numeric_limits<std::uint64_t>::max();
   std::erase_if(transfers_, [&](const auto& entry) {

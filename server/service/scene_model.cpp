@@ -20,7 +20,7 @@
 namespace shearbus::service {
 namespace {
 
-// The exception of the conversion: faults with their keys, whose places in the text the caller finds.
+// Thrown by the conversion: faults with the keys of the scene at fault. The caller finds the line of each key.
 struct Refused {
   std::vector<scene::Fault> faults;
   std::string remedy;
@@ -47,8 +47,8 @@ physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
   return boundary == v1::FAR_BOUNDARY_HALF_SPACE ? physics::FarBoundary::kHalfSpace : physics::FarBoundary::kInsulated;
 }
 
-// Fills in the absent keys of [hard_layer] from [layer] (with a tolerance the server chooses the cells). The thickness
-// is scaled to the depth that heat reaches in the hard body.
+// Fills in the absent keys of [hard_layer] from [layer]. `cells` and `grading` stay absent in a scene with a tolerance,
+// for which the server chooses the cells. The thickness is scaled to the depth that heat reaches in the hard body.
 void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
   const v1::Layer& layer = scene.layer();
   v1::HardLayer& hard = *scene.mutable_hard_layer();
@@ -59,8 +59,8 @@ void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
   if (hard.far_boundary() == v1::FAR_BOUNDARY_UNSPECIFIED) hard.set_far_boundary(layer.far_boundary());
 }
 
-// Fills in the absent constants of [junctions] from the soft metal. Junctions without strain yield at the yield
-// strength of the interface.
+// Fills in the absent constants of [junctions] from the soft metal. The yield strength of unstrained junctions is the
+// yield strength of the interface.
 void fill_junctions(v1::Junctions& junctions, const physics::Material& soft) {
   const bool soft_hardens_as_junctions =
       physics::has_constant(soft.flow_law, &physics::Material::hardening_coefficient);
@@ -78,7 +78,7 @@ void fill_junctions(v1::Junctions& junctions, const physics::Material& soft) {
 
 physics::JunctionOptions junctions_of(const v1::Junctions& junctions, const physics::ModelOptions& options) {
   physics::Material metal = options.soft;
-  metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();  // DLP (52-53)
+  metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();  // hardening law, DLP (52-53)
   metal.yield_strength = options.interface.yield_strength;
   metal.yield_strength_max = junctions.has_yield_strength_max_pa() ? junctions.yield_strength_max_pa()
                                                                    : std::numeric_limits<double>::infinity();
@@ -87,7 +87,7 @@ physics::JunctionOptions junctions_of(const v1::Junctions& junctions, const phys
   return {.contact_fraction = junctions.contact_fraction(), .height = junctions.height_m(), .metal = metal};
 }
 
-// With a tolerance a scene gives no cells; one cell of grading 1 then stands until the server has chosen the grid.
+// A scene with a tolerance gives no cells; its options have one cell of grading 1 until the server has chosen the grid.
 template <typename Table>
 physics::GridOptions grid_of(const Table& table) {
   return {.thickness = table.thickness_m(),
@@ -119,7 +119,7 @@ void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
                                           .longest_time = layer.modes().longest_time_s()};
 }
 
-// Refuses options that exclude each other by the table of server/physics/solver/parts.cpp.
+// Refuses options that exclude each other according to the table of parts in server/physics/solver/parts.cpp.
 void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   std::vector<scene::Fault> faults;
   for (physics::Refusal& refusal : physics::refusals(options))
@@ -127,7 +127,8 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   if (!faults.empty()) throw Refused{std::move(faults), "Leave out one of the two."};
 }
 
-// Converts a checked scene that has its defaults. Fills in the constants that the scene leaves to the server.
+// Converts a checked scene whose defaults have been filled in. Also fills in the constants that the scene leaves to the
+// server.
 SceneModel convert(v1::Scene& scene) {
   SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
   physics::ModelOptions& options = made.options;

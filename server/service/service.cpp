@@ -107,7 +107,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   try {
     wire::decode(frames, request);
   } catch (const Error&) {
-    address();  // the refusal has the ids that could be read
+    address();  // so that the refusal has the session and request ids that could be read
     throw;
   }
   address();
@@ -369,7 +369,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   auto& upscale = reply->body.emplace<wire::Upscale>();
   shard::StepColumns columns = step_columns(request.batch, reply->batch);
   std::vector<std::uint8_t> unasked(
-      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes that the host did not ask for
+      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes, if the reply does not hold them
   if (!unasked.empty())
     columns.outputs.emplace_back(shard::AnswerColumn{&physics::TileOutputs::outcome, std::span(unasked)});
   const std::span<const std::uint8_t> outcomes =

@@ -41,14 +41,14 @@ struct Caller {
 };
 
 struct ServiceOptions {
-  std::uint64_t epoch = 1;  // number of this start of the server; not 0
+  std::uint64_t epoch = 1;  // random number that identifies this start of the server; not 0
   std::string server_version;
-  std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // bound of the states of all sessions together
+  std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // limit of the memory of all sessions' states
   std::size_t max_sessions = wire::kMaxSessions;
   std::size_t nodes_per_task = 512;
   std::function<std::uint64_t()> now_ns;                     // a monotonic clock
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
-  std::function<void(wire::ServerStatus&)> complete_status;  // adds the counters of other rooms; may be empty
+  std::function<void(wire::ServerStatus&)> complete_status;  // adds counters from outside of the service; may be empty
   std::function<void(bool begins)> around_checkpoint;        // called before and after a checkpoint; may be empty
 };
 
@@ -62,18 +62,18 @@ class Service : private store::Recovery {
   // Restores the sessions of the store. Called once, before the first request. Throws if the store cannot be used.
   void recover();
 
-  // The answer to one request. Never throws. Empty if the request has run but there was no memory for its answer (the
-  // client repeats the request and gets the answer then), and always after failed().
+  // Returns the answer to one request. Never throws. The result is empty if the request has run but there was no memory
+  // for its answer (the client repeats the request and gets the answer then), and always after failed().
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
-  // States and journal differ after a failure: the service answers nothing any more. The server must end; its successor
-  // recovers from the journal.
+  // Whether states and journal may differ because of a failure. The service then answers no further request. The server
+  // must end; the next server recovers from the journal.
   bool failed() const { return failed_ || (store_ != nullptr && store_->failed()); }
 
   // Writes the states of all sessions to the store. False without a store, or if writing failed.
   bool checkpoint();
 
-  // Whether an operator asked the server to end after the last session, and no session is open.
+  // Whether an operator has asked the server to end with the last session and no session is open any more.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
   // Refuses every later request with SHUTTING_DOWN.
@@ -113,14 +113,14 @@ class Service : private store::Recovery {
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
   wire::SessionOpened opened(const Member& member) const;
-  // A shard whose nodes have the model's initial temperature.
+  // Makes a shard whose nodes have the model's initial temperature.
   std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids) const;
 
   // capsules.cpp: failure capsules of nodes without an answer.
   struct FailedStep {
     const wire::Batch& answer;
     std::span<const std::uint8_t> outcomes;
-    bool from_trial;  // the step started from the standing trial
+    bool from_trial;  // whether the step started from the trial of the step before it
   };
   void leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
                       const shard::Rows& rows, const FailedStep& failed) noexcept;
@@ -156,17 +156,17 @@ class Service : private store::Recovery {
   ServiceOptions options_;
   shard::TaskPool& pool_;
   store::Store* store_;
-  std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that answered
+  std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that ran the request first
   std::uint64_t claims_ = 0;  // number of granted claims; claim i has the epoch epoch_ + i
-  bool replaying_ = false;    // during recovery
+  bool replaying_ = false;    // whether requests of the journal are run again, for recovery
   bool kept_ = false;         // the present request is in the journal and has not run
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
   bool draining_ = false;
   bool exit_when_drained_ = false;
-  Members members_;                                             // open and closed
-  std::deque<wire::SessionId> closed_;                          // oldest first
+  Members members_;                                             // all open sessions and the last closed ones
+  std::deque<wire::SessionId> closed_;                          // ids of closed sessions, oldest first
   std::map<wire::TransferId, store::TransferImage> transfers_;  // offered nodes, which no session owns
   wire::ServerStatus metrics_;
   Metrics times_;

@@ -22,8 +22,8 @@ using wire::Field;
 
 namespace {
 
-constexpr double kShortestStep = 1e-18;  // [s]
-constexpr double kLongestStep = 1.0;     // [s]
+constexpr double kShortestStep = 1e-18;  // shortest accepted step  [s]
+constexpr double kLongestStep = 1.0;     // longest accepted step  [s]
 
 [[noreturn]] void refuse(Code code, std::string field, std::string text, std::string remedy,
                          std::vector<std::uint64_t> node_ids = {}) {
@@ -35,7 +35,8 @@ constexpr double kLongestStep = 1.0;     // [s]
                      .node_ids = std::move(node_ids)});
 }
 
-// `node_of(row)` names the node of a row; `valid(value)` must be false for NaN.
+// `node_of(row)` names the node of a row; `valid(value)` is whether the value is accepted; it must be false
+// for NaN.
 template <typename Valid, typename NodeOf>
 void check_values(Field field, std::span<const double> column, const std::string& expected, const Valid& valid,
                   const NodeOf& node_of) {
@@ -81,7 +82,8 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
                              : "Send it with component 0 only.");
 }
 
-// Refuses a column of the model's strategy that this model does not have; `named_in` is the field of the fault.
+// Refuses a column of the model's strategy that this model does not have; `named_in` is the field
+// that the fault names.
 void check_condition(Field field, const physics::ModelOptions& options, const char* named_in) {
   if (const ColumnCondition* unmet = unmet_condition(field, options))
     refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);
@@ -108,7 +110,8 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
   }
 }
 
-// Checks length and end of a step. Heat modes and a tolerance bound the length further.
+// Checks the length and the end time of a step. Scenes with heat modes or a tolerance have a larger shortest
+// step.
 void check_times(const wire::Downscale& step, const physics::ModelOptions& options) {
   if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
     refuse(Code::kInvalidValue, "dt_s",
@@ -158,7 +161,8 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
   return rows;
 }
 
-// The node_id column of an opening or of a change of nodes; may be empty only if `needed` is null.
+// The node_id column of an opening or of a change of nodes. The column may be empty only if `needed` is null; else
+// `needed` names, for the message, the request that needs nodes.
 std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed) {
   check_components(batch, 1);
   for (const wire::Column& column : batch.columns())

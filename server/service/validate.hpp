@@ -17,10 +17,10 @@ namespace shearbus::service {
 // The node ids of an opening: unique and not too many. They may be absent only if the session has a domain.
 std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain);
 
-// The ids of nodes to register: unique, at least one, and none of them in the session.
+// The ids of nodes to register. There must be at least one, and each must be unique and new to the session.
 std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// The rows of nodes to retire or offer: unique, at least one, and all of them in the session.
+// The slots of the nodes to retire or offer. There must be at least one, each named once and present in the session.
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
 // Refuses a session that would have too many nodes.
@@ -29,7 +29,7 @@ void check_session_size(std::size_t nodes);
 // Refuses a name of a mark or a domain that is empty or too long.
 void check_name(const std::string& name, const std::string& field);
 
-// Refuses a step in which nodes have no answer.
+// Refuses a step because some of its nodes have no answer.
 [[noreturn]] void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
                                      std::span<const std::uint8_t> outcomes);
 

@@ -1,8 +1,9 @@
 // The request history of one session: the next sequence number and the reply to the last request. It decides whether a
 // request is executed, answered with the kept reply, or refused. It does not interpret requests.
 //
-// A client has one request in flight. It numbers its requests 1, 2, 3, ... (0 opens the session) and repeats a request,
-// byte for byte, until it has the answer. One kept reply therefore suffices to execute each request at most once:
+// A client waits for the reply to a request before it sends the next one. It numbers its requests 1, 2, 3, ... (0 opens
+// the session) and repeats a request, byte for byte, until it has the answer. One kept reply therefore suffices to
+// execute each request at most once:
 //
 //   sequence == last + 1              process
 //   sequence == last, same bytes      resend the kept reply
@@ -25,7 +26,7 @@ enum class Triage { kProcess, kResend, kReject };
 
 struct Verdict {
   Triage triage = Triage::kProcess;
-  wire::Status status;  // reason of kReject
+  wire::Status status;  // why the request is rejected; set for kReject only
 };
 
 class Session {
@@ -42,7 +43,7 @@ class Session {
  private:
   std::uint64_t last_sequence_ = 0;
   std::uint64_t last_hash_ = 0;
-  std::shared_ptr<wire::Reply> kept_reply_;  // null until the session is open
+  std::shared_ptr<wire::Reply> kept_reply_;  // reply to the last request; null until the session is open
 };
 
 }  // namespace shearbus::session

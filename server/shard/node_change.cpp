@@ -15,7 +15,7 @@ using physics::kLanes;
 namespace {
 
 constexpr std::align_val_t kAlignment{64};
-constexpr std::size_t kMappedFrom = std::size_t{128} << 10;  // bytes
+constexpr std::size_t kMappedFrom = std::size_t{128} << 10;  // smallest block that is allocated with mmap  [bytes]
 
 void copy_lane(const double* from, double* to, std::size_t doubles, std::size_t from_lane, std::size_t to_lane) {
   for (std::size_t i = 0; i < doubles; i += kLanes) to[i + to_lane] = from[i + from_lane];
@@ -23,7 +23,7 @@ void copy_lane(const double* from, double* to, std::size_t doubles, std::size_t 
 
 }  // namespace
 
-// Large blocks are mapped: unmapping returns their pages to the system at once, unlike a heap.
+// Large blocks are mapped with mmap, because munmap returns their memory to the system at once; a heap may keep it.
 Shard::Block Shard::make_states(std::size_t doubles) {
   const std::size_t bytes = doubles * sizeof(double);
   if (bytes < kMappedFrom) return Block(static_cast<double*>(::operator new[](bytes, kAlignment)));
@@ -39,7 +39,7 @@ void Shard::Release::operator()(double* p) const {
     ::munmap(p, mapped_bytes);
 }
 
-// Number of tiles in a block, if the shard has `tiles` tiles.
+// Number of tiles in the block with this index, if the shard has `tiles` tiles.
 std::size_t Shard::tiles_in_block(std::size_t block, std::size_t tiles) const {
   return std::min(tiles - block * tiles_per_block_, tiles_per_block_);
 }
@@ -78,7 +78,7 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
     std::copy_n(committed(tile), doubles, tile_at(tile));
   if (node_ids.empty()) return change;
 
-  // 2. initialise the new states; old nodes keep theirs in the tile that old and new nodes share
+  // 2. initialise the states of new nodes; old nodes keep their states in a tile that old and new nodes share
   std::vector<double> fresh(doubles);
   for (std::size_t tile = before / kLanes; tile < tiles; ++tile) {
     double initial[kLanes];

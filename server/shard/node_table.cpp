@@ -23,7 +23,7 @@ Rows NodeTable::locate(std::span<const std::uint64_t> node_ids) const {
   Rows rows;
   rows.slots.reserve(node_ids.size());
   std::vector<bool> taken(ids_.size(), false);
-  std::size_t guess = 0;  // nodes usually come in the order of opening, or in runs of it, without a search
+  std::size_t guess = 0;  // likely row of the next id: ids usually come in table order, or in runs of it
   for (const std::uint64_t id : node_ids) {
     std::size_t row = guess;
     if (row >= ids_.size() || ids_[row] != id) {

@@ -14,10 +14,10 @@ namespace shearbus::shard {
 
 // The slots of the rows of a request, and the faults of its node ids.
 struct Rows {
-  bool all = false;                      // every node, in the order of the table; the lists are then empty
+  bool all = false;                      // the request has every node, in the order of the table; the lists are empty
   std::vector<std::uint32_t> slots;      // slot of each row
   std::vector<std::uint64_t> unknown;    // ids that the table does not have, in row order
-  std::vector<std::uint64_t> duplicate;  // ids that occur earlier in the same request
+  std::vector<std::uint64_t> duplicate;  // ids that the request has more than once
   bool ok() const { return unknown.empty() && duplicate.empty(); }
 };
 
@@ -51,7 +51,7 @@ class NodeTable {
   // This table without the nodes in these slots, and the moves of states into the free slots.
   std::pair<NodeTable, std::vector<Relocation>> without(std::span<const std::uint32_t> slots) const;
 
-  // Memory of one node in the table, slots_ included.
+  // Memory in bytes of one node in the table, including its entry in slots_.
   static constexpr std::uint64_t kBytesPerNode =
       sizeof(std::uint64_t) + sizeof(std::pair<std::uint64_t, std::uint32_t>) + sizeof(std::uint32_t);
 

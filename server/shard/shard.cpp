@@ -10,10 +10,12 @@ using physics::kLanes;
 
 namespace {
 
-// Large enough that a freed block is returned to the system and that blocks cost a step no time; small enough to copy.
+// Size of a block of tiles. Blocks of this size return their memory to the system when they are freed and do not slow a
+// step, and one block is copied quickly.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
-// Rows of a request by the lanes of one tile; only the rows of active lanes are valid.
+// For each lane of one tile, the row of the request that steps the lane's node. Only the rows of active lanes are
+// valid.
 struct LaneRows {
   std::uint32_t row[kLanes] = {};
   std::uint32_t active = 0;
@@ -47,7 +49,8 @@ std::uint64_t Shard::bytes_of_state(const physics::Model& model) {
 }
 
 std::uint64_t Shard::bytes_per_node(const physics::Model& model) {
-  constexpr std::uint64_t kLists = NodeTable::kBytesPerNode + 2 * sizeof(std::uint32_t);  // touched_, row_of_slot_
+  // Memory of a node in NodeTable, touched_ and row_of_slot_.
+  constexpr std::uint64_t kLists = NodeTable::kBytesPerNode + 2 * sizeof(std::uint32_t);
   return 2 * bytes_of_state(model) + kLists;
 }
 
@@ -102,7 +105,8 @@ struct Shard::StepOf {
   bool has_ledger;
 };
 
-// Lists the tiles that hold a node of the request, and enters the rows in row_of_slot_ unless rows are slots.
+// Lists the tiles that hold a node of the request, and enters the row of each slot in row_of_slot_. The entries are
+// left out if the request has every node and the row of every node equals its slot.
 void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   if (rows.all) {
     for (std::size_t tile = 0; tile < num_tiles(); ++tile) tiles.push_back(static_cast<std::uint32_t>(tile));

@@ -18,9 +18,9 @@
 
 namespace shearbus::shard {
 
-// Numbers of nodes of a step.
+// Numbers of nodes in a step, by outcome.
 struct StepCount {
-  std::uint64_t flagged = 0;  // nodes whose outcome is neither 0 nor asleep
+  std::uint64_t flagged = 0;  // nodes with an outcome bit other than kAsleep
   std::uint64_t failed = 0;   // flagged nodes without an answer
   std::uint64_t asleep = 0;   // nodes at rest, which were not solved
 
@@ -28,10 +28,10 @@ struct StepCount {
 };
 
 struct ShardOptions {
-  std::size_t nodes_per_task = 512;  // steps of fewer nodes run on the calling thread
+  std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
 };
 
-// The part of a node's committed state that operators look at.
+// The part of a node's committed state that an operator of the server can inspect.
 struct NodeGlance {
   double interface_temperature;  // [K]
   double shear_stress;           // [Pa]
@@ -64,15 +64,16 @@ class Shard {
   // trial. Nodes outside of `rows` and nodes without an answer keep their states. Throws nothing.
   StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
-  // attempt() computes the step without changing the shard, from the standing trial if `from_trial`. adopt() makes the
-  // attempt the trial and cannot fail; a trial that the attempt started from must have been committed before.
+  // attempt() computes a step without changing any state of the shard. The step starts from the trial states if
+  // `from_trial`, else from the committed states. adopt() makes the result of the attempt the trial and cannot fail. If
+  // the attempt started from a trial, that trial must be committed before adopt().
   class Attempt;
   Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                   bool from_trial);
   void adopt(const Attempt& attempt);
 
   bool has_trial() const { return has_trial_; }
-  void commit();    // makes the trial the committed states
+  void commit();    // replaces the committed states by the trial states
   void rollback();  // drops the trial
 
   NodeGlance glance(std::size_t slot) const;
@@ -80,10 +81,11 @@ class Shard {
   // Committed states of one node's tile, for tests: [TileLayout::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;
 
-  // A change of the set of nodes is prepared without changing the shard; apply() cannot fail. No trial may stand. New
-  // nodes follow the present nodes. They start from a uniform temperature [K], or from states of another shard, in
-  // which row i belongs to node_ids[i]. The ids must be unique, and the shard must have none of them. Throws
-  // std::invalid_argument if the states are not of this model.
+  // adding() and removing() prepare a change of the set of nodes without changing the shard; apply() makes the change
+  // and cannot fail. The shard must not have a trial. New nodes are added after the present nodes. Each new node starts
+  // from a layer of uniform temperature, given in `temperature` [K], or from its row in `states` of another shard, in
+  // which row i belongs to node_ids[i]. The new ids must be unique, and the shard must have none of them. adding()
+  // throws std::invalid_argument if the states are not of this model.
   class NodeChange;
   NodeChange adding(std::span<const std::uint64_t> node_ids, std::span<const double> temperature,
                     const States* states = nullptr) const;
@@ -95,17 +97,17 @@ class Shard {
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
   States trial_states() const;  // trial states of the nodes in tiles that the trial changed; empty without a trial
   // Restores the results of committed_states() and trial_states() to the last bit; without `trial` there is no trial.
-  // Throws std::invalid_argument if the states are not of the model and nodes of this shard.
+  // Throws std::invalid_argument if the states do not fit the model and the nodes of this shard.
   void restore(const States& committed_states, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
 
  private:
   struct Release {
-    std::size_t mapped_bytes = 0;  // 0: allocated on the heap
+    std::size_t mapped_bytes = 0;  // size of a block mapped with mmap; 0: the block is on the heap
     void operator()(double* p) const;
   };
-  using Block = std::unique_ptr<double[], Release>;  // [tile][2][TileLayout::doubles]
+  using Block = std::unique_ptr<double[], Release>;  // two states per tile: [tile][2][TileLayout::doubles]
 
   static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
   std::size_t num_tiles() const { return tiles_for(nodes_.size()); }
@@ -138,7 +140,7 @@ class Shard {
   std::size_t tiles_per_block_;
   std::vector<Block> blocks_;
   std::vector<std::uint8_t> committed_;  // for each tile, the number (0 or 1) of the buffer with the committed states
-  std::vector<std::uint32_t> touched_;   // tiles of the trial, ascending
+  std::vector<std::uint32_t> touched_;   // numbers of the tiles that the trial changed, ascending
   std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
@@ -163,7 +165,8 @@ class Shard::NodeChange {
   std::vector<Relocation> moves_;  // moves of states, made before the blocks change
   std::size_t first_block_ = 0;    // index of the first block that `blocks_` replaces
   std::vector<Block> blocks_;
-  std::size_t copied_tiles_ = 0;  // tiles of the first new block that are copied after the moves
+  // number of leading tiles of the first new block; they are copied from the old block after the moves
+  std::size_t copied_tiles_ = 0;
   std::vector<std::uint8_t> committed_;
   std::vector<std::uint32_t> touched_;
   std::vector<std::uint32_t> row_of_slot_;

@@ -21,7 +21,7 @@ struct StateColumn {
 };
 
 struct States {
-  std::vector<std::uint32_t> rows;  // rows of the node table
+  std::vector<std::uint32_t> rows;  // rows of the nodes in the node table
   std::vector<StateColumn> columns;
 };
 

@@ -12,13 +12,13 @@
 
 namespace shearbus::shard {
 
-// Values of a request, one per row. A member without a column is 0.
+// A column of a request with one value per row. A tile member for which the request has no column is 0.
 struct InputColumn {
   double (physics::TileInputs::*member)[physics::kLanes];
   std::span<const double> values;
 };
 
-// Room for an answer, one value per row.
+// A column of the reply, filled from a tile member with one value per row.
 template <typename Lane, typename Value>
 struct AnswerColumn {
   Lane (physics::TileOutputs::*member)[physics::kLanes];

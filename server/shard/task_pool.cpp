@@ -41,7 +41,7 @@ void TaskPool::run(std::size_t count, std::size_t grain, unsigned max_threads, c
   take_ranges();
 
   std::unique_lock lock(mutex_);
-  seats_ = 0;  // a worker that wakes late finds no seat
+  seats_ = 0;  // a worker that wakes up after this can no longer join the job
   job_left_.wait(lock, [this] { return seated_ == 0; });
   if (fault_) std::rethrow_exception(std::exchange(fault_, nullptr));
 }

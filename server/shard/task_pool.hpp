@@ -24,9 +24,10 @@ class TaskPool {
 
   using Task = std::function<void(std::size_t first, std::size_t last)>;
 
-  // Calls task(first, last) on ranges of at most `grain` that cover 0..count, on the calling thread and at most
-  // `max_threads - 1` others; returns when every range is done. Ranges are assigned to threads in no defined way. After
-  // the first exception of a task no further range starts, and run() throws that exception. One caller at a time.
+  // Calls task(first, last) on ranges of at most `grain` indices that together cover [0, count), on the calling thread
+  // and at most `max_threads - 1` others; returns when every range is done. If only the calling thread works, the task
+  // is called once, on the whole of [0, count). Ranges are assigned to threads in no defined way. After the first
+  // exception of a task no further range starts, and run() throws that exception. One caller at a time.
   void run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task);
 
  private:
@@ -38,8 +39,8 @@ class TaskPool {
   std::condition_variable job_posted_;
   std::condition_variable job_left_;
   bool stopping_ = false;
-  unsigned seats_ = 0;   // workers that may still join the job
-  unsigned seated_ = 0;  // workers that have joined it
+  unsigned seats_ = 0;   // number of workers that may still join the job
+  unsigned seated_ = 0;  // number of workers that have joined the job and not left it yet
   std::exception_ptr fault_;
 
   // The job: run() writes it before it offers seats, and the workers that have a seat read it.

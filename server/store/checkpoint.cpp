@@ -107,7 +107,7 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
   put_number(group, "state_version", session.state_version);
-  put_text_dataset(group, "scene_toml", session.scene);  // an attribute holds at most 64 kB
+  put_text_dataset(group, "scene_toml", session.scene);  // not an attribute, which holds at most 64 kB
   put_ids(group, session.node_ids);
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);

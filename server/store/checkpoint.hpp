@@ -21,7 +21,7 @@ Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generati
 std::vector<std::byte> capsule_bytes(const Capsule& capsule);
 Capsule read_capsule(Bytes file, const std::string& name);
 
-// Throws DamagedFile.
+// Checks the file as verified_image() does and reads its snapshot. Throws DamagedFile.
 Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t generation);
 
 }  // namespace shearbus::store

@@ -1,5 +1,5 @@
-// Structures of the store's files, as FORMAT.md describes them. Little-endian. Every length and every sum is checked
-// before it is used.
+// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash that detects damage.
+// Every length and every sum is checked before it is used.
 #pragma once
 
 #include <array>
@@ -13,7 +13,8 @@ namespace shearbus::store {
 
 static_assert(std::endian::native == std::endian::little, "files are written as they stand in memory");
 
-// A file that no server can have written. The text names the file, the place, the expected and the found value.
+// Thrown for a file that no server can have written. Its text names the file, the place, the expected and the found
+// value.
 class DamagedFile : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -33,7 +34,7 @@ struct SegmentHeader {
   std::uint32_t version = kJournalVersion;
   std::uint32_t header_bytes = 48;
   std::uint64_t number = 0;       // number of the segment, as in its file name
-  std::uint64_t epoch = 0;        // epoch of the server that wrote it, as in the replies to these requests
+  std::uint64_t epoch = 0;        // epoch of the server that wrote the segment, as in the replies that it sent
   std::uint64_t first_index = 0;  // index of its first record
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
 };
@@ -41,10 +42,10 @@ static_assert(sizeof(SegmentHeader) == 48);
 
 // Header before the bytes of every record. The XXH3-64 of header and bytes follows the bytes.
 struct RecordHeader {
-  std::uint64_t index = 0;  // records are numbered across all segments, without gaps
+  std::uint64_t index = 0;  // number of the record, without gaps across all segments
   SessionKey session{};
-  std::uint64_t sequence = 0;        // sequence of the request in its session
-  std::uint64_t previous_reply = 0;  // XXH3-64 of the reply kept before this request; a replay must produce the same
+  std::uint64_t sequence = 0;        // sequence number of the request in its session
+  std::uint64_t previous_reply = 0;  // hash of the session's reply before this request; a replay must give the same
   std::uint32_t header_frame_bytes = 0;
   std::uint32_t payload_frame_bytes = 0;
   std::uint32_t identity_bytes = 0;
@@ -53,7 +54,7 @@ struct RecordHeader {
 };
 static_assert(sizeof(RecordHeader) == 64);
 inline constexpr std::size_t kRecordSumBytes = 8;
-inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // bound of a frame in every protocol version
+inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // largest frame of any protocol version
 
 // Footer of every checkpoint, after the HDF5 image.
 struct CheckpointFooter {

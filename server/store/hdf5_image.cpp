@@ -3,7 +3,7 @@
 namespace shearbus::store {
 namespace {
 
-constexpr std::size_t kGrowBy = std::size_t{1} << 20;  // growth of an image under construction  [bytes]
+constexpr std::size_t kGrowBy = std::size_t{1} << 20;  // an image that is being built grows by this size  [bytes]
 
 // Switches off HDF5's printing of its error stack: Hdf5Error names the operation that failed.
 void be_quiet() {
@@ -28,12 +28,14 @@ hdf5::Type text_type(std::size_t size) {
   return type;
 }
 
-// Requires a space of one value: HDF5 reads as many values as the file declares, and the buffer has room for one.
+// Throws unless the data space has exactly one value: HDF5 reads as many values as the file declares, and the buffer
+// has room for one.
 void check_single(hid_t space, const std::string& name) {
   if (H5Sget_simple_extent_npoints(space) != 1) throw Hdf5Error("read one value from " + name);
 }
 
-// Requires that the file stores as many bytes as extent and type claim, so that a damaged extent cannot exhaust memory.
+// Throws unless the file stores as many bytes as extent and type of the dataset declare. Otherwise a damaged extent
+// could exhaust the memory.
 void check_room(hid_t dataset, hid_t space, const std::string& name) {
   const hdf5::Type type(checked(H5Dget_type(dataset), "type dataset ", name));
   const hssize_t count = H5Sget_simple_extent_npoints(space);
@@ -189,7 +191,8 @@ Extent extent_of(hid_t dataset, const std::string& name) {
   check_room(dataset, space, name);
   hsize_t extent[2] = {0, 0};
   H5Sget_simple_extent_dims(space, extent, nullptr);
-  if (rank == 2 && extent[1] == 0) throw Hdf5Error("find columns in table " + name);  // width 0 stands for a list
+  // A width of 0 is reserved for lists, which have rank 1.
+  if (rank == 2 && extent[1] == 0) throw Hdf5Error("find columns in table " + name);
   return {extent[0], extent[1]};
 }
 

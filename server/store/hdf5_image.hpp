@@ -20,8 +20,8 @@ class Hdf5Error : public std::runtime_error {
   explicit Hdf5Error(const std::string& doing) : std::runtime_error("HDF5 could not " + doing) {}
 };
 
-// Returns the id, or throws an Hdf5Error for a negative id. The words of its text are joined only in that case: with a
-// good id nothing may fail before a handle owns it.
+// Returns the id, or throws an Hdf5Error for a negative id. Its text is composed only for a
+// negative id: composing may throw, and a valid id must reach the handle that owns it before anything throws.
 hid_t checked(hid_t id, std::string_view doing, std::string_view what = {});
 
 template <typename Number>
@@ -38,12 +38,12 @@ hid_t hdf5_type() {
   }
 }
 
-// The name of a file in memory. HDF5 looks for the name on disk and refuses an image where a file has it, so the name
-// is one that no disk can hold.
+// The name of a file in memory. HDF5 refuses an image if a file of the same name exists on the disk. No file can
+// exist under /dev/null, which is no directory.
 inline constexpr const char* kImageName = "/dev/null/checkpoint";
 
 hdf5::File new_image();                                   // creates an empty file in memory
-hdf5::File open_image(std::span<const std::byte> image);  // opens it for reading
+hdf5::File open_image(std::span<const std::byte> image);  // opens an image for reading
 std::vector<std::byte> bytes_of_image(hid_t file);
 
 hdf5::Group make_group(hid_t parent, const std::string& name);
@@ -52,7 +52,7 @@ bool has_child(hid_t parent, const std::string& name);
 std::vector<std::string> children_of(hid_t group);  // names in ascending order
 
 void put_text(hid_t object, const std::string& name, const std::string& text);
-// A dataset holds more than the 64 kB of an attribute.
+// Writes a text as a dataset, which may be longer than the 64 kB of an attribute.
 void put_text_dataset(hid_t group, const std::string& name, const std::string& text);
 std::string text_in_dataset(hid_t group, const std::string& name);
 void put_number(hid_t object, const std::string& name, std::uint64_t value);

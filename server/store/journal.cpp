@@ -9,7 +9,7 @@
 namespace shearbus::store {
 namespace {
 
-// Unwritten parts of a file read as 0, so a sum is never 0.
+// A stored sum is never 0, so that it differs from the parts of a file that were never written, which read as 0.
 std::uint64_t never_zero(std::uint64_t sum) {
   return sum != 0 ? sum : 1;
 }
@@ -48,7 +48,7 @@ bool all_zero(Bytes bytes) {
   throw DamagedFile(name + ", byte " + std::to_string(offset) + ": " + what);
 }
 
-// Returns false if the file ends before the header does.
+// Returns false if the header is incomplete: the file is too short, or all its bytes are 0.
 bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment) {
   if (bytes.size() < sizeof(SegmentHeader) || all_zero(bytes)) return false;
   const auto header = value_at<SegmentHeader>(bytes, 0);
@@ -83,7 +83,7 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
   const std::uint64_t length = frames_at + header.header_frame_bytes + header.payload_frame_bytes;
   if (rest.size() < length + kRecordSumBytes) return false;
   const auto sum = value_at<std::uint64_t>(rest, length);
-  // A file whose length reached the disk before its data ends in zeros; a sum is never zero.
+  // If the length of a file reached the disk before its data, the file ends in zeros. A stored sum is never zero.
   if (sum == 0 && rest.size() == length + kRecordSumBytes) return false;
   const Bytes identity = rest.subspan(sizeof header, header.identity_bytes);
   const Bytes header_frame = rest.subspan(frames_at, header.header_frame_bytes);
@@ -139,7 +139,7 @@ void JournalWriter::append(const Record& record) {
   } catch (const StorageError& fault) {
     broken_ = true;
     if (!fault.no_space()) throw;
-    file_->truncate(bytes_);  // remove the part of the record that was written
+    file_->truncate(bytes_);  // removes the written part of the incomplete record
     broken_ = false;
     throw;
   }

@@ -22,10 +22,10 @@ struct Record {
   Bytes header_frame;
   Bytes payload_frame;        // empty: the request has none
   std::string_view identity;  // open_session only: the owner of the session
-  std::uint64_t index = 0;    // assigned by the journal
+  std::uint64_t index = 0;    // number of the record, assigned by the journal
 };
 
-// Appends records to the current segment.
+// Appends records to a new segment, which is one file of the journal.
 class JournalWriter {
  public:
   // Creates the file. With `durable` the name and the header are on the disk when the constructor returns.
@@ -52,19 +52,20 @@ class JournalWriter {
   bool broken_ = false;
 };
 
-// The contents of a segment. `records` point into the bytes that the segment was read from.
+// The contents of a segment (one file of the journal). `records` point into the bytes that the segment was read from.
 struct Segment {
   std::uint64_t number = 0;
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
   std::vector<Record> records;
-  std::uint64_t sound_bytes = 0;  // up to the end of the last complete record; 0: not even the header is complete
+  std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
   bool torn = false;              // the last record is incomplete, so its request was never answered
 
   std::uint64_t next_index() const { return first_index + records.size(); }
 };
 
-// Throws DamagedFile for every content that a writer which died during an append cannot have left.
+// Reads a segment. An incomplete last record is no damage: the writer may have died while it appended the record.
+// Throws DamagedFile for any other fault of the bytes.
 Segment read_segment(Bytes bytes, const std::string& name);
 
 }  // namespace shearbus::store

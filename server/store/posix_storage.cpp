@@ -37,8 +37,9 @@ class PosixFile final : public File {
   void append(std::span<const Bytes> parts) override {
     std::vector<iovec> left;
     left.reserve(parts.size());
+    // The cast is safe: writev does not change the bytes.
     for (const Bytes part : parts)
-      if (!part.empty()) left.push_back({const_cast<std::byte*>(part.data()), part.size()});  // writev only reads
+      if (!part.empty()) left.push_back({const_cast<std::byte*>(part.data()), part.size()});
     for (std::size_t first = 0; first < left.size();) {
       const auto count = static_cast<int>(std::min<std::size_t>(left.size() - first, IOV_MAX));
       auto written = retried([&] { return ::writev(file_, left.data() + first, count); });

@@ -14,7 +14,7 @@ namespace shearbus::store {
 // States that a client saved under a name (wire::Mark).
 struct MarkImage {
   std::string name;
-  std::uint64_t sequence = 0;  // sequence of the request that created the mark
+  std::uint64_t sequence = 0;  // sequence number of the request that made the mark
   std::uint64_t state_version = 0;
   std::vector<std::uint64_t> node_ids;
   shard::States states;
@@ -23,9 +23,9 @@ struct MarkImage {
 // Nodes that one session has offered and no other session has accepted yet.
 struct TransferImage {
   SessionKey id{};
-  SessionKey giver{};
-  std::uint64_t sequence = 0;  // sequence of the giver's request
-  std::string identity;        // owner of the domain
+  SessionKey giver{};          // session that made the offer
+  std::uint64_t sequence = 0;  // sequence number of the request that made the offer
+  std::string identity;        // identity that owns the domain
   std::string domain;
   std::string layers;  // layers that the accepting session must have, as TOML
   std::vector<std::uint64_t> node_ids;
@@ -35,19 +35,19 @@ struct TransferImage {
 struct SessionImage {
   SessionKey id{};
   bool open = true;           // a closed session keeps only its last request and reply
-  std::string identity;       // owner of the session
-  SessionKey resume_token{};  // all zero: no token
-  std::string domain;         // empty: none
+  std::string identity;       // identity that owns the session
+  SessionKey resume_token{};  // all zero: the session cannot be resumed
+  std::string domain;         // empty: the session is in no domain
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes
-  std::vector<std::byte> reply_header;   // frames of the kept reply
-  std::vector<std::byte> reply_payload;  // empty: none
+  std::vector<std::byte> reply_header;   // header frame of the kept reply
+  std::vector<std::byte> reply_payload;  // empty: the kept reply has no payload
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
 
   // The members below are set for open sessions only.
-  std::string scene;  // effective, as TOML
+  std::string scene;  // effective scene, as TOML
   std::vector<std::uint64_t> node_ids;
   std::uint64_t state_version = 0;
   shard::States committed;
@@ -55,7 +55,7 @@ struct SessionImage {
   std::vector<MarkImage> marks;  // oldest first
 };
 
-// A node's step that failed, with all inputs needed to repeat it for this node alone.
+// A capsule records a failed step of one node, with all inputs needed to repeat the step for this node alone.
 struct CapsuleValue {
   std::string name;  // name with unit: "pressure_pa"
   double value = 0.0;
@@ -64,7 +64,7 @@ struct Capsule {
   std::string server_version;
   SessionKey session{};
   std::uint64_t sequence = 0;
-  std::string scene;  // effective, as TOML
+  std::string scene;  // effective scene, as TOML
   std::uint64_t node_id = 0;
   double dt_s = 0.0;
   double time_s = 0.0;

@@ -15,7 +15,7 @@ namespace shearbus::store {
 
 using Bytes = std::span<const std::byte>;
 
-// A failed call of the disk.
+// Thrown if a call of the disk fails.
 class StorageError : public std::runtime_error {
  public:
   StorageError(const std::string& doing, int code);

@@ -43,7 +43,7 @@ const char* name(Durability durability) {
   return "?";
 }
 
-// Lists the files of the directory by kind, with ascending numbers.
+// The files of the directory by kind, each kind with ascending numbers.
 struct Store::Found {
   std::vector<std::uint64_t> checkpoints;
   std::vector<std::uint64_t> segments;
@@ -172,7 +172,7 @@ void Store::set_aside(const Found& found) {
 }
 
 void Store::start_segment() {
-  const std::uint64_t number = next_segment_++;  // even if the creation fails, since the file may exist afterwards
+  const std::uint64_t number = next_segment_++;  // counted even if the creation fails, since the file may exist then
   journal_ = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
                                              options_.durability == Durability::kPower);
   segments_.push_back({number, next_index_});
@@ -251,7 +251,7 @@ void Store::write_checkpoint(const Snapshot& snapshot) {
     try {
       storage_.remove(unfinished);
     } catch (const std::exception&) {
-      // Recovery removes it.
+      // The next recovery removes the unfinished file.
     }
     throw;
   }
@@ -277,9 +277,9 @@ std::string Store::leave_capsule(const Capsule& capsule) {
   return file;
 }
 
-// Keeps the newest checkpoints and every segment with a record later than the oldest of these checkpoints. All other
-// checkpoints, including damaged ones and those of attempts that failed after the rename, are removed before the
-// segments and durably: without the segments an older checkpoint cannot be used.
+// Keeps the newest kGenerationsKept sound checkpoints and every segment with a record later than the oldest of them.
+// Older checkpoints are removed, including damaged ones and the files of failed attempts. Their removal is durable
+// before the first segment is removed, because a checkpoint without the later segments cannot be used.
 void Store::prune() {
   if (checkpoints_.size() > kGenerationsKept)
     checkpoints_.erase(checkpoints_.begin(), checkpoints_.end() - kGenerationsKept);

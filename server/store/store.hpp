@@ -2,8 +2,8 @@
 // is kept of each request and when a checkpoint is due. It does not interpret requests.
 //
 // Recovery loads the newest sound checkpoint and replays every later record. A damaged file is never loaded and never
-// skipped without a message. A damaged checkpoint is replaced by the one before it and the journal since then. A
-// damaged journal has no replacement: the server stops and an operator must decide.
+// skipped without a message. A damaged checkpoint is replaced by the checkpoint before it and the journal since
+// then. A damaged journal has no replacement: the server stops and an operator must decide.
 #pragma once
 
 #include <cstdint>
@@ -27,10 +27,10 @@ const char* name(Durability durability);
 
 struct StoreOptions {
   Durability durability = Durability::kProcess;
-  std::uint64_t epoch = 1;                                    // counts the starts of this server
+  std::uint64_t epoch = 1;                                    // random number of this start of the server
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // journal size at which a checkpoint is due
-  std::size_t max_capsules = 16;                // most failure capsules in the directory; further ones are not written
-  bool accept_empty = false;                    // rename unusable files and start empty instead of refusing to start
+  std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
+  bool accept_empty = false;      // rename unusable files and start without states, instead of refusing to start
   std::function<void(const std::string&)> log;  // lines for the operator; may be empty
 };
 
@@ -39,8 +39,8 @@ class Recovery {
  public:
   virtual ~Recovery() = default;
   virtual void restore(const Snapshot& snapshot) = 0;                  // called first, if there is a checkpoint
-  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // called for every later record, in order
-  virtual void clear() = 0;                                            // discard everything recovered so far
+  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // once per record after the checkpoint, in order
+  virtual void clear() = 0;                                            // called to discard everything recovered so far
 };
 
 struct StoreCounters {
@@ -63,7 +63,7 @@ class Store {
   // Records a request before it is executed. Throws StorageError: if no_space() is true nothing was recorded and a
   // later call may succeed; any other failure is final.
   void append(const Record& record);
-  // Makes the appended records as durable as the mode promises. A failure is final.
+  // Makes the appended records as durable as StoreOptions::durability promises. A failure is final.
   void settle();
   bool failed() const { return failed_; }  // after a final failure no request may be answered
 
@@ -108,7 +108,7 @@ class Store {
   bool failed_ = false;
   struct Kept {
     std::uint64_t number;  // number of the file
-    std::uint64_t index;   // checkpoint: next_index; segment: first_index
+    std::uint64_t index;   // of a checkpoint: Snapshot::next_index; of a segment: first_index
   };
   std::vector<Kept> checkpoints_;  // sound checkpoints, oldest first
   std::vector<Kept> segments_;     // oldest first

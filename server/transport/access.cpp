@@ -19,10 +19,10 @@ namespace {
 
 constexpr const char* kZapEndpoint = "inproc://zeromq.zap.01";
 constexpr std::size_t kFixedFrames =
-    6;                              // version, request id, domain, address, routing id, mechanism; then credentials
-constexpr int kEnforceDomain = 93;  // ZMQ_ZAP_ENFORCE_DOMAIN, which libzmq's header names in draft builds only
-constexpr std::size_t kKeyBytes = 32;
-constexpr std::size_t kKeyText = 41;  // Z85 and a zero
+    6;  // frames before the credentials: version, id, domain, address, routing id, mechanism
+constexpr int kEnforceDomain = 93;     // ZMQ_ZAP_ENFORCE_DOMAIN, which libzmq's header names in draft builds only
+constexpr std::size_t kKeyBytes = 32;  // size of a key in binary form
+constexpr std::size_t kKeyText = 41;   // characters of a key in Z85, with the terminating zero
 
 const char* domain_of(Peer::Way way) {
   switch (way) {
@@ -47,7 +47,7 @@ std::optional<std::uint32_t> uid_in(std::string_view address) {
   return uid;
 }
 
-// Returns no peer for a request that no guarded socket of this server makes.
+// Returns nothing for a request that cannot come from a guarded socket of this server.
 std::optional<Peer> peer_of(const std::vector<zmq::message_t>& request) {
   if (request.size() < kFixedFrames || request[0].to_string_view() != "1.0") return std::nullopt;
   const std::string_view domain = request[2].to_string_view();
@@ -89,8 +89,8 @@ AccessHandler::AccessHandler(zmq::context_t& context, Authorise authorise, std::
   zmq::socket_t socket(context, zmq::socket_type::rep);
   socket.set(zmq::sockopt::linger, 0);
   socket.bind(kZapEndpoint);
-  // The socket passes from the constructing thread to the new one here; the start of a thread orders their memory
-  // accesses.
+  // Here the socket passes from this thread to the new thread. libzmq permits this because the start of a thread orders
+  // the memory accesses of the two threads.
   thread_ = std::thread([this, owned = std::move(socket)]() mutable { run(std::move(owned)); });
 }
 

@@ -1,5 +1,5 @@
-// Decides which peers may connect: a ZAP handler (ZeroMQ RFC 27) on its own thread, which calls a function of the
-// caller. It fails closed: if the function throws or blocks, or the thread has died, new connections are refused;
+// Decides which peers may connect: a ZAP handler (ZeroMQ RFC 27) on its own thread, which asks the given function
+// `authorise`. It fails closed: if the function throws or blocks, or the thread has died, new connections are refused;
 // existing connections stay.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace shearbus::transport {
 struct Peer {
   enum class Way { kIpc, kCurve, kPlaintext };
   Way way = Way::kPlaintext;
-  std::string address;     // address, for log lines
+  std::string address;     // network address as libzmq gives it, for log lines
   std::uint32_t uid = 0;   // kIpc: uid of the peer's process, from the kernel
   std::string public_key;  // kCurve: public key as Z85; the handshake has proved that the peer has the secret key
 };

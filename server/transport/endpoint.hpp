@@ -1,5 +1,5 @@
-// An address at which a server may listen. Only tcp and ipc are accepted, although libzmq has more transports; the
-// others are refused before libzmq sees them.
+// An address at which a server may listen. Only tcp and ipc are accepted, although libzmq has more transports;
+// endpoints of other transports are refused before libzmq sees them.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ enum class Scheme { kTcp, kIpc, kInproc };
 
 struct Endpoint {
   Scheme scheme = Scheme::kIpc;
-  std::string text;  // the address as given, for libzmq
+  std::string text;  // the whole endpoint as given, for libzmq
   std::string host;  // tcp: address without brackets
   std::string port;  // tcp: a port number, or "*" for any free port
   std::string path;  // ipc: path of the socket

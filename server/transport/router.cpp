@@ -13,16 +13,17 @@
 namespace shearbus::transport {
 namespace {
 
-constexpr std::size_t kMaxFrames = 2;                        // frames of a request after the peer's routing id
-constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // largest frame that is cheaper to copy than to count
-constexpr int kAnswersBeforePoll = 8;                        // bounds the delay of the stop signal on a busy bus
+constexpr std::size_t kMaxFrames = 2;  // largest number of frames of a request, without the routing id
+constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // largest frame that is copied  [bytes]
+constexpr int kAnswersBeforePoll = 8;  // number of answers after which the stop signal is checked again
 
-constexpr int kBacklog = 4096;  // pending connections in the kernel, which drops first attempts beyond them
+// longest queue of pending connections; the kernel drops further connection attempts, which the peers then repeat
+constexpr int kBacklog = 4096;
 constexpr int kHandshakeMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kKeepaliveIdleS = 60;
-constexpr int kLingerMs = 1'000;  // longest wait at the end for peers to read their pending answers
+constexpr int kLingerMs = 1'000;  // longest wait at the end until peers have read their answers
 
 // Sets the umask, and with it the permissions of the socket's file, for the duration of a bind.
 class Umask {
@@ -36,7 +37,8 @@ class Umask {
   mode_t previous_;
 };
 
-// Returns the peer's property that libzmq attaches to each frame after the first, or null if there is none.
+// Returns a property of the sender, which libzmq attaches to each frame after the first; null if it has no such
+// property.
 const char* property(zmq::message_t& frame, const char* name) {
   return zmq_msg_gets(frame.handle(), name);
 }
@@ -54,7 +56,8 @@ zmq::message_t message_of(const OutFrame& frame) {
 
 }  // namespace
 
-// All options are set before the first bind; a later change would affect later binds only.
+// The options below hold for all endpoints. They are set before the first bind, because a change affects later binds
+// only.
 Router::Router(RouterOptions options) : options_(std::move(options)), socket_(context_, zmq::socket_type::router) {
   socket_.set(zmq::sockopt::router_mandatory, true);  // an undeliverable answer is an error instead of being dropped
   socket_.set(zmq::sockopt::sndhwm, options_.queued_messages_per_peer);
@@ -111,7 +114,7 @@ void Router::bind_tcp(const Endpoint& endpoint) {
         "--insecure-plaintext");
   socket_.set(zmq::sockopt::ipv6, endpoint.host.find(':') != std::string::npos);
   if (curve) socket_.set(zmq::sockopt::curve_secretkey, options_.curve_secret_key);
-  socket_.set(zmq::sockopt::curve_server, curve);  // also selects CURVE or no mechanism
+  socket_.set(zmq::sockopt::curve_server, curve);  // selects the mechanism of the next bind: CURVE or none
   guard(curve ? Peer::Way::kCurve : Peer::Way::kPlaintext);
   socket_.bind(endpoint.text);
 }
@@ -156,7 +159,8 @@ bool Router::answer_one(const Handler& handler) {
     more = frame.more();
   }
   ++counters_.received;
-  // A message without a user has not passed the access handler, unless it comes from this process.
+  // A message without a user is dropped unless it comes from this process: its sender has not passed the access
+  // handler.
   const char* user = count != 0 ? property(frames[0], "User-Id") : nullptr;
   if (user == nullptr && (!serves_own_process_ || count == 0 || property(frames[0], "Peer-Address") != nullptr)) {
     ++counters_.without_user;
@@ -179,8 +183,8 @@ bool Router::receive(zmq::message_t& frame) {
   }
 }
 
-// Sends without waiting. Only the routing id can fail: once libzmq has accepted it, libzmq accepts the rest of the
-// message.
+// Sends without waiting. Only the sending of the routing id can fail: once libzmq has accepted it, libzmq accepts the
+// other frames of the message.
 void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
   const auto send_frame = [&](zmq::message_t& frame, bool more) {
     while (zmq_msg_send(frame.handle(), socket_.handle(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {

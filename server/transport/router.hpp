@@ -30,21 +30,21 @@ using Frames = std::span<const std::span<const std::byte>>;
 // process. A result without frames means no answer.
 using Handler = std::function<std::vector<OutFrame>(Frames, std::string_view user)>;
 
-// Work of a router between requests.
+// Work that the router calls between requests.
 struct Pulse {
-  int every_ms = -1;           // longest interval between calls without requests; -1: calls after requests only
-  std::function<bool()> beat;  // returns false to end the run; may be empty
+  int every_ms = -1;           // longest wait between two calls of `beat`; -1: called after requests only
+  std::function<bool()> beat;  // does the work and returns false to end the run; may be empty
 };
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;                     // a peer has one request in flight; the others are repeats
+  int queued_messages_per_peer = 4;                     // a peer sends one request at a time; others are repeats
   Authorise authorise;                                  // decides who may connect by ipc and tcp
   bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;                         // Z85; with it tcp peers must have keys; empty: no keys
+  std::string curve_secret_key;                         // in Z85; tcp peers then must have keys; empty: no keys
   bool insecure_plaintext = false;                      // allows tcp without keys, which is refused otherwise
-  std::function<void(const std::string&)> log;          // a line per undeliverable answer; may be empty
-  std::function<void(const std::string&)> log_access;   // a line per refused connection; called from another thread
+  std::function<void(const std::string&)> log;          // gets a line per undeliverable answer; may be empty
+  std::function<void(const std::string&)> log_access;   // gets a line per refused connection, on another thread
 };
 
 struct RouterCounters {
@@ -76,12 +76,12 @@ class Router {
   void answer_waiting(const Handler& handler, std::size_t limit);
 
   const RouterCounters& counters() const { return counters_; }
-  const AccessHandler* access() const { return access_.get(); }  // null if only inproc endpoints are bound
+  const AccessHandler* access() const { return access_.get(); }  // null if no ipc or tcp endpoint is bound
 
  private:
   void bind_ipc(const Endpoint& endpoint);
   void bind_tcp(const Endpoint& endpoint);
-  void guard(Peer::Way way);  // applies to the next bind
+  void guard(Peer::Way way);  // lets the access handler judge the peers of the next bind
   bool answer_one(const Handler& handler);
   bool receive(zmq::message_t& frame);
   void send(zmq::message_t& peer, const std::vector<OutFrame>& frames);

@@ -42,11 +42,11 @@ using wire::TransferId;
 
 struct ClientOptions {
   std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
-  void* context = nullptr;               // libzmq context to share; required for inproc, else null
+  void* context = nullptr;               // libzmq context to use; required for inproc; null: a context of its own
   std::string server_key;                // tcp: the server's public CURVE key; empty: no encryption
-  std::string secret_key;                // this client's secret key, with server_key; made by shearbus-ctl keygen
+  std::string secret_key;                // this client's secret key, required with server_key
   std::string name = "shearbus-client";  // name of this client in the server's log
-  std::chrono::milliseconds connect_deadline{5'000};  // deadline of the first hello
+  std::chrono::milliseconds connect_deadline{5'000};  // deadline of connecting and the first exchange
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
 };
@@ -59,7 +59,7 @@ struct KeyPair {
 KeyPair make_key_pair();
 
 struct OpenOptions {
-  std::span<const double> initial_temperature_k;  // one per node; empty: the scene's
+  std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
   // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
   // sessions. A session outside of any domain (empty) must be opened with at least one node.
   std::string domain;
@@ -70,14 +70,15 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // for trial(): commit the standing trial first
+  bool commit_previous = false;  // for trial(): first commits the present trial
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
-  // call throws kStepFailed with the ids of such nodes, and changes nothing.
+  // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
 };
 
 // The reply to a step. A column has one value per row of the request, in the order of the request, and is valid until
-// the session's next call. Tangential columns have a component 1 if the scene has tangential_components = 2.
+// the session's next call. Tangential columns have a second component, with index 1, if the scene has
+// tangential_components = 2.
 class StepResult {
  public:
   std::span<const double> shear_stress_pa(std::uint32_t component = 0) const {
@@ -104,7 +105,7 @@ class StepResult {
   std::chrono::nanoseconds round_trip_{0};
 };
 
-class Connection;  // socket, deadlines, retries
+class Connection;  // owns the socket and applies deadlines and retries
 
 class Session {
  public:
@@ -118,8 +119,8 @@ class Session {
   // The required columns of a step of some nodes, with rows in the order of `node_ids`, and the given optional columns.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
 
-  const StepResult& advance(const Batch& request, const StepOptions& step);  // step and accept
-  const StepResult& trial(const Batch& request, const StepOptions& step);    // step; commit() or rollback() decides
+  const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the result
+  const StepResult& trial(const Batch& request, const StepOptions& step);    // steps; commit() or rollback() follows
   // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
   // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
@@ -133,11 +134,11 @@ class Session {
   // a trial.
   wire::Marked mark(const std::string& name);
   std::uint64_t rollback_to(const std::string& mark);
-  // These calls change the set of nodes and are refused while a trial stands. New nodes follow the present nodes, which
-  // keep their order.
+  // These calls change the set of nodes and are refused while the session has a trial. New nodes are added after the
+  // present nodes, which keep their order.
   void register_nodes(std::span<const std::uint64_t> node_ids,
-                      std::span<const double> initial_temperature_k = {});  // one per node; empty: the scene's
-  void retire_nodes(std::span<const std::uint64_t> node_ids);               // their states are freed
+                      std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
+  void retire_nodes(std::span<const std::uint64_t> node_ids);               // removes the nodes with their states
   // Moves nodes with their states to another session of the domain: that session passes the returned id to
   // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
   TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
@@ -161,7 +162,7 @@ class Session {
     wire::ResumeToken resume_token{};
   };
   Ticket ticket() const;
-  // Offers that no session had accepted when this session was resumed.
+  // Offers of this session that no session had accepted when it was resumed.
   const std::vector<TransferId>& offers() const;
   std::uint64_t last_sequence() const;  // number of the last answered request; 0 is the opening
   void leave();                         // leaves the session open on the server, to be resumed
@@ -173,10 +174,10 @@ class Session {
   std::unique_ptr<Impl> impl_;
 };
 
-// Top nodes of a session by their committed states. sliding_velocity_m_per_s is filled by Top::kFastest only.
+// Top nodes of a session by their committed states. sliding_velocity_m_per_s is filled for Top::kFastest only.
 struct TopNodes {
   wire::SessionInfo session;
-  std::uint64_t matching = 0;  // number of nodes that qualify
+  std::uint64_t matching = 0;  // number of nodes that qualify, including those beyond `count`
   std::vector<std::uint64_t> node_ids;
   std::vector<double> interface_temperature_k;
   std::vector<double> shear_stress_pa;
@@ -187,7 +188,7 @@ struct TopNodes {
 class Client {
  public:
   explicit Client(ClientOptions options);                   // connects and says hello
-  explicit Client(std::shared_ptr<Connection> connection);  // over a given connection, for tests
+  explicit Client(std::shared_ptr<Connection> connection);  // uses a given connection, for tests
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
   ~Client();
@@ -201,7 +202,7 @@ class Client {
   Session resume(const Session::Ticket& ticket);
   wire::ServerStatus server_status();
 
-  // Calls for operators. top_nodes() returns at most `count` nodes of a session, the highest first.
+  // Calls for operators. top_nodes() returns at most `count` nodes of a session, highest value first.
   wire::Checkpointed checkpoint();
   wire::Draining drain(bool exit);
   std::vector<wire::SessionInfo> sessions();
