@@ -71,7 +71,7 @@ struct LawTime {
   std::chrono::nanoseconds cpu{0};     // CPU time of the host's thread spent on requests
 };
 
-// Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
+// Optional physics that the run left out, and the memory that it would have needed. Empty for laws without options.
 struct OmittedCost {
   std::vector<std::pair<std::string, std::string>> lines;  // lines of the summary: label and text
   std::vector<std::string> parts;

@@ -1,7 +1,7 @@
 // A staggered Lagrangian hydrocode in two dimensions: velocities on nodes, everything else in zones, one predictor and
 // one evaluation of forces a step, as in PENNANT and the compatible scheme of Caramana, Burton, Shashkov & Whalen (J.
-// The work of every force on the nodes is taken from the energy of the zone that exerts the force, so that the total
-// energy changes only by the work of the boundaries, to rounding.
+// Comput. Phys. 146 (1998) 227). The work of every force on the nodes is taken from the energy of the zone that exerts
+// the force, so that the total energy changes only by the work of the boundaries, to rounding.
 #pragma once
 
 #include <cstdint>
