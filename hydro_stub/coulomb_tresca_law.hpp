@@ -30,10 +30,10 @@ class CoulombTrescaLaw : public InterfaceLaw {
   void advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer);
 
   physics::VelocityWeakening friction_;
-  double yield_fraction_;  // mu_T
+  double yield_fraction_;  // factor mu_T of the Tresca limit
   physics::Material soft_;
   double heat_share_;                     // beta_T: share of the friction heat that enters the soft body
-  std::vector<double> cell_temperature_;  // [K]
+  std::vector<double> cell_temperature_;  // T_cell of each node  [K]
   std::chrono::nanoseconds spent_{0};
 };
 

@@ -19,7 +19,7 @@ class HistoryRows {
   HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes);
 
   void begin_row(double time);  // [s]
-  template <typename Values>    // Values: doubles or regimes
+  template <typename Values>    // Values: a range of doubles or of regimes
   void set(std::size_t quantity, const Values& values) {
     values_[quantity].insert(values_[quantity].end(), values.begin(), values.end());
   }
@@ -32,7 +32,7 @@ class HistoryRows {
   std::vector<wire::Quantity> quantities_;
   std::size_t nodes_;
   std::vector<double> times_;
-  std::vector<std::vector<double>> values_;  // [quantity][row, node]
+  std::vector<std::vector<double>> values_;  // of each quantity: row after row, in each row one value per node
 };
 
 }  // namespace shearbus::hydro

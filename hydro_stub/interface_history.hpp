@@ -25,7 +25,7 @@ class InterfaceHistory {
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
 
   std::size_t nodes() const { return slip_.size(); }
-  double share(wire::Regime regime) const;  // share of the node-steps
+  double share(wire::Regime regime) const;  // share of all node-steps in this regime
   const wire::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
@@ -37,8 +37,8 @@ class InterfaceHistory {
 
   HistoryRows rows_;
   std::vector<double> slip_;         // integral of |[v]| while closed  [m]
-  std::array<double, 5> regimes_{};  // node-steps in each regime
-  std::array<double, 2> peaks_{};    // [K], [Pa]
+  std::array<double, 5> regimes_{};  // number of node-steps in each regime
+  std::array<double, 2> peaks_{};    // largest temperature [K] and pressure [Pa] so far
   wire::EnergyTotals energy_;
 };
 

@@ -29,16 +29,16 @@ struct InterfaceInputs {
   std::uint64_t step = 0;
   double time = 0.0;                  // t(n+1/2)  [s]
   double dt = 0.0;                    // [s]
-  std::vector<double> velocity_jump;  // [V] at n-1/2                               [m/s]
-  std::vector<double> pressure;       // at n, compression positive                 [Pa]
-  std::vector<double> stress_soft;    // at n, in the soft zone next to the interface        [Pa]
-  std::vector<double> stress_hard;    // at n, in the hard zone next to the interface        [Pa]
-  std::vector<double> mass_soft;      // mass of half the soft zone per area                 [kg/m2]
-  std::vector<double> mass_hard;      // mass of half the hard zone per area                 [kg/m2]
+  std::vector<double> velocity_jump;  // velocity jump [V] at n-1/2  [m/s]
+  std::vector<double> pressure;       // pressure at n, compression positive  [Pa]
+  std::vector<double> stress_soft;    // shear stress at n in the soft zone next to the interface  [Pa]
+  std::vector<double> stress_hard;    // shear stress at n in the hard zone next to the interface  [Pa]
+  std::vector<double> mass_soft;      // mass of half the soft zone per area  [kg/m2]
+  std::vector<double> mass_hard;      // mass of half the hard zone per area  [kg/m2]
   // State of the soft zone at the interface, if the host computes it; empty if the law has to compute it.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
-  std::vector<double> soft_plastic_strain_rate;  // rate of shear along the interface, not negative  [1/s]
+  std::vector<double> soft_plastic_strain_rate;  // rate of plastic shear along the interface, not negative  [1/s]
 };
 
 // Answers of the law, one value per node.
@@ -51,10 +51,10 @@ struct InterfaceAnswer {
         friction_heat(nodes),
         regime(nodes) {}
 
-  std::vector<double> shear_stress;           // s, acting during the step        [Pa]
-  std::vector<double> velocity_jump_new;      // [V] at n+1/2, by (61) with s     [m/s]
-  std::vector<double> sliding_velocity;       // [v]                              [m/s]
-  std::vector<double> interface_temperature;  // at n+1/2                         [K]
+  std::vector<double> shear_stress;           // stress s that acts during the step  [Pa]
+  std::vector<double> velocity_jump_new;      // [V] at n+1/2, from DLP (61) with this s  [m/s]
+  std::vector<double> sliding_velocity;       // slip [v] at the interface  [m/s]
+  std::vector<double> interface_temperature;  // temperature T0 of the interface at n+1/2  [K]
   std::vector<double> friction_heat;          // heat that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime
   wire::EnergyTotals energy;                  // energies of the layers in the step; empty for laws without layers
@@ -66,12 +66,12 @@ struct LawTime {
   std::chrono::nanoseconds solver{0};
   // time in the server: in the solver, and for reading, checking and answering requests
   std::chrono::nanoseconds service{0};
-  std::chrono::nanoseconds bus{0};     // round trips less the solver's share
+  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in the solver
   std::chrono::nanoseconds waited{0};  // time in which the host was blocked
   std::chrono::nanoseconds cpu{0};     // CPU time of the host's thread spent on requests
 };
 
-// Optional physics that the run left out, and the memory that it would have taken. Empty for laws without options.
+// Optional physics that the run left out, and the memory that it would have needed. Empty for laws without options.
 struct OmittedCost {
   std::vector<std::pair<std::string, std::string>> lines;  // lines of the summary: label and text
   std::vector<std::string> parts;
@@ -97,21 +97,21 @@ class InterfaceLaw {
   virtual void take_back() {}
   virtual LawTime time_spent() const = 0;
 
-  // Saves the state of the law under `name` until two later states are saved, and returns the text with which another
-  // process restores it (make_law). Empty for a law without a state.
+  // Saves the state of the law under `name` and returns the text with which another process restores it (make_law). The
+  // state is kept until two later states have been saved. Empty for a law without a state.
   virtual std::string keep(const std::string& /*name*/) { return {}; }
-  // Empty if keep() can be called; otherwise the reason and a remedy.
+  // Returns an empty text if keep() can be called, otherwise the reason why not and a remedy.
   virtual std::string cannot_keep() const { return {}; }
   // Ends the run: saved states may be deleted.
   virtual void close() {}
-  // Must be called after close().
+  // May be called only after close().
   virtual OmittedCost omitted_cost() const { return {}; }
 };
 
-// Momentum balance (61) solved for the jump: [V]new = free_jump - s * compliance.
+// The momentum balance DLP (61) solved for the velocity jump at n+1/2: [V] = jump - s * compliance.
 struct FreeJump {
   double jump;        // jump at n+1/2 without friction  [m/s]
-  double compliance;  // dt (1/m_soft + 1/m_hard)                       [m/(s Pa)]
+  double compliance;  // dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
 };
 inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {
   return {in.velocity_jump[i] + in.dt * (in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i]),

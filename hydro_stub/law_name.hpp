@@ -4,7 +4,7 @@
 
 namespace shearbus::hydro {
 
-// Returns the name in scenes: "subgrid", "coulomb_tresca", "free_slip", "stick", "constant".
+// Returns the name of the law in scenes: "subgrid", "coulomb_tresca", "free_slip", "stick", "constant".
 inline const char* name(guest::InterfaceLaw law) {
   switch (law) {
     case guest::INTERFACE_LAW_COULOMB_TRESCA:

@@ -14,8 +14,8 @@ struct Metal {
   physics::Material strength;
 };
 
-// Makes the metal of [table]. Its equation of state has the constants of the scene or, if the scene names none, those
-// of `other`. Throws if constants are missing.
+// Makes the metal of a body, whose table in the scene is [table]. Its equation of state has the constants that `other`
+// gives and, for the rest, those of the body's material. Throws if constants are missing.
 Metal make_metal(const v1::Body& body, const std::string& table, const guest::MieGrueneisen& other = {});
 
 inline lagrange::BodyMaterial body_material(const Metal& metal) {

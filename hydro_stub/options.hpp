@@ -12,8 +12,8 @@
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;                       // scene to run; empty with `restart`
-  std::filesystem::path restart;                     // directory of a run to continue; empty with `scene`
+  std::filesystem::path scene;                       // scene to run; empty if `restart` is given
+  std::filesystem::path restart;                     // directory of a run to continue; empty if `scene` is given
   std::filesystem::path out;                         // empty: out/<scene name>-<interface law>
   wire::ServerAddress server;                        // without an endpoint the server runs in this process
   std::optional<guest::InterfaceLaw> interface_law;  // replaces the law of the scene

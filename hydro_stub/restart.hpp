@@ -34,7 +34,7 @@ std::filesystem::path server_directory(const std::filesystem::path& run);
 // Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
 wire::DumpReader newest_dump(const std::filesystem::path& run);
 
-// Prepares a new run. Throws wire::Error if it would overwrite the dumps of another.
+// Prepares a new run. Throws wire::Error if it would overwrite the dumps of another run.
 void make_room_for_dumps(const std::filesystem::path& run);
 
 class RestartDumps {
@@ -42,7 +42,7 @@ class RestartDumps {
   RestartDumps(std::filesystem::path run, const DumpSchedule& schedule) : run_(std::move(run)), schedule_(schedule) {}
 
   bool due(std::uint64_t steps) const;
-  // Calls `fill` with the dump's name and its writer.
+  // Writes a dump: calls `fill` with the name of the dump and the writer that takes its contents.
   void write(std::uint64_t steps, const std::function<void(const std::string&, wire::DumpWriter&)>& fill);
   void remove() const;  // deletes the dumps after the end of the run
 

@@ -46,7 +46,8 @@ class CrossChecks {
       add("hydro.interface_law", "interface_law constant needs hydro.constant_shear_stress_pa, which is missing");
   }
 
-  // Paired lists hold one value for all columns or one per column; pressures may instead follow their times.
+  // Paired lists hold one value for all columns or one per column; the pressures may instead be one per time in
+  // pressure_time_s.
   void shear_column() {
     const guest::ShearColumn& column = scene_.hydro().shear_column();
     const int jumps = column.velocity_jump_m_per_s_size();

@@ -4,12 +4,12 @@
 //
 //      V0      V1      V2            VN        n-1/2, n+1/2, ...
 //      o---x---o---x---o--- ... --x---o
-//         t0      t1            tN-1           n, n+1, ...
+//       tau0    tau1         tauN-1            n, n+1, ...
 //   interface                      far end
 //
-// Coordinates run from the interface outward, so that both bodies use the same code: with zeta the distance from
-// the interface, rho dV/dt = dt/dzeta and dt/dt = G dV/dzeta; t is +sigma_xz in the soft body (zeta = z) and -sigma_xz
-// in the hard one (zeta = -z). Arrays are [node or zone][column], column fastest.
+// Coordinates run from the interface outward, so that both bodies use the same code: with zeta the distance from the
+// interface, rho dV/dt = d(tau)/d(zeta) and d(tau)/dt = G dV/d(zeta). The stress tau is +sigma_xz in the soft body
+// (zeta = z) and -sigma_xz in the hard body (zeta = -z). Arrays are [node or zone][column], column fastest.
 #pragma once
 
 #include <cstddef>
@@ -44,17 +44,17 @@ struct ShearBody {
 
   BodyMesh mesh;
   std::vector<double> velocity;      // [zones+1][columns]  [m/s]
-  std::vector<double> stress;        // [zones][columns], positive outward  [Pa]
+  std::vector<double> stress;        // tau, [zones][columns]  [Pa]
   std::vector<double> far_velocity;  // velocity of the undisturbed body behind a transmitting end  [m/s]
-  std::vector<double> far_impulse;   // impulse from the far end  [Pa s]
-  std::vector<double> far_work;      // work of the far end on the body  [J/m2]
+  std::vector<double> far_impulse;   // impulse of the far end on the body since the start  [Pa s]
+  std::vector<double> far_work;      // work of the far end on the body since the start  [J/m2]
 };
 
 // Advances the velocities of all nodes except the interface node by dt, with the stresses of level n.
 void accelerate(ShearBody& body, double dt);
 
-// Advances the velocity of the interface node. Its mass is half a zone; the zone's stress acts on it outward,
-// `traction` inward.
+// Advances the velocity of the interface node. Its mass is half a zone; the stress of the zone pulls it outward,
+// `traction` pulls it inward.
 void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction);
 
 // Advances the stresses from n to n+1 with the velocities of n+1/2. The bulk is elastic.

@@ -28,12 +28,12 @@ class ShearColumn {
   ShearBody& soft() { return soft_; }
   ShearBody& hard() { return hard_; }
 
-  // Ledgers of one column since its first step. Both residuals are 0 in exact arithmetic.
+  // Momentum and energy of one column since its first step. Both residuals are 0 in exact arithmetic.
   struct Ledger {
     double momentum_start, momentum_end;  // [Pa s]
     double impulse_of_far_ends;           // [Pa s]
-    double energy_start, energy_end;      // kinetic and elastic  [J/m2]
-    double friction_work;                 // work of the bodies against friction, sum of s [V]mid dt  [J/m2]
+    double energy_start, energy_end;      // kinetic plus elastic energy  [J/m2]
+    double friction_work;                 // work of the bodies against friction, summed over the steps  [J/m2]
     double work_of_far_ends;              // work on the bodies; negative if waves leave  [J/m2]
     double momentum_residual() const { return momentum_end - momentum_start - impulse_of_far_ends; }
     double energy_residual() const { return energy_end - energy_start + friction_work - work_of_far_ends; }

@@ -58,12 +58,13 @@ class Stopwatch {
   std::chrono::nanoseconds cpu_ = thread_cpu();
 };
 
-// The saved state is a line of text, MARK SESSION TOKEN, with ids in hexadecimal.
 template <std::size_t kSize>
 std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
   return fmt::format("{:02x}", fmt::join(bytes, ""));
 }
 
+// The saved state of the law. As text it is one line, MARK SESSION TOKEN: the name of the mark in the server, then the
+// session id and the resume token, both in hexadecimal.
 struct Kept {
   std::string mark;
   Session::Ticket ticket;
@@ -118,7 +119,7 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_soft_plastic_strain_rate;  // false after the request has got this column
+  bool wants_soft_plastic_strain_rate;  // the session accepts this optional column, and `request` does not have it yet
   Batch request;                        // columns of a step
   std::string server;
   bool outlives_process;
@@ -140,7 +141,8 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
         return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
-// Marks the restored state again, so that it is the newest mark and the next mark does not replace it.
+// Marks the restored state again. It is then the newest of the two marks that the server keeps, so the next mark does
+// not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });

@@ -28,13 +28,13 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // call it after InterfaceLaw::close()
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // to be called after InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;
 
  private:
-  // The largest value so far, with its node and time.
+  // The largest interface temperature so far [K], with its node and time [s].
   struct Peak {
     std::size_t node = 0;
     double time = 0.0;
@@ -54,12 +54,12 @@ class Summary {
   double melting_threshold(double pressure) const;  // [K]
 
   physics::Material soft_;
-  double heat_share_;  // beta_T
+  double heat_share_;  // share of the friction heat that enters the soft body, beta_T
   Peak peak_;
   std::vector<double> melting_time_;  // first time at or above the melting threshold, negative: not reached  [s]
   std::vector<double> slip_;          // integral of |[v]|  [m]
   std::array<std::uint64_t, 5> regime_count_{};
-  double heat_ = 0.0;  // sum over nodes  [J/m2]
+  double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
   wire::EnergyTotals energy_;
   OmittedCost omitted_;
   std::uint64_t flagged_ = 0;

@@ -46,7 +46,8 @@ std::string error_text(const Comparison& c) {
 std::string Summary2d::text() const {
   const Ledger end = cycle.ledger();
   const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
-  // factor to totals: the mesh stands for one radian, or for a metre of depth
+  // Factor from the sums of the mesh to the printed totals, which are of the whole body or per metre of depth: in
+  // axisymmetry the mesh stands for one radian.
   const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;
   const char* joule = has_axis ? "J" : "J/m";
   const auto [energy, momentum] = residuals(cycle, start);

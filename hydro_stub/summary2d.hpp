@@ -13,7 +13,7 @@ namespace shearbus::hydro {
 
 struct RunTime2d {
   double total = 0.0;   // wall-clock time  [s]
-  double output = 0.0;  // [s]
+  double output = 0.0;  // time spent writing results  [s]
   double cpu = 0.0;     // CPU time of all threads of the process  [s]
   LawTime law;
   double service_share() const { return std::chrono::duration<double>(law.service).count() / total; }

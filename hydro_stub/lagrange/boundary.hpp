@@ -43,7 +43,7 @@ class Guides {
 
  private:
   struct Normals {
-    Vec2 first, second;  // zero: none
+    Vec2 first, second;  // unit normals of the node's walls; zero: no wall
   };
   std::vector<Normals> normals_;
 };

@@ -12,15 +12,16 @@ namespace {
 
 // Smallest covered share of a node's area for which the law is asked: a stress over a smaller area is not meaningful.
 constexpr double kLeastCovered = 0.05;
-// Smaller pressures come from rounding and from the foot of a smeared shock; such a node counts as open.
+// A node under a smaller pressure counts as open: such pressures come from rounding or from the foot of a smeared
+// shock.
 constexpr double kLeastPressure = 1e4;  // [Pa]
 
-// Returns the share of a zone's plastic strain rate that shears along a surface with tangent t, by the flow rule
-// sqrt(3) |s_tn| / sigma_eq.
+// Returns the share of a zone's plastic strain rate that is shear along a surface with tangent t. By the flow rule it
+// is sqrt(3) |s_tn| / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
 double shear_share(const State& state, int zone, Vec2 t) {
   const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
-  const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // n is t turned by 90 degrees
-  const double squares = 0.5 * (xx * xx + yy * yy + (xx + yy) * (xx + yy)) + xy * xy;  // J2
+  const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // s_tn
+  const double squares = 0.5 * (xx * xx + yy * yy + (xx + yy) * (xx + yy)) + xy * xy;  // invariant J2
   return squares > 0.0 ? std::abs(tn) / std::sqrt(squares) : 0.0;
 }
 
@@ -75,8 +76,8 @@ void Contact::give(int node, Vec2 impulse, const Guides& guides, const State& st
   velocity[node] += (1.0 / state.node_mass[node]) * guides.free_part(node, impulse);
 }
 
-// Solves step 1 by projected Gauss-Seidel with forward and backward sweeps. The matrix resembles a one-dimensional mass
-// matrix, so each sweep reduces the error by a constant factor.
+// Finds the normal pressures by projected Gauss-Seidel with forward and backward sweeps. The matrix resembles a
+// one-dimensional mass matrix, so each sweep reduces the error by a constant factor.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   constexpr int kMostSweeps = 400;
   constexpr double kTolerance = 1e-13;
@@ -109,8 +110,8 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
   }
 }
 
-// 1/m of the hard side at a node is computed as if all interface nodes had the same shear stress: the compliances of
-// all of them add up. The true coupling of neighbours is never stronger, so sticking converges without oscillation.
+// The inverse mass 1/m_hard at a node is computed as if all interface nodes had the same shear stress: their
+// compliances add up. The true coupling of neighbours is never stronger, so sticking converges without oscillation.
 void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                       const std::vector<Vec2>& velocity) {
   const int size = weights_.rubbing();
@@ -125,7 +126,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
-    // placeholder: where no hard surface is near, nothing depends on the masses
+    // Placeholders for the nodes skipped below: at pressure 0 nothing depends on the masses.
     inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
@@ -135,14 +136,15 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     const double area = weights_.area(i);
     const double old_jump = jump(i, state.velocity);
     const Vec2 t = weights_.tangent(i);
-    double hard_compliance = 0.0;  // 1/m_hard
+    double hard_compliance = 0.0;  // inverse mass per area of the hard side, 1/m_hard
     double hard_change = 0.0;
     for (const RubWeight& w : weights_.rub(i)) {
       hard_compliance += w.weight * hard_area[w.node] / (state.node_mass[w.node] * area);
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // Taking the mean over the node's area smooths the scatter of the p_i between meshes of different zone widths.
+    // The mean over the node's area smooths the scatter that the nodal pressures p_i have where the zones of the two
+    // bodies differ in width.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
     inputs_.mass_soft[i] = state.node_mass[node] / area;
@@ -159,7 +161,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   }
 }
 
-// Sets the plastic strain of the zones at each node and its rate over the last accepted step.
+// Sets for each interface node the mean plastic strain of the two soft zones there, and the rate at which shear along
+// the interface has increased it over the last accepted step.
 void Contact::find_plastic_rates(const State& state) {
   const double dt = state.time - plastic_time_;
   plastic_time_ = state.time;

@@ -23,7 +23,7 @@
 namespace shearbus::lagrange {
 
 struct ContactOptions {
-  bool overlap = true;      // compute zones off the slide lines while the law runs; the results have the same bits
+  bool overlap = true;      // advance the zones away from the slide lines while the law runs; the results do not change
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
   // Shares of the gap that are corrected in one step, so that curved surfaces which slide along each other stay
   // together (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
@@ -35,9 +35,10 @@ class Contact {
  public:
   Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes);
 
-  // Adds the step's impulses to `velocity_new`, which holds velocities after all other forces; only nodes on slide
-  // lines change. Split in two so that the interface law can run in between: ask() does step 1 and sends the inputs of
-  // step 2, answered() does the rest. `law` null: free slip.
+  // Adds the impulses of the step to `velocity_new`, which on entry holds the velocities after all other forces; only
+  // nodes on slide lines change. The work is split in two so that the interface law can run in between: of the steps at
+  // the top of this file, ask() does step 1 and sends the law the inputs of step 2, and answered() does the rest. `law`
+  // null: free slip.
   void ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
            std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
@@ -47,13 +48,13 @@ class Contact {
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
                     std::vector<double>& energy);
 
-  // number of nodes with the interface law; they come first among the weights' nodes
+  // number of interface nodes on lines with friction, for which the law is asked; in weights() they come first
   int size() const { return weights_.rubbing(); }
   const InterfaceWeights& weights() const { return weights_; }
   const std::vector<Vec2>& impulse() const { return impulse_; }     // impulse of the step, per mesh node  [kg m/s]
   const hydro::InterfaceInputs& inputs() const { return inputs_; }  // inputs of the law in the last step
   const hydro::InterfaceAnswer& answer() const { return answer_; }
-  double friction_heat() const { return heat_[kFriction]; }  // heat since the start  [J]
+  double friction_heat() const { return heat_[kFriction]; }  // friction heat since the start  [J]
   double closing_heat() const { return heat_[kClosing]; }
 
   // State that is carried from one step to the next.
@@ -76,9 +77,9 @@ class Contact {
   ContactOptions options_;
   hydro::InterfaceInputs inputs_;
   hydro::InterfaceAnswer answer_;
-  std::vector<double> pressing_;  // p_i dt of the step  [Pa s]
+  std::vector<double> pressing_;  // pressure impulse p_i dt of each interface node in the step  [Pa s]
   std::vector<Vec2> impulse_;
-  double plastic_time_ = 0.0;  // time of the plastic strain in the inputs  [s]
+  double plastic_time_ = 0.0;  // time to which the plastic strains in inputs_ belong  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};
 };

@@ -94,7 +94,7 @@ void Cycle::advance(double end_time) {
   ++steps_;
 }
 
-// The scheme of one step. The state is changed only after the step is accepted.
+// The scheme of one step. Returns false, with the state unchanged, if the step is too long.
 bool Cycle::try_step(double dt) {
   // 1. positions, volumes and weights after half a step with the old velocities
   if (!go_to_middle(dt)) return false;
@@ -105,8 +105,8 @@ bool Cycle::try_step(double dt) {
   find_forces();
   // 4. momentum, walls
   accelerate(dt);
-  // 5. slide lines: bodies press and rub on each other; while the law runs, the deviators of zones off the lines
-  //    advance
+  // 5. slide lines: bodies press and rub on each other; while the law runs, the deviators of the zones away from
+  //    the lines are advanced
   contact_.ask(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
   find_mean_velocities();
   advance_stress(dt, Reach::kInner);

@@ -1,7 +1,7 @@
 // A staggered Lagrangian hydrocode in two dimensions: velocities on nodes, everything else in zones, one predictor and
 // one evaluation of forces a step, as in PENNANT and the compatible scheme of Caramana, Burton, Shashkov & Whalen (J.
-// The work of every force on the nodes is taken from the energy of the zone that exerts the force, so that the total
-// energy changes only by the work of the boundaries, to rounding.
+// Comput. Phys. 146 (1998) 227). The work of every force on the nodes is taken from the energy of the zone that exerts
+// the force, so that the total energy changes only by the work of the boundaries, to rounding.
 #pragma once
 
 #include <cstdint>
@@ -48,7 +48,7 @@ struct Bodies {
 
 // Sums over all bodies. Impulse and work of the boundaries are totals since the start.
 struct Ledger {
-  Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component is a sum of vectors
+  Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component has a meaning
   double kinetic = 0.0;        // [J]
   double internal = 0.0;       // [J]
   Vec2 impulse_given;          // impulse of walls and loads  [kg m/s]
@@ -58,8 +58,8 @@ struct Ledger {
   double total_energy() const { return kinetic + internal; }
 };
 
-// All state of a cycle that its bodies do not contain, by name. A cycle made of the same bodies, into which these
-// values are copied, continues with the same bits.
+// All state of a cycle that its bodies do not contain, by name. If these values are copied into a new cycle of the same
+// bodies, the new cycle continues with bitwise the same results.
 struct Memory {
   std::vector<std::pair<const char*, std::span<double>>> numbers;
   std::vector<std::pair<const char*, std::span<std::uint64_t>>> counts;
@@ -71,9 +71,9 @@ class Cycle {
   // inconsistent bodies.
   explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
-  // Advances by one step, at most to `end_time`. A step that is too long (a zone is inverted or changes its volume by
-  // more than twice the limit) is rejected and repeated with a quarter of its length. Throws std::runtime_error with
-  // the zone if that does not help.
+  // Advances by one step, at most to `end_time`. A step that is too long (it inverts a zone, or changes the volume of a
+  // zone by more than twice the limit volume_change) is rejected and repeated with a quarter of its length. Throws
+  // std::runtime_error with the zone if that does not help.
   void advance(double end_time);
   void run_to(double end_time);
 
@@ -118,26 +118,26 @@ class Cycle {
   double work_given_ = 0.0;
 
   // Work arrays of the present step.
-  Geometry middle_;  // at n+1/2
+  Geometry middle_;  // geometry at mid-step, n+1/2
   std::vector<Vec2> middle_position_;
   std::vector<double> middle_density_;
   std::vector<double> middle_energy_;
   std::vector<double> middle_pressure_;
-  std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // deviators
+  std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // stress deviators at mid-step  [Pa]
   std::vector<double> sound_squared_;
   std::vector<Vec2> corner_force_;
   std::vector<Vec2> node_force_;               // sum of the zones' corner forces
   std::vector<std::vector<Vec2>> load_force_;  // forces of each load
   std::vector<Vec2> position_new_;
   std::vector<Vec2> velocity_new_;
-  // mean of the velocities at the step's beginning and end; moves the nodes and does the work
+  // mean of the velocities at the start and end of the step; it moves the nodes, and forces do their work with it
   std::vector<Vec2> velocity_mean_;
   std::vector<double> volume_new_;
-  std::vector<Gradient> gradient_;  // at n+1/2, from the velocities of level n
+  std::vector<Gradient> gradient_;  // velocity gradients in the geometry of mid-step, with the velocities at its start
   std::vector<double> viscous_rate_;
   std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
-  std::vector<double> dilatation_;  // dV/dt / V of the last step  [1/s]
+  std::vector<double> dilatation_;  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
   std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
   std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line
 };

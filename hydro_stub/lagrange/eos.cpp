@@ -8,7 +8,8 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Smallest denominator 1 - s1 n - ... of the Hugoniot pressure; below it the compression is at its physical limit.
+// Smallest value used for the denominator 1 - s1 n - ... of the Hugoniot pressure, with the compression n. The
+// denominator would be 0 at the physical limit of the compression.
 constexpr double kLeastDenominator = 0.05;
 
 }  // namespace
@@ -17,8 +18,8 @@ EosPoint eos_from_density_energy(const MieGrueneisen& m, double density, double 
   const double compression = 1.0 - m.density / density;
   const double modulus = m.density * m.sound_speed * m.sound_speed;
   const double thermal = m.gamma0 * m.density;
-  double cold;   // P at e = 0
-  double slope;  // d(cold)/d(compression)
+  double cold;   // pressure at zero energy  [Pa]
+  double slope;  // derivative of `cold` by the compression  [Pa]
   if (compression > 0.0) {
     const double n = compression;
     const double d = std::max(kLeastDenominator, 1.0 - n * (m.s1 + n * (m.s2 + n * m.s3)));
@@ -32,8 +33,8 @@ EosPoint eos_from_density_energy(const MieGrueneisen& m, double density, double 
   }
   const double pressure = cold + thermal * energy;
   const double square = (m.density * slope + pressure * thermal) / (density * density);
-  // The sound speed of a spalled or vaporised zone is at least a tenth of the reference value, which bounds the time
-  // step.
+  // The sound speed of a spalled or vaporised zone is at least a tenth of the reference value, so that the time step
+  // stays bounded.
   const double least = 0.01 * m.sound_speed * m.sound_speed;
   return {std::max(pressure, -m.tension_limit), std::max(square, least)};
 }

@@ -8,7 +8,7 @@ namespace shearbus::lagrange {
 
 struct EosPoint {
   double pressure;             // [Pa]
-  double sound_speed_squared;  // dP/drho at constant e + (P/rho2) dP/de, not negative  [m2/s2]
+  double sound_speed_squared;  // dP/drho at constant e plus (P/rho^2) dP/de at constant rho, not negative  [m2/s2]
 };
 
 struct IdealGas {
@@ -28,7 +28,7 @@ struct MieGrueneisen {
   double gamma0 = 0.0;
   double specific_heat = 0.0;                                      // [J/(kg K)]
   double reference_temperature = 300.0;                            // [K]
-  double tension_limit = std::numeric_limits<double>::infinity();  // the metal spalls: P never falls below -this  [Pa]
+  double tension_limit = std::numeric_limits<double>::infinity();  // the metal spalls: P >= -tension_limit  [Pa]
 };
 
 inline EosPoint eos_from_density_energy(const IdealGas& gas, double density, double energy) {

@@ -96,7 +96,7 @@ Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std
 
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position) {
   const bool axisymmetric = mesh.symmetry() == Symmetry::kAxisymmetric;
-  // abscissa of two Gauss points per direction, which integrate this product exactly
+  // abscissa of the two Gauss points per direction, which integrate N_i r dA exactly
   constexpr double kGauss = 0.57735026918962576;
   constexpr std::array<Vec2, 4> kReference = {Vec2{-1, -1}, Vec2{1, -1}, Vec2{1, 1}, Vec2{-1, 1}};
   std::vector<double> corner(4 * static_cast<std::size_t>(mesh.num_zones()), 0.0);

@@ -37,7 +37,7 @@ struct Geometry {
 
 // The velocity gradient of a zone in the plane, and the hoop rate D_tt.
 struct Gradient {
-  double xx, xy, yx, yy;  // d(first)/d(second)  [1/s]
+  double xx, xy, yx, yy;  // xy: derivative of v_x by y  [1/s]
   double tt;
   double dilatation() const { return xx + yy + tt; }
 };

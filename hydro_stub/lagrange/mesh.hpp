@@ -16,10 +16,10 @@
 
 namespace shearbus::lagrange {
 
-// Smaller loops over nodes or zones use one thread, since waking the others costs more than they save.
+// Loops over fewer nodes or zones use one thread, since waking other threads costs more than they save.
 inline constexpr int kFewestForThreads = 4000;
 
-// sums are per metre of depth (plane) or per radian about the axis x = r = 0 (axisymmetric)
+// Sums over a mesh are per metre of depth (kPlane) or per radian about the axis x = r = 0 (kAxisymmetric).
 enum class Symmetry { kPlane, kAxisymmetric };
 
 enum class Side { kBottom, kRight, kTop, kLeft };  // j = 0, i = nx, j = ny, i = 0
@@ -27,7 +27,7 @@ enum class Side { kBottom, kRight, kTop, kLeft };  // j = 0, i = nx, j = ny, i =
 struct Block {
   int nx = 0;
   int ny = 0;
-  bool ring = false;  // columns nx and 0 are the same nodes
+  bool ring = false;  // i = nx and i = 0 are the same column of nodes
   int first_node = 0;
   int first_zone = 0;
 
@@ -39,7 +39,7 @@ struct Block {
   // Returns the nodes along a side, counter-clockwise with the block on the left. The bottom and top of a ring are
   // closed: their first node is repeated at the end.
   std::vector<int> side(Side side) const;
-  // Returns the zone inside each segment of side().
+  // Returns the zone of the block at each segment of side().
   std::vector<int> side_zones(Side side) const;
 };
 
@@ -58,7 +58,7 @@ class Mesh {
   const std::vector<Vec2>& places() const { return places_; }  // initial positions of the nodes
 
   const int* zone_nodes(int zone) const { return zone_nodes_.data() + 4 * static_cast<std::size_t>(zone); }
-  // Returns the zone beyond edge k, or -1.
+  // Returns the zone on the other side of edge k; -1 if there is none.
   int neighbour(int zone, int k) const { return neighbours_[4 * static_cast<std::size_t>(zone) + k]; }
 
   // Sums a corner quantity onto the nodes. Each node adds its corners in the same order for any number of threads.
@@ -74,8 +74,8 @@ class Mesh {
   std::vector<Block> blocks_;
   std::vector<Vec2> places_;
   std::vector<int> zone_nodes_;
-  std::vector<int> neighbours_;    // [4 * zone + k], zone beyond edge k
-  std::vector<int> corner_first_;  // [node], index of the node's first corner in corner_of_node_
+  std::vector<int> neighbours_;    // at [4 * zone + k]: zone on the other side of edge k, or -1
+  std::vector<int> corner_first_;  // at [node]: index of the node's first corner in corner_of_node_
   std::vector<int> corner_of_node_;
 };
 

@@ -7,7 +7,7 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Adds `amount` to the entry whose `key` is `of`; creates the entry if it is missing.
+// Adds `amount` to the `value` of the entry whose `key` is `of`; creates the entry if it is missing.
 template <class Entry, class Value>
 void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
   const auto found = std::ranges::find(entries, of, key);
@@ -29,7 +29,7 @@ InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lin
   for (std::size_t l = 0; l < lines_.size(); ++l) {
     first_.push_back(static_cast<int>(node_.size()));
     std::vector<int> nodes = lines_[l].soft.nodes;
-    if (nodes.front() == nodes.back()) nodes.pop_back();  // a closed surface
+    if (nodes.front() == nodes.back()) nodes.pop_back();  // a closed surface repeats its first node
     node_.insert(node_.end(), nodes.begin(), nodes.end());
     line_.insert(line_.end(), nodes.size(), static_cast<int>(l));
     if (lines_[l].rubs) rubbing_ = static_cast<int>(node_.size());

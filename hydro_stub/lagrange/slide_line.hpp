@@ -23,7 +23,8 @@
 
 namespace shearbus::lagrange {
 
-// One side of a body. Its nodes run in the direction that has the body on the left; zones[s] lies inside segment s.
+// One side of a body. Its nodes run in the direction that has the body on the left; zones[s] is the zone of the body at
+// the segment from nodes[s] to nodes[s + 1].
 struct Surface {
   std::vector<int> nodes;
   std::vector<int> zones;
@@ -35,24 +36,24 @@ inline Surface surface(const Block& block, Side side) {
 struct SlideLine {
   Surface soft;
   Surface hard;
-  bool rubs = true;  // false: free slip, whatever the interface law
+  bool rubs = true;  // false: free slip on this line, whatever the interface law
 };
 
 struct PushWeight {
   int node;
-  Vec2 weight;  // force on the node per pressure  [m2]
+  Vec2 weight;  // force on mesh node `node` per unit pressure p_i  [m2]
 };
 struct RowWeight {
-  int row;        // another interface node of the line
+  int row;        // interface node of the same line, also node i itself
   double weight;  // integral N_i N_row r dl  [m2]
 };
 struct RubWeight {
   int node;
-  double weight;  // force on a hard node per shear stress  [m2]
+  double weight;  // force on the hard node `node` per unit shear stress  [m2]
 };
 struct ZoneShare {
   int zone;
-  double share;  // share of the heat dissipated at the node; sums to 1 on each side
+  double share;  // share of the heat dissipated at the interface node; the shares on each side sum to 1
 };
 
 // The weights of the interface nodes of all slide lines, computed for given positions of the nodes.
@@ -62,15 +63,16 @@ class InterfaceWeights {
 
   void find(const std::vector<Vec2>& position);
 
-  // Interface nodes of lines with friction come first, in the order of the lines, then those of the other lines.
+  // The interface nodes i = 0 ... size() - 1: first the rubbing() nodes of lines with friction, in the order of the
+  // lines, then the nodes of the other lines.
   int size() const { return static_cast<int>(node_.size()); }
   int rubbing() const { return rubbing_; }
-  int node(int i) const { return node_[i]; }  // the soft node
+  int node(int i) const { return node_[i]; }  // mesh node of interface node i
   int line(int i) const { return line_[i]; }
   // Returns the two soft zones at the node; at an end of the surface both are the same zone.
   std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
   bool faces(int i) const { return area_[i] > 0.0; }  // true if a hard surface is near
-  double area(int i) const { return area_[i]; }       // A_i  [m2]
+  double area(int i) const { return area_[i]; }       // covered area A_i of the node  [m2]
   // share of the node's area that the hard surface covers
   double covered(int i) const { return area_[i] / whole_area_[i]; }
   double gap(int i) const { return gap_[i]; }        // mean gap over A_i, negative where the bodies overlap  [m]
@@ -88,7 +90,7 @@ class InterfaceWeights {
   Symmetry symmetry_;
   std::vector<SlideLine> lines_;
   int rubbing_ = 0;
-  std::vector<int> first_;  // interface node of each line's first soft node
+  std::vector<int> first_;  // number of the interface node at the first soft node of each line
   std::vector<int> node_;
   std::vector<int> line_;
   std::vector<std::array<int, 2>> zones_at_;

@@ -17,16 +17,16 @@ Deviator rotated(const Deviator& s, double spin, double dt) {
           sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
 }
 
-// A zone's metal at the state of the step.
+// The metal of a zone with its state in this step.
 struct Zone {
   const physics::Material& metal;
-  double g;  // softening at P and T
+  double g;  // factor of the flow stress at the pressure and temperature below
   double plastic_strain;
   double pressure;     // [Pa]
   double temperature;  // [K]
   double dt;           // [s]
 
-  // Y after the increment x, at the mean rate of the step   [Pa]
+  // Flow stress Y after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
   double yield(double x) const {
     return physics::hardened_strength(metal, plastic_strain + x, x / dt, pressure, temperature) * g;
   }

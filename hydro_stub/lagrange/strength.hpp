@@ -24,8 +24,9 @@ struct StrengthStep {
 // One step of length dt of an elastic-plastic metal with shear modulus G0 (constant, as in the shear layer):
 //   1. rotation by the exact angle of the mid-step spin (Hughes & Winget, Int. J. Numer. Meth. Eng. 15 (1980) 1862):
 //      a rigid rotation of any size leaves the invariants unchanged
-//   2. elastic trial: the deviator grows by 2 G0 dev(D) dt
-//   3. radial return (Wilkins, Methods Comput. Phys. 3 (1964) 211) to Y(ep + dep, P, T), implicit in the hardening
+//   2. elastic trial: the deviator of the stress grows by 2 G0 dt times the deviator of the strain rate
+//   3. radial return (Wilkins, Methods Comput. Phys. 3 (1964) 211) to the flow stress at the plastic strain after
+//      the step, which makes the hardening implicit
 StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& gradient, double dt,
                               double plastic_strain, double pressure, double temperature);
 

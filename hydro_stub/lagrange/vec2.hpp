@@ -39,7 +39,7 @@ inline double cross(Vec2 a, Vec2 b) {
 inline double norm(Vec2 a) {
   return std::sqrt(dot(a, a));
 }
-// The vector rotated by 90 degrees: counter-clockwise, clockwise.
+// left_of() rotates a vector by 90 degrees counter-clockwise, right_of() clockwise.
 inline Vec2 left_of(Vec2 a) {
   return {-a.y, a.x};
 }

@@ -4,13 +4,14 @@
 //     sigma_q = (1 - psi) mu lambda s s^T,    mu = rho l (c2 w |du| + sqrt((c2 w du)^2 + (c1 c)^2)),    du = l |lambda|
 //
 // lambda is the most negative eigenvalue of the strain rate in the plane (without a negative eigenvalue there is no
-// viscosity), s its direction, l the zone's length along s, and w half the slope of the material's Us(up): a jump du
-// then gets the shock pressure of the material's own Hugoniot. The limiter psi compares lambda with the rates in the
-// zones on both sides, as is usual for second-order schemes (D. J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992)
-// 235); psi is 1 where the rate varies linearly through the neighbours. Rigid rotation has no lambda, and uniform
-// compression has psi = 1, so neither has viscosity. The stress acts through the same weights as all other stresses, so
-// its forces cancel in a zone, and its work mu lambda^2 only heats. Since the viscosity is directional, it does not
-// shorten the time step of thin zones that are squeezed along their length.
+// viscosity), s its direction, l the zone's length along s, c the sound speed, and w half the slope of the material's
+// shock velocity over the velocity jump: a jump du then gets the shock pressure of the material's own Hugoniot. The
+// limiter psi compares lambda with the rates in the zones on both sides, as is usual for second-order schemes (D. J.
+// Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1 where the rate varies linearly through the
+// neighbours. Rigid rotation has no lambda, and uniform compression has psi = 1, so neither has viscosity. The stress
+// acts through the same weights as all other stresses, so its forces cancel in a zone, and its work mu lambda^2 only
+// heats. Since the viscosity is directional, it does not shorten the time step of thin zones that are squeezed along
+// their length.
 #pragma once
 
 #include <vector>
@@ -25,7 +26,7 @@ struct ViscosityOptions {
 };
 
 // Adds the viscous forces to the corner forces of the zones [first, last). Stores in `viscous_rate` the rate (1 - psi)
-// mu / (rho l^2) at which viscosity evens out velocities; it limits the time step  [1/s].
+// mu / (rho l^2) at which viscosity evens out velocities  [1/s]; this rate limits the time step.
 void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
                    const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
                    const std::vector<double>& density, const std::vector<double>& sound_speed, int first, int last,

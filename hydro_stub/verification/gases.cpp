@@ -79,7 +79,7 @@ std::vector<Comparison> compare(const NohProblem& p, const Cycle& cycle) {
 // The point blast of L. I. Sedov. With gamma = 1.4 and density 1 the energies below put the shock at r = 1 at t = 1.
 Bodies make_bodies(const SedovProblem& p) {
   Bodies bodies = quarter(p.symmetry, p.zones, 1.2, 1.4);
-  // Energies of the modelled part: a quarter of the plane per depth, or the upper half of space per radian.
+  // Energy of the blast in the modelled part: a quarter of the plane per depth, or the upper half of space per radian.
   const double energy = p.symmetry == Symmetry::kPlane ? 0.984041 / 4.0 : 0.851072 / 2.0 / (2.0 * std::numbers::pi);
   std::vector<double> volume(bodies.mesh.num_zones());
   measure_volumes(bodies.mesh, bodies.mesh.places(), volume);
@@ -89,7 +89,7 @@ Bodies make_bodies(const SedovProblem& p) {
 
 std::vector<Comparison> compare(const SedovProblem& p, const Cycle& cycle) {
   double peak = 0.0, outermost = 0.0, innermost = 2.0;
-  // Finds the largest density along rays.
+  // The shock on each of nine rays from the origin is where the density is largest.
   for (int ray = 0; ray < 9; ++ray) {
     const double angle = (ray + 0.5) / 9.0 * 0.5 * std::numbers::pi;
     double best = 0.0, at = 0.0;

@@ -64,8 +64,8 @@ Bodies sphere(const ImplosionProblem& p) {
   return bodies;
 }
 
-// Returns the position relative to the centre. In a slice of a cylinder only the first coordinate is a distance from
-// it.
+// Returns the position of x relative to the centre of a sphere or circle; in a slice of a long cylinder, relative to
+// the axis.
 Vec2 radius_vector(const ImplosionProblem& p, Vec2 x) {
   return !p.sphere && p.symmetry == Symmetry::kAxisymmetric ? Vec2{x.x, 0.0} : x;
 }

@@ -46,8 +46,8 @@ struct ImplosionProblem {
   bool sphere;
   lagrange::Symmetry symmetry;  // symmetry in which a cylinder is computed
   Metal metal;
-  double inner, outer, stop;  // [m]
-  int zones;                  // across the shell
+  double inner, outer, stop;  // initial inner and outer radius, inner radius at rest  [m]
+  int zones;                  // zones across the shell
 };
 // Gas problems have lengths of 1 m, a density of 1 kg/m3 and speeds of 1 m/s.
 struct NohProblem {
@@ -59,7 +59,7 @@ struct SedovProblem {
   int zones;
 };
 struct SaltzmanProblem {
-  int zones;  // across the channel
+  int zones;  // zones across the channel
 };
 struct TaylorProblem {
   Metal metal;
@@ -73,9 +73,9 @@ struct PlatesProblem {
   double soft_depth = 0.4e-3;  // [m]
   double hard_depth = 0.4e-3;  // [m]
   double width = 20e-6;        // width of the soft zones; the hard zones are 5/4 as wide  [m]
-  double jump = 100.0;         // [m/s]
+  double jump = 100.0;         // initial velocity of the soft plate along the slide line  [m/s]
   double angle = 0.0;          // angle between the slide line and the x axis  [rad]
-  double pressure = 1e9;       // holds the bodies together  [Pa]
+  double pressure = 1e9;       // pressure that holds the plates together  [Pa]
 };
 
 lagrange::Bodies make_bodies(const PistonProblem& problem);

@@ -68,7 +68,8 @@ std::string found(const toml::node& node) {
   return fmt::format("found {} {}", kind_of(node), text.str());
 }
 
-// A table of a message and, behind it, the tables of the messages merged into it.
+// The field that a key of a table sets, and the message that has it: the message of the table, or a message merged into
+// it. Both are null if the table has no such key.
 struct Slot {
   Message* message = nullptr;
   const FieldDescriptor* field = nullptr;
@@ -255,7 +256,8 @@ std::size_t end_of_string(std::string_view text, std::size_t at) {
       return i;
     } else if (many_lines && text.substr(i, 3) == triple) {
       i += 2;
-      for (int more = 0; more < 2 && text.substr(i + 1, 1) == triple.substr(0, 1); ++more) ++i;  // """ha"""""
+      // The text of the string may itself end in quotes: """ha"""""
+      for (int more = 0; more < 2 && text.substr(i + 1, 1) == triple.substr(0, 1); ++more) ++i;
       return i;
     }
   }
@@ -298,8 +300,9 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
     refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
   if (const auto deep = find_deep_key(text))
     refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
-  // toml++ reports a number that it has no memory to read as a fault of the text, so a text is at fault when it fails twice. The parser does
-  // not get the file's name: it would end the program if there were no memory to copy the name.
+  // If there is no memory to read a number, toml++ reports the number as a fault of the text. A text is therefore
+  // refused only if it fails twice. The parser does not get the file's name, because it would end the program if there
+  // were no memory to copy the name.
   for (bool failed_before = false;; failed_before = true) {
     try {
       return toml::parse(text);

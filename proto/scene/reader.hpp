@@ -18,7 +18,7 @@ namespace shearbus::scene {
 // The name of a text, for messages, and the place of each of its keys.
 struct Document {
   std::string file;
-  std::map<std::string, Place, std::less<>> places;  // places by path, "layer.cells"
+  std::map<std::string, Place, std::less<>> places;  // places of the keys, by path ("layer.cells")
 
   // The place of a key, "paper.toml:12:1". If the key is absent, the place of the nearest enclosing table, or else the
   // file alone.
@@ -28,15 +28,15 @@ struct Document {
   // The field of the error is the path of the first fault.
   [[noreturn]] void refuse(const std::vector<Fault>& faults, std::string remedy = {}) const;
 
-  // The status itself, except that an INVALID_SCENE that names a key without a place in this text gets the place in
-  // front of its text.
+  // Returns the status. If its code is INVALID_SCENE and its text does not begin with a place in this text, the place
+  // of the key that it names is put in front of its text.
   wire::Status placed(wire::Status status) const;
 
  private:
   std::optional<Place> place_of_path(std::string_view path) const;
 };
 
-// Rules that look at more than one key. `root` has its defaults.
+// Rules that look at more than one key. `root` has its defaults filled in.
 using CrossRules = void (*)(const google::protobuf::Message& root, Findings& findings);
 
 // Reads a text into an empty message, checks it and fills in its defaults. Throws wire::Error{kInvalidScene} that lists

@@ -54,8 +54,8 @@ std::vector<std::string> choices_in(std::string_view text) {
   return choices;
 }
 
-// kOpen: nothing is chosen and there is no default, so that a name elsewhere (of a catalog) decides; until then the
-// first choice is assumed.
+// The state is kOpen if the scene gives the other field no value and the field has no default, so that the catalog's
+// material decides; until then the first choice is assumed.
 Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
   const std::string& text = rule_of(field).used_with();
   if (text.empty()) return {};
@@ -120,7 +120,8 @@ class Checker {
   }
 
  private:
-  // Whether the value of another field excludes a field. Such a field is refused if it is given, and is not required.
+  // Whether the value of another field excludes this field. An excluded field is refused if it is given, and is not
+  // required.
   bool unused(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
               const std::string& name) {
     const bool given = !field.is_repeated() && where.has(field);
@@ -309,7 +310,8 @@ std::string bounds_of(const FieldDescriptor& field) {
 
 std::vector<std::string> choices_of(const FieldDescriptor& field) {
   const google::protobuf::EnumDescriptor& type = *field.enum_type();
-  const std::string_view unspecified = type.value(0)->name();  // FAR_BOUNDARY_UNSPECIFIED has the prefix of all names
+  // For example FAR_BOUNDARY_UNSPECIFIED: it begins with the prefix that all names of the enum share.
+  const std::string_view unspecified = type.value(0)->name();
   const std::size_t prefix = unspecified.size() - std::string_view("UNSPECIFIED").size();
   std::vector<std::string> choices;
   for (int i = 1; i < type.value_count(); ++i) {

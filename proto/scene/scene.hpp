@@ -26,8 +26,9 @@ SceneFile load(const std::filesystem::path& path);
 // Reads a scene into an empty message of the caller; otherwise as parse().
 Document read(std::string_view text, std::string file, v1::Scene& scene);
 
-// The rules between keys that the schema cannot express; `scene` has its defaults. Only the physics knows which of its
-// options exclude each other (server/physics/solver/parts.hpp). A rule that needs a value at fault is not checked.
+// The rules between keys that the schema cannot express; `scene` has its defaults filled in. A rule is skipped if a
+// value that it needs is at fault. Which options of the physics exclude each other is checked by the physics alone
+// (server/physics/solver/parts.hpp).
 void check_scene(const v1::Scene& scene, Findings& findings);
 
 // All faults of a scene that does not come from a text. Fills in the defaults of the scene.

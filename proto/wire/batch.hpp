@@ -33,8 +33,8 @@ class Batch {
  public:
   Batch() = default;
 
-  // Allocates zeroed columns of `count` values, one for each field, and with `components` = 2 two for each tangential
-  // field. Write through the spans below.
+  // Allocates zeroed columns of `count` values: one for each field, but two for each tangential field if `components`
+  // is 2. Write through the spans below.
   static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
 
   // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out

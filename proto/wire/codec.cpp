@@ -30,7 +30,7 @@ struct Payload {
   }
 };
 
-// The fields of both headers before the payload.
+// The fields that precede the payload in both headers.
 template <typename Message>
 void envelope_fields(auto&& v, Message& m) {
   v(2, "protocol_major", m.protocol_major);
@@ -234,7 +234,7 @@ bool declares_payload(std::span<const std::byte> header_frame) {
 
 std::uint64_t hash_of(Frames frames) {
   std::uint64_t hash =
-      0;  // the hash of a frame is the seed of the next, so that moving bytes between frames changes the result
+      0;  // seed: the hash of a frame is the seed of the next, so that moving bytes between frames changes the result
   for (const std::span<const std::byte> frame : frames) hash = XXH3_64bits_withSeed(frame.data(), frame.size(), hash);
   return hash;
 }

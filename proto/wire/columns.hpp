@@ -39,7 +39,7 @@ struct ColumnRow {
   const char* unit;      // "kg/m2"; "" for ids, codes and bits
   Element element;
   Kind kind;
-  bool tangential;  // a vector along the interface: has a component 1 if slip has two components
+  bool tangential;  // a vector along the interface: has a second column, component 1, if slip has two components
   Use velocity_driven;
   Use force_driven;
   double lowest;  // bounds of a request's values, in `unit`; both 0 for columns of a reply

@@ -1,5 +1,6 @@
 // A restart dump on disk: arrays and texts by name in one HDF5 file, which appears only when complete. Every value is
-// checksummed; a flipped bit is an error. Throws wire::Error{kInvalidValue} with file and name in the text.
+// checksummed; a flipped bit is an error. All functions throw wire::Error{kInvalidValue} with file and name in the
+// text.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +16,7 @@ namespace shearbus::wire {
 
 class DumpWriter {
  public:
-  // Writes FILE.partial, which only the owner may read, because a dump may hold the ticket of a session.
+  // Writes FILE.partial, which only the owner may read, because a dump may hold the resume token of a session.
   explicit DumpWriter(std::filesystem::path file);
   DumpWriter(const DumpWriter&) = delete;
   DumpWriter& operator=(const DumpWriter&) = delete;

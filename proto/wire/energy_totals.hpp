@@ -21,7 +21,7 @@ class EnergyTotals {
   bool empty() const { return numbers_.back() == 0.0; }
   double mean(Field term) const;  // mean over the nodes of the sum over the steps  [J/m2]
 
-  // Lines of a summary: label and text.
+  // Lines of a summary, each with label and text.
   std::vector<std::pair<std::string, std::string>> lines() const;
 
   // The whole state, for restart dumps.
@@ -29,7 +29,8 @@ class EnergyTotals {
   std::span<const double> numbers() const { return numbers_; }
 
  private:
-  std::array<double, kLedgerColumns.size() + 1> numbers_{};  // sums over nodes and steps [J/m2], then the nodes
+  // sum of each term over nodes and steps [J/m2]; last, the number of nodes
+  std::array<double, kLedgerColumns.size() + 1> numbers_{};
 };
 
 }  // namespace shearbus::wire

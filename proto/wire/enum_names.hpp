@@ -1,5 +1,5 @@
-// The numbers and names of the enums of the wire, as in the schema. They serve the checks of received numbers, texts,
-// and the test that compares them with the .proto files.
+// The numbers and names of the enums of the wire, as in the schema. They serve to check received numbers, to name
+// values in texts, and to test that they agree with the .proto files.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct EnumNames {
 // The names of an enum. The argument selects the enum; its value does not matter.
 EnumNames names_of(Code code);
 EnumNames names_of(Element element);
-EnumNames names_of(Field field);  // has no values: the rows are in columns.hpp
+EnumNames names_of(Field field);  // its list of values is empty: the rows are in columns.hpp
 EnumNames names_of(Mode mode);
 EnumNames names_of(Outcome outcome);  // names of the bits
 EnumNames names_of(Policy policy);

@@ -185,7 +185,7 @@ class FieldReader {
   FieldReader(const EncodedField& found, const FieldPath& path, bool strict)
       : found_(found), path_(path), strict_(strict) {}
 
-  bool known() const { return known_; }  // a row has its number and type
+  bool known() const { return known_; }  // whether a row has the number and type of this field
 
   template <typename T>
   void operator()(std::uint32_t number, const char* name, T&& row) {
@@ -312,7 +312,7 @@ void read_message(T& message, std::span<const std::byte> bytes, const FieldPath&
   T::fields(FieldClearer{}, message);
   Decoder in(bytes);
   EncodedField found;
-  std::uint64_t numbers = 0;  // bit n: field n
+  std::uint64_t numbers = 0;  // bit n: field n was found
   while (in.next(found)) {
     if (found.number < 64) numbers |= std::uint64_t{1} << found.number;
     FieldReader reader(found, path, strict);

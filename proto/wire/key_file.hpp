@@ -15,12 +15,12 @@ inline constexpr std::size_t kKeyCharacters = 40;
 struct ServerAddress {
   std::string endpoint;    // tcp://host:port or ipc://path
   std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
-  std::string secret_key;  // secret key of the client, with server_key
+  std::string secret_key;  // secret key of the client; empty if server_key is
 };
 
 struct KeyLine {
   std::string key;
-  std::string words;  // the words after the key
+  std::string words;  // the words that follow the key on its line
 };
 
 bool is_key(const std::string& text);

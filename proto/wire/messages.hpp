@@ -32,7 +32,7 @@ enum Outcome : std::uint8_t {
 };
 
 enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
-enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified is kAccept
+enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified means kAccept
 
 struct Hello {
   static constexpr BodyRow kBody = {16, "hello"};
@@ -49,10 +49,10 @@ struct Hello {
 struct OpenSession {
   static constexpr BodyRow kBody = {17, "open_session", true};
   std::string scene;       // TOML text
-  std::string scene_file;  // name of the text, for messages
+  std::string scene_file;  // name by which fault texts cite the scene
   SessionId session_id{};
   ResumeToken resume_token{};
-  std::string domain;  // empty: none
+  std::string domain;  // empty: the session is in no domain
 
   static void fields(auto&& v, auto& m) {
     v(1, "scene", scene_text(m.scene));
@@ -70,7 +70,7 @@ struct Downscale {
   std::uint32_t attempt = 0;
   Mode mode = Mode::kAdvance;
   bool commit_previous = false;
-  std::vector<Field> wanted;  // empty: all default columns
+  std::vector<Field> wanted;  // columns of the reply; empty: all default columns
   Policy policy = Policy::kUnspecified;
 
   static void fields(auto&& v, auto& m) {
@@ -251,7 +251,7 @@ struct SessionResumed {
   std::uint64_t state_version = 0;
   bool trial_stands = false;
   std::uint64_t claim = 0;
-  std::vector<TransferId> offers;  // oldest first
+  std::vector<TransferId> offers;  // offers that wait to be accepted, oldest first
 
   static void fields(auto&& v, auto& m) {
     v(1, "session", required(m.session));

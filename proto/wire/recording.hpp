@@ -3,6 +3,8 @@
 //   /time [T] s, /node_id [N], /<name> [T,N] with attribute `units`, /meta with attributes format, created, scene
 //   (TOML text), ...
 //
+// T is the number of steps, N the number of nodes.
+//
 // All functions throw wire::Error{kInvalidValue} with file and dataset in the text. A writer works on FILE.partial and
 // renames it when closed, so that an interrupted run leaves no file that looks complete.
 #pragma once
@@ -29,7 +31,7 @@ struct Quantity {
   bool is_outcome = false;  // uint8 with the bits of Outcome instead of float64
 };
 
-// A component of a column as a dataset of a history; `long_name` replaces the meaning in the column's row.
+// A component of a column as a dataset of a history; `long_name`, if given, replaces the meaning in the column's row.
 Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std::string& long_name = {});
 
 class HistoryWriter {
@@ -50,7 +52,7 @@ class HistoryWriter {
   void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime or outcome
   void end_row();                                                        // refused unless every quantity was set
 
-  // Writes a dataset of one dimension and any length, such as masses [N].
+  // Writes a dataset of one dimension and any length, such as one mass per node.
   void add_static(const Quantity& quantity, std::span<const double> values);
   // Returns when the file is on the disk under its final name. It replaces a file of that name.
   void close(const std::map<std::string, std::string>& closing_meta = {});
@@ -71,13 +73,13 @@ class HistoryReader {
   std::size_t steps() const;
   std::size_t nodes() const;
   double start_time_s() const;                 // attribute t0 of /time, 0 when absent
-  const std::vector<double>& times_s() const;  // end of each step; strictly increasing, checked
+  const std::vector<double>& times_s() const;  // end of each step; checked to increase strictly
   const std::vector<double>& dt_s()
       const;  // length of each step: /dt [T] if present (checked against /time), else differences
-  const std::vector<std::uint64_t>& node_ids() const;  // unique, checked
+  const std::vector<std::uint64_t>& node_ids() const;  // checked to be unique
   bool has(std::string_view name) const;
-  std::vector<double> per_node(std::string_view name) const;                    // [N], finite, checked
-  void row(std::string_view name, std::size_t step, std::span<double> values);  // of a [T,N] dataset; finite, checked
+  std::vector<double> per_node(std::string_view name) const;  // one value per node, all checked to be finite
+  void row(std::string_view name, std::size_t step, std::span<double> values);  // values checked to be finite
   std::optional<std::string> meta(std::string_view name) const;
 
  private:

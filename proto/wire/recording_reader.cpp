@@ -56,7 +56,7 @@ std::vector<hsize_t> shape_of(hid_t space) {
 }  // namespace
 
 struct HistoryReader::Impl {
-  // A [T,N] dataset and those of its rows that are in memory.
+  // A [T,N] dataset (T steps, N nodes) and those of its rows that are in memory.
   struct Series {
     Dataset dataset;
     std::size_t rows_per_read = 1;
@@ -263,7 +263,7 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
 
 void HistoryReader::Impl::read_rows(const std::string& name, Series& one, std::size_t step) const {
   const std::size_t nodes = node_ids.size();
-  one.count = 0;  // no rows are in memory if the read fails
+  one.count = 0;  // until the read succeeds, no rows are in memory
   const std::size_t count = std::min(one.rows_per_read, times.size() - step);
   one.values.resize(count * nodes);
   const hsize_t start[2] = {step, 0};

@@ -41,7 +41,7 @@ struct HistoryWriter::Impl {
     bool bytes = false;
     Type type;  // type in the file
     Dataset dataset;
-    std::vector<double> numbers;  // buffered rows, unless `bytes`
+    std::vector<double> numbers;  // buffered rows; with `bytes` they are in `codes`
     std::vector<std::uint8_t> codes;
     bool set = false;  // whether the open row has its values
   };
@@ -50,7 +50,7 @@ struct HistoryWriter::Impl {
   fs::path partial;
   File handle;
   Dataset time;
-  Dataset dt;  // only if the rows have a dt
+  Dataset dt;  // /dt, if the rows have a dt
   std::vector<Series> series;
   std::size_t nodes = 0;
   std::size_t rows_per_chunk = 1;

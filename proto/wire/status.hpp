@@ -59,11 +59,11 @@ inline constexpr std::size_t kMaxNodesNamed = 16;
 
 struct Status {
   Code code = Code::kOk;
-  std::string text;                     // expected and found
+  std::string text;                     // what was expected and what was found
   std::string remedy;                   // proposed action
   std::string field;                    // scene field ("layer.cells") or column ("pressure_pa") at fault
   std::vector<std::uint64_t> node_ids;  // nodes at fault, at most kMaxNodesNamed
-  std::uint64_t last_sequence = 0;      // set with the sequence codes
+  std::uint64_t last_sequence = 0;      // set if the code is one of the sequence codes 201 to 203
 
   bool ok() const { return code == Code::kOk; }
 
