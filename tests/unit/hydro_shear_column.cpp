@@ -191,7 +191,7 @@ TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
     }
     ConstantFrictionLaw law(test::kFreeSlip);
     const int steps =
-        // Enough for the packet to travel to the end and back, while its other half is still well inside.
+        // Enough steps for one half of the packet to travel to the end and back, while the other half is well inside.
         static_cast<int>(640.0 / courant);
     for (int step = 0; step < steps; ++step) column.advance(law);
     double reflected = 0.0;
