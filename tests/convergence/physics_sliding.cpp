@@ -118,7 +118,8 @@ TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   EXPECT_NEAR(slip[2] / slip[1], 1.0, 1e-5);
 }
 
-// A constant jump holds the interface at melting: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)).
+// A constant jump holds the interface at melting: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)), where T_ref is
+// the initial temperature.
 TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   ModelOptions options = graded(paper_options());
   options.grid.far_boundary = FarBoundary::kHalfSpace;
