@@ -23,7 +23,8 @@ ModelOptions bingham_options() {
   return options;
 }
 
-// Every equation of the step: dep of each vertex from the law, the balance of elastic and plastic shear, the heat.
+// Checks every equation of the step: the plastic strain increment of each vertex by the law, the balance of elastic and
+// plastic shear, the heat.
 TEST(PhysicsOwnLaw, IsSolvedThroughTheFullVelocityDrivenStep) {
   Rig rig(bingham_options());
   const ModelOptions& options = rig.model.options();

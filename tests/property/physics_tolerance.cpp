@@ -70,7 +70,7 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       // arbitrary.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
       // The jump is a difference of velocities. Its rounding error enters the error estimate, and enters it
-      // tenfold if the step contains a kink of the answer.
+      // tenfold if the answer has a kink within the step, as at a stop of the slip.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =

@@ -76,7 +76,7 @@ class Step {
     return step_.dt * (largest_stress() + kLeastStress + 1e10 * ulp_stress) + mass(c) * largest_velocity();
   }
 
-  // Residual of DLP (37), the largest of all vertices.
+  // Residual of DLP (37), stress and shear of a vertex: the largest of all vertices.
   double kinematic_fault() const {
     double worst = 0.0;
     for (int i = 0; i <= cells(); ++i) {

@@ -188,7 +188,7 @@ TEST(SocketPath, ADirectoryThatOthersEnterIsRefusedWithItsModeAndARemedy) {
   const struct {
     mode_t mode;
     bool private_to_owner;
-    const char* fault;  // null: no fault
+    const char* fault;  // part of the expected fault; null: no fault
   } cases[] = {{0700, true, nullptr},  {0710, true, "0710"},  {0755, true, "chmod 700"},  {0711, false, nullptr},
                {0750, false, nullptr}, {0770, false, "0770"}, {0777, false, "chmod go-w"}};
   for (const auto& c : cases) {
