@@ -1,8 +1,8 @@
 // Memory of the service: how much a request may cost, and how the service behaves when memory runs out. Each allocation
 // of a request is made to fail once. The request is then either refused with nothing changed, or it was executed and
 // only its reply is lost. In both cases the same request sent again gets the reply of a service that never ran short
-// (P2, P3). A server with a journal on disk may have written the journal without updating its states: it ends, and the
-// next server recovers (P1).
+// (promises P2 and P3 of tests/README.md). A server with a journal on disk may have written the journal without
+// updating its states: it ends, and the next server recovers (promise P1).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -100,7 +100,8 @@ struct Tally {
   long failures = 0, refused = 0, unanswered = 0, recovered = 0;
 };
 
-// The service under test, with or without a journal, and a twin of it whose allocations never fail.
+// The service under test, with or without a journal, and a second service that gets the same requests and whose
+// allocations never fail.
 class Pair {
  public:
   explicit Pair(bool durable) {
@@ -306,8 +307,8 @@ TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   EXPECT_GT(pair.tally().failures, 50);
 }
 
-// Small messages that a parser could make large: the memory that a stranger's header costs is bounded by its own size,
-// and that size by the limit of headers.
+// Small headers for which a careless parser would allocate much memory. The memory that any sender's header costs must
+// be bounded by the header's own size, which the limit of headers bounds.
 TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
   constexpr std::size_t kMost = wire::kMaxHeaderBytes;
   constexpr std::size_t kMostAboveTheLimit = 4096;

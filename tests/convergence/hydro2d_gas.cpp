@@ -58,7 +58,7 @@ TEST(Hydro2dGas, Sedov) {
       EXPECT_LT(std::abs(residual), 1e-12);
       if (zones == 48) {
         EXPECT_NEAR(shock, 1.0, 0.015);
-        EXPECT_LT(spread, 0.025);  // width of a zone
+        EXPECT_LT(spread, 0.025);  // the width of a zone
         EXPECT_GT(peak, 5.0);
         EXPECT_LT(peak, 6.3);
       }

@@ -16,7 +16,8 @@ using lagrange::Ledger;
 
 constexpr double kFriction = 50e6;
 
-// Two half-spaces: the jump is V0 - s (1/Z_soft + 1/Z_hard) until a wave arrives from a side.
+// Two half-spaces with impedances Z and friction stress s: the jump is V0 - s (1/Z_soft + 1/Z_hard) until a wave
+// arrives from a side.
 TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   std::printf(
       "two half-spaces, 50 MPa, 100 m/s: jump at the middle (exact 92.184 m/s)\n width/um   at 50 ns   at 100 ns\n");
@@ -40,7 +41,8 @@ TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   }
 }
 
-// The velocity of the plate's face falls by 2 s/Z at every return of the wave from its free back.
+// A plate of impedance Z with a free back: the velocity of its face falls by 2 s/Z, with the friction stress s, at
+// every return of the wave from the back.
 TEST(Hydro2dSliding, FinitePlateWithFreeBack) {
   std::printf("plate of 0.5 mm with a free back: velocity of its face\n");
   Plates p;

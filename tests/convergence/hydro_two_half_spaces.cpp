@@ -123,7 +123,7 @@ TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
   };
   within(rows[2], 1);  // dt = 1 ns
   within(rows[2], 2);
-  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // dt = 0.25 ns: at 10 ns too
+  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // dt = 0.25 ns: at all times
 }
 
 // Courant number below 1. The sudden start makes the jump oscillate at the mesh's cut-off frequency, and the

@@ -1,6 +1,8 @@
-// Junctions between two rigid bodies under constant forces. With linear hardening and without softening the jump is
-// that of an oscillator, as long as it slips:
+// Junctions between two rigid bodies under constant forces. With linear hardening and without softening the velocity
+// jump [V] and the strain of the junctions ep are those of an oscillator, as long as the interface slips:
 //   d[V]/dt = A - m K (1 + beta ep),  dep/dt = [V] / (sqrt(3) d),  K = f Y0 g / sqrt(3)
+// A: acceleration of the jump by the far stresses, m: sum of the inverse masses, f and d: contact fraction and height
+// of the junctions, Y0 and beta: their yield strength and hardening coefficient, g: pressure factor of the strength.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,9 +13,9 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kJump = 100.0;  // [m/s]
-constexpr double kMass = 0.03;   // [kg/m2]
-constexpr double kEnd = 5e-9;    // [s]
+constexpr double kJump = 100.0;  // initial velocity jump [m/s]
+constexpr double kMass = 0.03;   // mass of each body [kg/m2]
+constexpr double kEnd = 5e-9;    // end of the run [s]
 
 struct Found {
   double jump, stress, strain, T0;

@@ -10,8 +10,9 @@
 namespace shearbus::testing {
 namespace {
 
-// Copper (Johnson and Cook 1983) that heat does not soften. The layer stays uniform, its balance gives the stress
-// s = G0 (v t/h - sqrt(3) ep), and one equation remains: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
+// Copper (Johnson and Cook 1983) that heat does not soften. In the layer of thickness h under the velocity jump v all
+// cells have the same state. Its balance gives the stress s = G0 (v t/h - sqrt(3) ep), and one equation remains, with
+// the constants r0, A, B, n and C of the law: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
 ModelOptions cold_copper() {
   ModelOptions options = graded(paper_options(), 4, 1.0);
   Material& soft = options.soft;
@@ -70,7 +71,8 @@ TEST(PhysicsJohnsonCookConvergence, RateDependentShearIsFirstOrderInTime) {
 }
 
 // Copper by Preston, Tonks and Wallace against a hard body that takes all the heat: the layer stays uniform and at
-// 300 K, and what is left is d ep/dt = rate, where Y(ep, rate) = sqrt(3) G0 (v t / h - sqrt(3) ep).
+// 300 K. The remaining equation is d ep/dt = rate, with the rate at which the flow stress is
+// Y(ep, rate) = sqrt(3) G0 (v t / h - sqrt(3) ep).
 ModelOptions cooled_copper() {
   ModelOptions options = graded(paper_options(), 4, 1.0);
   options.soft = make_material("copper_ofhc_ptw", {}).material;
@@ -90,7 +92,8 @@ double rate_under(const Material& m, double stress, double ep, double pressure) 
   return std::exp(lo);
 }
 
-// Runge-Kutta of order 4 with steps below the relaxation time dY/dln(rate) / (3 G0 rate) of 0.1 ns.
+// Solves this equation by the Runge-Kutta method of order 4, with steps below the relaxation time
+// dY/dln(rate) / (3 G0 rate) of 0.1 ns.
 double strain_of_preston_shear(const ModelOptions& options, double v, double pressure, double t_end, int steps) {
   const Material& m = options.soft;
   const auto rate = [&](double t, double ep) {
@@ -126,7 +129,7 @@ TEST(PhysicsPrestonTonksWallaceConvergence, CoupledShearIsFirstOrderInTime) {
     const double order = before > 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %8.2g s  %.3e  %6.3f\n", dt, error, order);
     EXPECT_NEAR(rig.ep(0), rig.ep(4), 1e-6 * ep);
-    if (dt < 3e-9) {  // longer steps pass through the onset of flow
+    if (dt < 3e-9) {  // longer steps resolve the onset of flow too coarsely
       EXPECT_NEAR(order, 1.0, 0.05) << dt;
     }
     before = error;
@@ -182,7 +185,7 @@ TEST(PhysicsJohnsonCookConvergence, HotShearAgreesBetweenStepLengthsAndGrids) {
 
 // Two free bodies slow each other down by friction:
 //   dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)),  k = P (1/m- + 1/m+)
-// with the exact solution, where r = mu_0/mu_inf - 1,
+// where m- and m+ are the masses of the two bodies, with the exact solution, where r = mu_0/mu_inf - 1,
 //   exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r
 // A step uses the friction at the middle of its slip, so the order is two.
 TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
@@ -243,10 +246,11 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   }
 }
 
-// A body slides at constant V, and its friction falls in proportion to the rise of T0 (m = 1, T_ref = the initial
-// temperature). The heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient
-// q0/R, for which Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux
-// begins as q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
+// A body slides at constant V, and its friction falls in proportion to the rise of T0: the softening exponent is 1, and
+// the reference temperature is the initial one. The initial heat flux is q0, and friction vanishes at the rise R. The
+// heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient q0/R, for which
+// Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux begins as
+// q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
 TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.soft.temperature_coefficient = 0.0;

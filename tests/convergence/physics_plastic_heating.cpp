@@ -51,7 +51,7 @@ TEST(PhysicsPlasticHeatingConvergence, FirstOrderInTimeBeforeTheLayerLocalises) 
     const double order = difference_before != 0.0 ? std::log2(difference_before / difference) : NAN;
     std::printf("  %8.3g s  %9.4f K  %9.4f MPa  %6.3f\n", dt, found.T0, found.s / 1e6, order);
     if (difference_before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.2);  // the time of first yield within a step matters to the end
+      EXPECT_NEAR(order, 1.0, 0.2);  // the part of a step in which yield begins affects the final result
     }
     difference_before = before != 0.0 ? difference : 0.0;
     before = found.T0;

@@ -59,7 +59,7 @@ TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
   }
 }
 
-// In modes a constant flux is integrated exactly by either scheme, for any step length.
+// If the heat is kept in modes, either scheme integrates a constant flux exactly, for any step length.
 TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated}) {
     for (double accuracy : {1e-3, 1e-6, 1e-9}) {
@@ -86,8 +86,8 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   }
 }
 
-// The integral of the slab's heat kernel equals the image series of the insulated face, also around
-// t = h^2/(160 alpha), where the kernel changes from the half-space's root to its series.
+// The integral of the heat kernel of a slab must equal the image series of its insulated face, also around
+// t = h^2/(160 alpha), where the kernel switches from the formula of a half-space to a series.
 TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
   const ModelOptions options = paper_options();
   const HeatKernel slab(options.soft, options.grid);

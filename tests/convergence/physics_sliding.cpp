@@ -118,7 +118,8 @@ TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   EXPECT_NEAR(slip[2] / slip[1], 1.0, 1e-5);
 }
 
-// A constant jump holds the interface at melting: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)).
+// A constant jump holds the interface at melting: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)), where T_ref is
+// the initial temperature.
 TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   ModelOptions options = graded(paper_options());
   options.grid.far_boundary = FarBoundary::kHalfSpace;
@@ -138,9 +139,9 @@ TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   EXPECT_LT(before, 1e-3);
 }
 
-// Two half-spaces slide on each other, and shear waves carry the stress away: [V] = V0 - s (1/Z_soft + 1/Z_hard). Here
-// each body is one zone at the interface with the exact solution of the wave equation behind it. Reference: the
-// Volterra equation for s = s_lim(T0).
+// Two half-spaces with impedances Z slide on each other, and shear waves carry the stress s away:
+// [V] = V0 - s (1/Z_soft + 1/Z_hard). Here each body is one zone at the interface with the exact solution of the wave
+// equation behind it. Reference: the Volterra equation for s = s_lim(T0).
 TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   struct Row {
     double t, s, jump, T0;

@@ -33,8 +33,8 @@ ModelOptions with_cells(ModelOptions options, int cells, double first) {
 }
 
 struct History {
-  std::vector<double> temperature;  // T0 at every tenth of the run, or after every step if there are fewer than ten [K]
-  double estimate = 0.0;            // largest estimate that a step reported
+  std::vector<double> temperature;  // T0 [K] at every tenth of the run, or after every step if there are fewer than ten
+  double estimate = 0.0;            // largest error estimate of a step
 };
 
 History run(const ModelOptions& options, int steps, double velocity_jump) {
@@ -218,8 +218,8 @@ TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   }
 }
 
-// A step that needs shorter substeps than the modes can represent: the search ends at the shortest, and the estimate
-// must exceed the limit.
+// A step that needs shorter substeps than the modes can represent: the search ends at the shortest possible substep,
+// and the error estimate must exceed its limit.
 TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   Rig rig(discretised(half_space(), 1e-6), 1);
   rig.inputs.pressure[0] = 11.2e9;
@@ -230,8 +230,8 @@ TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   EXPECT_GT(rig.outputs.error_estimate[0], kStepShare * 1e-6);
 }
 
-// Error control costs evaluations of the stress limit: if little happens, those of the two halves in addition to the
-// step; at a reversal of the slip, no more than those of the halvings that lead to the reversal.
+// Error control costs evaluations of the stress limit. If little happens in a step, they are those of the step and of
+// its two halves. If the slip reverses, they are at most those of the halvings that lead to the reversal.
 TEST(DeliveredTolerance, EffortGoesWhereTheErrorIs) {
   const auto effort_of = [](const ModelOptions& options, double pull) {
     Rig rig(options, 1);

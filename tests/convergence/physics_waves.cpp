@@ -98,9 +98,10 @@ TEST(PhysicsWavesConvergence, SecondOrderInCells) {
   }
 }
 
-// A perfectly plastic layer meets the hard body at V = 50 m/s. Behind a front with the elastic wave speed s = tau and
-// v = V - tau/Z, and the rest of the slip is at z = 0. After the front has reached the soft body, a slip velocity of
-// tau/Z is at z = h.
+// A perfectly plastic layer with the yield stress tau and the impedance Z meets the hard body at V = 50 m/s. A front
+// crosses the layer at the elastic wave speed. Behind it the stress is s = tau and the velocity v = V - tau/Z, with
+// which the layer slips on the hard body. After the front has reached the soft body, the layer slips with tau/Z there,
+// at z = h.
 TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   const double V = 50.0;
   std::printf("perfectly plastic layer, 50 m/s: cells, dt, mean error of s over the layer at half a crossing, order\n");
@@ -138,8 +139,9 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   }
 }
 
-// With n = 1 hardening is linear: ds = G_t d gamma above the yield stress. A plastic front of speed sqrt(G_t / rho)
-// follows the elastic one, and until reflections return s(0) = tau + rho c_p (V - tau / Z).
+// With the hardening exponent n = 1 hardening is linear: above the yield stress tau the stress grows with the shear by
+// the tangent modulus G_t. A plastic front of speed c_p = sqrt(G_t / rho) follows the elastic one, and until
+// reflections return s(0) = tau + rho c_p (V - tau / Z), with the impedance Z.
 TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   const double V = 50.0;
   std::printf("linear hardening, 50 m/s: cells, dt, error of s(0), of the plastic slip in the layer\n");

@@ -1,6 +1,6 @@
 // A law of the tests: Bingham's viscous metal, whose viscosity and yield stress soften differently, so that rate and
 // temperature are coupled:
-//   Y(dep/dt, T) = (A + eta (1 - T/T_melt) dep/dt) (1 - T/T_melt)
+//   Y(dep/dt, T) = (A + eta (1 - T/T_melt) dep/dt) (1 - T/T_melt), with yield stress A and viscosity eta
 #pragma once
 
 #include <array>
@@ -15,7 +15,8 @@ namespace shearbus::physics {
 class Bingham {
  public:
   static constexpr std::string_view kName = "bingham", kEquation = "Bingham 1922", kAdds = "viscosity", kWhen = "tests";
-  static constexpr std::array kConstants = {&Material::yield_strength, &Material::hardening_modulus};  // A, eta [Pa s]
+  // A [Pa] and eta [Pa s]
+  static constexpr std::array kConstants = {&Material::yield_strength, &Material::hardening_modulus};
   static constexpr bool kDependsOnRate = true;
   static constexpr bool kSeparable = false;
   static constexpr bool kFirstOrderInTime = true;

@@ -1,4 +1,5 @@
-// A flow law that the server does not have, from one file and one line, through the full velocity-driven step.
+// A flow law that the server does not have, added by one file and one line in the list of laws, in the full
+// velocity-driven step.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -18,11 +19,12 @@ ModelOptions bingham_options() {
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   options.soft.flow_law = FlowLaws::place<Bingham>();
   options.soft.yield_strength = 200e6;
-  options.soft.hardening_modulus = 20.0;  // [Pa s]: 100 MPa at 5e6 1/s
+  options.soft.hardening_modulus = 20.0;  // viscosity [Pa s]: 100 MPa at 5e6 1/s
   return options;
 }
 
-// Every equation of the step: dep of each vertex from the law, the balance of elastic and plastic shear, the heat.
+// Checks every equation of the step: the plastic strain increment of each vertex by the law, the balance of elastic and
+// plastic shear, the heat.
 TEST(PhysicsOwnLaw, IsSolvedThroughTheFullVelocityDrivenStep) {
   Rig rig(bingham_options());
   const ModelOptions& options = rig.model.options();

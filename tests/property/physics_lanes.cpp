@@ -136,8 +136,9 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsLanes,
                          ::testing::Values(Solver::kVelocityDriven, Solver::kForceDriven, Solver::kInertia),
                          [](const auto& test) { return name_of(test.param); });
 
-// The scaling (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) changes neither temperature nor stress, and
-// the numerical scheme must preserve this.
+// For any factor L, the scaling (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) of velocity, time, depth,
+// layer thickness, step length and mass changes neither temperature nor stress. The numerical scheme must preserve
+// this.
 class PhysicsSimilarity : public ::testing::TestWithParam<Strategy> {};
 
 TEST_P(PhysicsSimilarity, ScaledProblemsHaveTheSameAnswer) {

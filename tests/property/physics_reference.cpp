@@ -1,4 +1,4 @@
-// The fast solvers against the slow twin, from the states random histories reach.
+// The fast solvers against the slow reference solver, from states that random histories reach.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,10 +21,11 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   for (int scene = 0; scene < 80; ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
-    if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // (48) divides by it
+    // DLP (48) divides by the hardening coefficient.
+    if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
     Rig rig(options);
     start_hard_elsewhere(draw, rig);
-    const int lanes[] = {1, kLanes - 1, kLanes};  // part of a tile, nearly all, all
+    const int lanes[] = {1, kLanes - 1, kLanes};  // number of active lanes: one, all but one, all
     rig.inputs.active = (1u << lanes[scene % 3]) - 1u;
     for (int step = 0; step < 12; ++step) {
       random_inputs(draw, rig, false);
@@ -38,12 +39,13 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
         twins.push_back(reference::advance_one(options, dt, rig.node_inputs(l), twin_states.back()));
       }
       rig.step(dt);
-      // Where the criterion of a single answer, which is sufficient and not necessary, sent the fast solver back.
+      // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone back to the
+      // first-order scheme. The reference solver then repeats the step with that scheme.
       for (int l = 0; l < lanes[scene % 3]; ++l) {
         if (!(rig.outputs.outcome[l] & kFirstOrder) || twins[l].first_order) continue;
         reference::NodeInputs inputs = rig.node_inputs(l);
         inputs.backward_euler = true;
-        std::swap(rig.committed, rig.trial);  // to the states before
+        std::swap(rig.committed, rig.trial);  // back to the states before the step
         twin_states[l] = rig.node_state(l);
         std::swap(rig.committed, rig.trial);
         twins[l] = reference::advance_one(options, dt, inputs, twin_states[l]);
@@ -56,11 +58,11 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
           ++ambiguous;
           continue;
         }
-        if (options.plastic_layer && twins[l].answers > 1) {  // the criterion is that of a layer that does not flow
+        if (options.plastic_layer && twins[l].answers > 1) {  // the criterion assumes a layer that does not flow
           ++several;
           continue;
         }
-        ASSERT_EQ(twins[l].answers, 1);  // not divided: the criterion promised a single answer
+        ASSERT_EQ(twins[l].answers, 1);  // the step was not divided, so the criterion promised one answer
         try {
           require_agreement(rig, strains[l], twins[l], twin_states[l], l, dt, worst);
         } catch (const Broken& broken) {
@@ -101,7 +103,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsReference, ::testing::Values(Strategy::kVeloci
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
-// Work bound: a half-space pinned at melting takes no more heat, whatever the history.
+// In no history does friction do more work than the heat that two half-spaces take in while their interface is held at
+// the melting temperature.
 TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
   Draw draw(12);
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
@@ -121,7 +124,7 @@ TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
       }
       rig.step(dt);
       const double t = n * dt;
-      // Backward Euler pins a little more heat into its first steps than the exact kernel: 1/(8n).
+      // After n steps backward Euler may have taken in more heat than the exact solution, by a share of about 1/(8n).
       const double bound = 2 * e * (1220 - 300) * std::sqrt(t / M_PI) * (1 + 0.25 / n);
       for (int l = 0; l < kLanes; ++l) {
         work[l] += rig.outputs.friction_heat[l] / heat_partition(options.soft, options.hard);

@@ -23,7 +23,8 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   return options;
 }
 
-// Behaviour of the host towards each lane during a number of steps.
+// Behaviour of the host towards each lane during a number of steps: whether the contact is open, whether the host
+// leaves the bodies nearly at rest, and whether it unloads the layer.
 struct Phase {
   bool open[kLanes], quiet[kLanes], lets_go[kLanes];
 };

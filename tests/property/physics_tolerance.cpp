@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr int kMostEffort = 3000;  // evaluations of the fast step, above which the twin is skipped
+constexpr int kMostEffort = 3000;  // most evaluations in a fast step that is compared with the slow model
 
 ModelOptions controlled(Draw& draw, Strategy strategy) {
   ModelOptions options = random_options(draw, strategy, false);
@@ -42,15 +42,15 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       SearchEffort effort;
       rig.inputs.effort = &effort;
       rig.step(dt);
-      if (effort.layer_sums + effort.limit_values > kMostEffort) continue;  // the twin would take minutes
+      if (effort.layer_sums + effort.limit_values > kMostEffort) continue;  // the slow model would take minutes
       const reference::NodeOutputs twin = reference::advance_one(options, dt, twin_inputs, twin_state);
       if ((rig.outputs.outcome[l] & (kSubstepped | kMultipleRoots)) != 0 || twin.answers > 1) continue;
       SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step));
       ++compared;
       finer += twin.error_estimate > 0.25 * *options.tolerance;
-      // Solver and twin may use different substeps if an error equals its limit to rounding, or if the criterion of a
-      // unique answer sent only the fast solver to the first-order scheme. The answers of the two must then agree
-      // within the sum of their error estimates.
+      // The fast solver and the reference model may use different substeps if an error equals its limit to rounding, or
+      // if the criterion of a unique answer sent only the fast solver to the first-order scheme. The answers of the
+      // two must then agree within the sum of their error estimates.
       const double difference = std::abs(rig.outputs.interface_temperature[l] - twin.interface_temperature);
       worst = std::max(worst, difference);
       if (difference > 1e-8) {
@@ -69,7 +69,8 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       // The error estimates are not comparable either if the new jump is mere rounding, because its sign is then
       // arbitrary.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
-      // The jump is a difference of velocities, and its rounding enters the estimate, ten times as much at a kink.
+      // The jump is a difference of velocities. Its rounding error enters the error estimate, and enters it
+      // tenfold if the answer has a kink within the step, as at a stop of the slip.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =

@@ -33,7 +33,7 @@ void copy_turned(const Rig& from, double angle, Rig& to) {
        to.committed.data() + layout.shear_stress, to.committed.data() + layout.second_stress);
 }
 
-// n of a law that has it, else the least power of the stress that strain follows.
+// The hardening exponent n of a flow law that has one, otherwise the law's `flow_exponent`.
 double exponent_of(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_exponent) ? m.hardening_exponent : flow_exponent(m);
 }

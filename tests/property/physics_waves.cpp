@@ -20,8 +20,7 @@ constexpr double kTiny = 1e-280;
 constexpr double kLeastStress = 1e6;      // [Pa]
 constexpr double kLeastVelocity = 1e-20;  // [m/s]
 
-// Relative tolerance of the stress limit of a vertex: rounding of its temperature by an ulp changes the limit by this
-// much.
+// Relative tolerance of the stress limit of a vertex: 1e-9, and the change that an ulp of its temperature causes.
 double limit_tolerance(const Material& soft, double pressure, double T) {
   const Softening soften = softening(soft, pressure, T);
   if (soften.g <= 0.0) return 1.0;
@@ -77,7 +76,7 @@ class Step {
     return step_.dt * (largest_stress() + kLeastStress + 1e10 * ulp_stress) + mass(c) * largest_velocity();
   }
 
-  // Residual of DLP (37), the largest of all vertices.
+  // Residual of DLP (37), stress and shear of a vertex: the largest of all vertices.
   double kinematic_fault() const {
     double worst = 0.0;
     for (int i = 0; i <= cells(); ++i) {
@@ -177,7 +176,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         ASSERT_LE(step.kinematic_fault(), 1e-12);
         ASSERT_LE(step.energy_fault(), 1e-9);
         step.expect_flow_law();
-        // The tile's step must be this one.
+        // The step of the whole tile must have given the lane the same results.
         ASSERT_EQ(rig.outputs.shear_stress[l], step.fields().stress[0]);
         ASSERT_EQ(rig.outputs.friction_heat[l], step.answer().flux * dt);
         ASSERT_NEAR(step.answer().flux,

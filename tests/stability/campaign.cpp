@@ -32,8 +32,8 @@ TEST_P(Campaign, HoldsOnEveryPhysics) {
 INSTANTIATE_TEST_SUITE_P(, Campaign, ::testing::ValuesIn(all_rows()), [](const auto& row) { return row.param.name; });
 
 // The campaign bounds the work of a row by the heat that a half-space with its interface at melting takes in.
-// MoltenLayer computes this bound, and must agree with the exact heat per area
-//   2 k/sqrt(alpha) (T_melt - T_ref) sqrt(t/pi).
+// MoltenLayer computes this bound, and must agree with the exact heat per area, where T_ref is the initial temperature:
+//   2 k/sqrt(alpha) (T_melt - T_ref) sqrt(t/pi)
 TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
   testing::ModelOptions options = testing::graded(testing::paper_options());
   options.grid.far_boundary = testing::FarBoundary::kHalfSpace;

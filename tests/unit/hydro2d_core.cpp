@@ -29,7 +29,8 @@ class Random {
   std::mt19937_64 generator_{20240229};
 };
 
-// A block of unit zones whose nodes are displaced at random by up to `part` of a zone. Nodes on the axis stay on it.
+// A block of unit zones whose nodes are displaced at random by up to `part` of a zone's width. Nodes on the axis of
+// symmetry stay on it.
 Mesh crooked(Symmetry symmetry, int nx, int ny, double part, Random& random) {
   Mesh mesh(symmetry);
   mesh.add_block(nx, ny, [&](int i, int j) {

@@ -84,7 +84,7 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
       for (int i = 0; i < 200; ++i) cycle.advance(1.0);
       double fastest = 0.0;
       for (const Vec2 v : cycle.state().velocity) fastest = std::max(fastest, norm(v));
-      EXPECT_LT(fastest, 1e-8);  // [m/s], compared with a sound speed of about 6 km/s
+      EXPECT_LT(fastest, 1e-8);  // largest speed of a node [m/s]; the sound speed is about 6 km/s
       for (int z = 0; z < cycle.mesh().num_zones(); ++z) EXPECT_NEAR(cycle.state().pressure[z] / kPressure, 1.0, 1e-10);
       for (int i = 0; i < cycle.contact().size(); ++i)
         EXPECT_NEAR(cycle.contact().inputs().pressure[i] / kPressure, 1.0, 1e-9);

@@ -21,7 +21,8 @@ double jump(const ShearColumn& column, std::size_t i = 0) {
   return column.soft().velocity_at(0)[i] - column.hard().velocity_at(0)[i];
 }
 
-// Aluminium on steel, friction stress s = 50 MPa, V0 = 100 m/s: [V] = V0 - s (1/Z_soft + 1/Z_hard).
+// Aluminium on steel with friction stress s = 50 MPa and initial jump V0 = 100 m/s. With the impedances Z of the bodies
+// the jump is [V] = V0 - s (1/Z_soft + 1/Z_hard).
 TEST(ShearColumn, ConstantFrictionGivesTheExactJumpFromTheFirstInstant) {
   ShearColumn column(aluminium_on_steel({100.0}, 50));
   ConstantFrictionLaw law(50e6);
@@ -33,7 +34,8 @@ TEST(ShearColumn, ConstantFrictionGivesTheExactJumpFromTheFirstInstant) {
   }
 }
 
-// A plate with a free back: the velocity of its face falls by 2 s / Z at every return of the wave.
+// A plate of impedance Z with a free back: the velocity of its face falls by 2 s / Z, with the friction stress s, at
+// every return of the wave.
 TEST(ShearColumn, FinitePlateSlowsByTwiceTheWaveAtEveryReturn) {
   hydro::ColumnProblem problem = aluminium_on_steel({100.0}, 200);
   problem.soft.far_end = guest::FAR_END_FREE;
@@ -191,7 +193,7 @@ TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
     }
     ConstantFrictionLaw law(test::kFreeSlip);
     const int steps =
-        // Enough for the packet to travel to the end and back, while its other half is still well inside.
+        // Enough steps for one half of the packet to travel to the end and back, while the other half is well inside.
         static_cast<int>(640.0 / courant);
     for (int step = 0; step < steps; ++step) column.advance(law);
     double reflected = 0.0;

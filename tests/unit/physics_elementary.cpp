@@ -9,7 +9,7 @@
 namespace shearbus::physics {
 namespace {
 
-// Error in units of the last place of the exact value.
+// Error of `value` against `exact`, in units in the last place of the exact value.
 double ulps(double value, long double exact) {
   const double rounded = static_cast<double>(exact);
   const double ulp = std::nextafter(std::abs(rounded), std::numeric_limits<double>::infinity()) - std::abs(rounded);

@@ -12,7 +12,7 @@ namespace {
 static_assert(FlowLawClass<SteinbergCochranGuinan>);
 static_assert(FlowLawClass<JohnsonCook>);
 
-// Steinberg's law without its properties, and with one of them hidden.
+// A law that declares no properties, and a law with one of its properties hidden.
 struct Undeclared {
   static constexpr std::string_view kName = "undeclared";
 };
@@ -24,7 +24,7 @@ struct WithoutRate : Law {
 static_assert(!DeclaresFlowLawProperties<Undeclared>);
 static_assert(!FlowLawClass<WithoutRate<SteinbergCochranGuinan>>);
 
-// A law that carries load when molten.
+// A law whose strength does not vanish at melting.
 struct Undying : SteinbergCochranGuinan {
   using SteinbergCochranGuinan::SteinbergCochranGuinan;
   static constexpr bool kVanishesAtMelting = false;

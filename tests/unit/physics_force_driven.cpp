@@ -9,7 +9,8 @@
 namespace shearbus::testing {
 namespace {
 
-// Masses of half zones of 5 um of the paper's aluminium and steel [kg/m2].
+// Sets the masses per area [kg/m2] of half a zone of each body: the paper's aluminium and steel in zones of width
+// `zone` [m].
 void set_masses(Rig& rig, double zone = 5e-6) {
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.mass_soft[l] = 2703.0 * 0.5 * zone;
@@ -82,8 +83,8 @@ TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
 }
 
-// The example of MODEL.md, "Force-driven step": half zones of 5 um, dt = 1 ns, T_ad = 1215 K, [V]mid = 33.888 m/s
-// without friction, interface yield strength 0.68 GPa.
+// The example of server/physics/MODEL.md, "Force-driven step": zones of 5 um, dt = 1 ns, T_ad = 1215 K before the heat
+// of the step, mean jump without friction [V]mid = 33.888 m/s, interface yield strength 0.68 GPa.
 struct ThreeRoots {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   ThreeRoots() {
@@ -92,7 +93,7 @@ struct ThreeRoots {
   }
   StressLimit limit() const { return {0.3 * 11.2e9, 0.68e9 / kSqrt3, 11.2e9, &options.soft}; }
   FrictionHeating heating() const {
-    // The example is computed with the response B0 of a half-space without a grid.
+    // The example takes the temperature rise per unit flux at z = 0, B0, from a half-space without a grid.
     const double B0 = std::sqrt(options.soft.diffusivity * 1e-9) / options.soft.conductivity;
     const double b = 0.5 * 1e-9 * (1 / (2703 * 2.5e-6) + 1 / (7900 * 2.5e-6));
     return {1215.0, heat_partition(options.soft, options.hard) * B0, 33.888, b};
@@ -138,8 +139,8 @@ TEST(PhysicsForceDriven, AStepWithSeveralAnswersIsDivided) {
     const double heat_before = rig.stored_heat(300.0);
     rig.step(1e-9);
     EXPECT_EQ(rig.outputs.outcome[0], kSubstepped);
-    // A node at rest below the stress limit stays at rest, whatever its previous regime: the short substeps have one
-    // answer.
+    // A node at rest below the stress limit stays at rest, whatever its previous regime was, because each of the short
+    // substeps has only one answer.
     EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
     EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
     EXPECT_NEAR(rig.stored_heat(300.0) - heat_before, rig.outputs.friction_heat[0], 1e-9 * heat_before);

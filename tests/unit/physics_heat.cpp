@@ -10,7 +10,8 @@
 namespace shearbus::testing {
 namespace {
 
-// The exact response of one step of backward Euler on a uniform grid with an insulated end: METHODS.md, "Conduction".
+// The exact temperature rise at z = 0 per unit flux in one step of backward Euler, on a uniform grid with an insulated
+// end (server/physics/METHODS.md, "Conduction").
 double exact_response(double dt, double dz, int cells, const Material& m) {
   const double Fo = m.diffusivity * dt / (dz * dz);
   const double theta = 2.0 * std::asinh(0.5 / std::sqrt(Fo));
@@ -48,10 +49,10 @@ TEST(PhysicsHeat, ResponseHoldsExactlyTheHeatOfOneStep) {
   }
 }
 
-// From a uniform temperature one step of backward Euler raises T0 per unit of flux by
-// sqrt(alpha dt)/k coth(h / sqrt(alpha dt)). A graded grid is too stiff by (ln grading)^2/16 for all dt, a matched grid
-// is not. When the heat fills a slab, all cells share one parabola of temperature, and a matched grid is off by the
-// resistance of its cells.
+// With the depth d = sqrt(alpha dt), one step of backward Euler from a uniform temperature raises T0 per unit flux by
+// d/k in a half-space and by d/k coth(h/d) in an insulated slab. A graded grid gives less by a share of
+// (ln grading)^2/16 for all dt, a matched grid does not. When the heat fills a slab, the temperatures of all cells lie
+// on one parabola, and the error of a matched grid is the resistance of its cells.
 TEST(PhysicsHeat, AMatchedGridRespondsAsTheBodyItDivides) {
   const Material m = paper_options().soft;
   const double h = 20e-6, first = 1e-9;
@@ -97,7 +98,7 @@ TEST(PhysicsHeat, OneLaneConductsAsTheTileDoes) {
   for (std::size_t i = 0; i < tile.size(); ++i) ASSERT_EQ(one[i], i % kLanes == 5 ? all[i] : tile[i]);
 }
 
-// `add_flux` skips the vertices whose temperature would keep its bits.
+// `add_flux` skips the vertices at which the added heat would not change the bits of the temperature.
 TEST(PhysicsHeat, FluxLeavesOutOnlyWhatKeepsItsBits) {
   ModelOptions two = two_sided(graded(paper_options()));
   for (const HeatGrid& grid : {HeatGrid(Grid({20e-6, 60, 1.08}), FarBoundary::kHalfSpace), Rig(two).heat_grid()}) {

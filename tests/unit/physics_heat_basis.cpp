@@ -1,5 +1,5 @@
-// Heat in the modes of its grid (server/physics/METHODS.md, "Sleep"): decay of the modes must equal steps of the heat
-// operator.
+// Heat represented by the modes of its grid (server/physics/METHODS.md, "Sleep"): the decay of the modes must equal
+// steps of the heat operator.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -71,7 +71,7 @@ class Draw {
                          : HeatGrid(Grid(soft), soft.far_boundary, Grid(hard), hard.far_boundary);
   }
 
-  // A temperature profile of one lane; some of the kinds drawn are unlikely in a run.
+  // A random temperature profile of one lane. Some of the kinds drawn are unlikely in a run.
   std::vector<double> profile(const HeatOperator& heat) {
     const int n = static_cast<int>(heat.outward.size());
     const double far = between(1.0, 1500.0);
@@ -90,13 +90,13 @@ class Draw {
       case 2:  // heat in some vertices around z = 0
         for (int i = hard; i <= soft; ++i) T[i] += decades(-18.0, 3.0);
         break;
-      case 3:  // one vertex, one ulp hotter
+      case 3:  // one vertex is hotter by one ulp
         T[below(n)] = std::nextafter(far, 2.0 * far);
         break;
       case 4:  // heat everywhere
         for (double& t : T) t += decades(-18.0, 3.0);
         break;
-      case 5:  // a hard body of other temperatures
+      case 5:  // a random temperature at each vertex of the hard body
         for (int i = 0; i <= heat.interface; ++i) T[i] = between(1.0, 1500.0);
         break;
       case 6:  // colder around z = 0 than far away
@@ -142,7 +142,7 @@ TEST(PhysicsHeatReach, TheBitsAreThoseOfSweepsFromEndToEnd) {
   EXPECT_GT(tails, cases / 10);
 }
 
-// The outermost vertices of the two bodies at which the temperature of any lane differs from that at the end of the
+// The outermost vertex of each body at which the temperature of any lane differs from that at the body's end of the
 // grid.
 struct Reach {
   int hard, soft;
@@ -161,7 +161,7 @@ Reach reach_of(const std::vector<double>& tile, int interface) {
 
 // Sets to NaN those factors of an operator that `conduct` must not read: the elimination factors outside the heated
 // vertices, and the substitution factors outside the vertices that change. The `spare_` arguments extend the range of
-// NaN by so many vertices, to show that `conduct` does read the factors next to that range.
+// NaN by that many vertices, to show that `conduct` does read the factors next to that range.
 void forget(HeatOperator& heat, const Reach& heated, const Reach& felt, int spare_eliminated, int spare_substituted) {
   const int n = static_cast<int>(heat.outward.size());
   for (int i = 0; i < n; ++i) {
@@ -196,7 +196,7 @@ TEST(PhysicsHeatReach, WhereNoHeatHasArrivedNothingIsComputed) {
         forget(least, heated, felt, 0, 0);
         conduct(least, n, T.data(), again.data());
         ASSERT_EQ(bits(again), bits(after)) << "step " << step;
-        // One factor less, of either sweep, changes the result.
+        // If one factor more is missing, in either sweep, the result changes.
         for (int spared = 0; spared < 2 && step > 0; ++spared) {
           HeatOperator too_little(grid, options.soft, options.hard, 1e-9);
           forget(too_little, heated, felt, spared, 1 - spared);

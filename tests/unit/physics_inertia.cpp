@@ -11,7 +11,7 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kPressure = 1e9;  // [Pa]
-constexpr double kElastic = 3.0;   // jump whose waves stay below the yield stress [m/s]
+constexpr double kElastic = 3.0;   // velocity jump whose waves stay below the yield stress [m/s]
 
 TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   const ModelOptions options = with_inertia(paper_options());
@@ -104,7 +104,8 @@ TEST(PhysicsInertia, MomentumOfTheLayerIsTheImpulseOfItsTwoFaces) {
   }
 }
 
-// The scaling (v, t, z, h, dt, rho) -> (L v, t/L^2, z/L, h/L, dt/L^2, rho/L^2) changes neither temperature nor stress.
+// For any factor L, the scaling (v, t, z, h, dt, rho) -> (L v, t/L^2, z/L, h/L, dt/L^2, rho/L^2) of velocity, time,
+// depth, layer thickness, step length and density changes neither temperature nor stress.
 TEST(PhysicsInertia, ScaledProblemsHaveTheSameAnswer) {
   for (double L : {2.0, 3.7}) {
     ModelOptions options = with_inertia(graded(paper_options()));

@@ -1,4 +1,4 @@
-// Johnson and Cook's law: the printed formula, its inversion in the layer, what a scene must give of it.
+// Johnson and Cook's law: the printed formula, its inversion in the layer, the constants that a scene must give.
 #include "server/physics/material/johnson_cook.hpp"
 
 #include <gtest/gtest.h>
@@ -54,7 +54,7 @@ TEST(PhysicsJohnsonCook, SlopesAreItsDerivatives) {
     const double dt = 1e-9;
     for (double ep : {0.0, 1e-3, 2.0}) {
       for (double dep : {1e-12, 1e-6, 1e-2}) {
-        if (dep < 1e-6 * ep) continue;  // differences of H do not resolve it
+        if (dep < 1e-6 * ep) continue;  // finite differences of H cannot resolve such a small increment
         const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt, 0.0, 300.0); };
         const double slope = (H(dep * 1.00001) - H(dep * 0.99999)) / (2e-5 * dep);
         EXPECT_NEAR(hardening_slope(m, ep, dep, dt, 0.0, 300.0), slope, 1e-4 * slope) << ep << " " << dep;
@@ -78,13 +78,13 @@ TEST(PhysicsJohnsonCook, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// The flow of a layer of one cell under a stress, all of it at one temperature, put back into the forward law.
+// A layer of one cell at a uniform temperature. The tests insert its flow under a stress into the flow law.
 struct OneVertex {
   explicit OneVertex(const Material& material) : soft(material) {
     std::fill_n(T_ad, 2 * kLanes, 500.0);
     std::fill_n(response, 2, 1.0);
   }
-  // dep at vertex 0 of every lane.
+  // Sets `dep` to the plastic strain increment of each lane under the stress `a` [Pa].
   void flow(const double (&a)[kLanes], double flux, double pressure, double dt, double (&dep)[kLanes]) {
     const FlowProblem problem{&soft, &grid, response, T_ad, strain, 2, dt};
     FlowLoad load;
@@ -137,7 +137,7 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
       }
       (dep[l] > m.reference_strain_rate * dt ? rated : slow) += 1;
       if (dep[l] > 1e60) continue;
-      // What an ulp of the strains makes of the stress.
+      // Relative change of the stress that an ulp of the strains causes.
       const double ulp =
           4e-16 * (ep + dep[l]) * hardening_slope(m, ep, dep[l], dt, 0.0, T) / hardened_strength(m, ep, 0.0, 0.0, T);
       const double error = std::abs(flow_stress(m, ep + dep[l], 0.0, T, dep[l] / dt) / (kSqrt3 * a[l]) - 1.0);
@@ -163,10 +163,10 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
   EXPECT_LT(worst_slope, 1e-3);
 }
 
-// The heat of the step softens the metal it flows in: the slope counts it.
+// The heat of the step softens the metal that flows, and the slope of the flow must include this.
 TEST(PhysicsJohnsonCook, HeatingEntersTheSlope) {
   OneVertex vertex(copper());
-  const double a0 = 150e6, heating = 2e-6;  // T = 500 K + 300 K
+  const double a0 = 150e6, heating = 2e-6;  // the stress heats the metal by heating * a0 = 300 K, from 500 K
   const auto slip = [&](double a) {
     double all[kLanes], dep[kLanes];
     std::fill_n(all, kLanes, a);
@@ -199,13 +199,13 @@ TEST(PhysicsJohnsonCook, ConstantsOfAnotherLawAreRefusedAndItsOwnAreNeeded) {
   const MaterialResult made = make_material("steel_dlp", given, law);
   ASSERT_EQ(made.fault, "");
   EXPECT_EQ(made.material.flow_law, law);
-  // An effective body holds what the law uses, and comes back as it is.
+  // constants_of() returns only constants that the law uses, and a material made from them has the same constants.
   const auto constants = constants_of(made.material);
   EXPECT_TRUE(std::none_of(constants.begin(), constants.end(),
                            [](const auto& c) { return c.first == "hardening_coefficient"; }));
   EXPECT_EQ(constants_of(make_material("steel_dlp", constants, law).material), constants);
 
-  // The catalog's yield strength belongs to its own law.
+  // The yield strength in the catalog belongs to the flow law of the catalog entry and does not replace a missing one.
   EXPECT_EQ(make_material("steel_dlp", Given(given.begin() + 1, given.end()), law).fault_field, "yield_strength_pa");
   EXPECT_EQ(make_material("steel_dlp", Given{{"hardening_modulus_pa", 1e8}}).fault_field, "hardening_modulus_pa");
   given.emplace_back("hardening_coefficient", 43);

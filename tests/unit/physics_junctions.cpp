@@ -39,7 +39,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
     options.plastic_layer = false;
     options.junctions.reset();
-    options.time_integrator = TimeIntegrator::kBackwardEuler;  // the only one that junctions allow
+    options.time_integrator = TimeIntegrator::kBackwardEuler;  // the only integrator that junctions allow
     ModelOptions junctions = options;
     junctions.junctions = {1.0, 1e-7, options.soft};
     junctions.junctions->metal.flow_law = {};
@@ -62,8 +62,8 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   }
 }
 
-// Junctions of nearly no height reach their saturation strength within the first slip. With full contact the answer is
-// that of DLP (65) with this strength, to the last bit.
+// Junctions of almost zero height reach their saturation strength within the first slip. With full contact the answer
+// is that of DLP (65) with this strength, to the last bit.
 TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
   ModelOptions options = with_junctions(1.0, 1e-12);
   options.junctions->metal.yield_strength_max = 350e6;
@@ -94,8 +94,9 @@ TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
   EXPECT_TRUE(stuck && slipping);
 }
 
-// Heavy bodies keep their jump, so ep_a = V t / (sqrt(3) d). Without thermal softening s = f Y_a(ep_a) g / sqrt(3) for
-// every step length.
+// Heavy bodies keep their jump V, so the plastic strain of junctions of height d is ep_a = V t / (sqrt(3) d). Without
+// thermal softening the stress is s = f Y_a(ep_a) g / sqrt(3) for every step length, where f is the contact fraction,
+// Y_a the strength of the junctions and g its pressure factor.
 TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   ModelOptions options = with_junctions(0.4, 1e-6);
   options.soft.temperature_coefficient = 0.0;

@@ -62,12 +62,12 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsLedger, ::testing::Values(Strategy::kVelocityD
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
-constexpr double kNothing =
-    1e-200;  // work under the stress of a molten interface, of which no digit is accurate [J/m2]
+// Absolute tolerance of the energies [J/m2]. The stress of a molten interface is almost 0 and has no accurate digit.
+constexpr double kNothing = 1e-200;
 
-// Force-driven step: the work of the interface is friction heat and, in a flowing layer, plastic work. A jump that
-// stops or starts is clipped at [v] = 0, which leaves a residual of at most |s| |[V]new - [V]old| dt / 2. A slip that
-// lasts the whole step leaves none.
+// Force-driven step: the work of the interface becomes friction heat and, in a flowing layer, plastic work. If slip
+// stops or starts within the step, the scheme cuts off the slip velocity [v] at 0, which leaves a residual of at most
+// |s| |[V]new - [V]old| dt / 2. A slip that lasts the whole step leaves none.
 TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
   Draw draw(42);
   int exact = 0, clipped = 0;
@@ -84,7 +84,7 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
         const double s = std::abs(rig.outputs.shear_stress[l]);
         const double driven =
             dt * (std::abs(in.stress_soft[l]) / in.mass_soft[l] + std::abs(in.stress_hard[l]) / in.mass_hard[l]);
-        // Rounding: jumps are differences of velocities, and flow is a difference of strains.
+        // Tolerance for rounding: jumps are computed as differences of velocities, and flow as a difference of strains.
         double grain = kNothing + 1e-12 * s * (std::abs(in.velocity_jump[l]) + driven) * dt;
         if (rig.model.options().plastic_layer) grain += 1e-8 * s * (rig.plastic_slip(l) + driven * dt);
         const double size = sum_of_sizes(ledger, l);
@@ -104,12 +104,12 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
     }
   }
   EXPECT_GT(exact, 200);
-  EXPECT_GT(clipped, 20);  // the clip does occur, so its bound is tested
+  EXPECT_GT(clipped, 20);  // the cut-off does occur, so its bound is tested
 }
 
 // Velocity-driven step: the scheme turns all work of the jump into heat, elastic work too. The residual is therefore
-// exactly the elastic energy h s^2 / 2G0 of the layer, 0.03 % of the work in the first microsecond of the paper's case.
-// The work is the sum of plastic work, elastic energy and the loss h (ds)^2 / 2G0 per step of backward Euler.
+// exactly the elastic energy h s^2 / (2 G0) of the layer, 0.03 % of the work in the first microsecond of the paper's
+// case. The work is the sum of plastic work, elastic energy and the loss h (ds)^2 / (2 G0) per step of backward Euler.
 TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
   Rig rig(graded(paper_options()), 1);
   rig.set_all(100.0, 11.2e9);
@@ -154,8 +154,8 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   EXPECT_NEAR(work - heat - 0.1 * plastic, residual, 2.0 * most_elastic);
 }
 
-// The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, the ledger uses the stress at
-// the end of the step. The residual is at most |change of s| times the slip of the step.
+// The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, but the ledger uses the
+// stress at the end of the step. The residual is at most |change of s| times the slip of the step.
 TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   ModelOptions options = graded(paper_options());
   options.time_integrator = TimeIntegrator::kSdirk2;

@@ -52,7 +52,7 @@ TEST(PhysicsMaterial, BracketIsClippedWhereHeatOutweighsPressure) {
   Material m = aluminium();
   m.temperature_coefficient = 5e-3;
   EXPECT_EQ(softening(m, 0.0, 600.0).g, 0.0);
-  EXPECT_EQ(softening(m, -20e9, 300.0).g, 0.0);  // tension
+  EXPECT_EQ(softening(m, -20e9, 300.0).g, 0.0);  // under tension
   EXPECT_GT(softening(m, 11.2e9, 600.0).g, 0.0);
 }
 
@@ -72,7 +72,7 @@ TEST(PhysicsMaterial, HardeningSaturatesAtItsMaximum) {
   EXPECT_NEAR(hardened_strength(m, 0.0, 0.0, 0.0, 300.0), 290e6, 1.0);
   EXPECT_NEAR(hardened_strength(m, 0.1, 0.0, 0.0, 300.0), 290e6 * std::pow(1 + 12.5, 0.1), 1.0);
   EXPECT_EQ(hardened_strength(m, 1e9, 0.0, 0.0, 300.0), 0.68e9);
-  EXPECT_GT(hardened_strength(aluminium(), 1e9, 0.0, 0.0, 300.0), 2e9);  // the paper's has no cap
+  EXPECT_GT(hardened_strength(aluminium(), 1e9, 0.0, 0.0, 300.0), 2e9);  // the paper's aluminium has no maximum
 }
 
 TEST(PhysicsMaterial, HeatPartitionOfThePaperIs0Point6772) {
@@ -84,7 +84,8 @@ TEST(PhysicsMaterial, HeatPartitionOfThePaperIs0Point6772) {
 TEST(PhysicsMaterial, CatalogEntriesAreCompleteAndSourced) {
   for (const CatalogEntry& entry : catalog()) {
     EXPECT_FALSE(entry.source.empty()) << entry.name;
-    // What it says of itself makes it again: nothing its law needs is missing, nothing of another law is there.
+    // The constants of an entry make the same material again: none that its flow law needs is missing, and none belongs
+    // to another law only.
     const Given constants = constants_of(entry.material);
     const MaterialResult again = make_material("", constants, entry.material.flow_law);
     EXPECT_EQ(again.fault, "") << entry.name << " " << again.fault_field;
@@ -93,7 +94,8 @@ TEST(PhysicsMaterial, CatalogEntriesAreCompleteAndSourced) {
   }
 }
 
-// Tables differ between sources; these are the ones meant (units as printed: GPa, MPa, 1/TPa, 1/kK).
+// Published tables differ. These are the values of the sources that the catalog names, in SI units with the powers of
+// ten of the printed units (GPa, MPa, 1/TPa, 1/kK).
 TEST(PhysicsMaterial, CatalogHoldsThePublishedConstants) {
   const Material copper = make_material("copper_ofhc", {}).material;
   EXPECT_DOUBLE_EQ(copper.shear_modulus, 47.7e9);
@@ -103,7 +105,7 @@ TEST(PhysicsMaterial, CatalogHoldsThePublishedConstants) {
   EXPECT_DOUBLE_EQ(copper.temperature_coefficient, 0.377e-3);
   const Material steel = make_material("steel_4340_jc", {}).material;
   EXPECT_EQ(FlowLaws::name_of(steel.flow_law), "johnson_cook");
-  // Johnson and Cook 1985, 4340: 792 + 510 ep^0.26 at rest and at room temperature, and at 1000 /s.
+  // Johnson and Cook 1985, steel 4340: 792 + 510 ep^0.26 [MPa] at rest and room temperature, 9.67 % more at 1000/s.
   EXPECT_NEAR(flow_stress(steel, 0.1, 0.0, 298.0), 1072.26e6, 0.01e6);
   EXPECT_NEAR(flow_stress(steel, 0.1, 0.0, 298.0, 1000.0) / flow_stress(steel, 0.1, 0.0, 298.0), 1.0967, 1e-4);
 }

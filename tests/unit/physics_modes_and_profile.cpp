@@ -37,8 +37,9 @@ void fill(TileInputs& in, const TileOutputs& last, int n) {
 
 class ModesAndProfile : public ::testing::TestWithParam<TimeIntegrator> {};
 
-// T0 under a constant flux is known, and modes reproduce it to their accuracy. The difference between the models is
-// therefore the error of the temperature profile, which METHODS.md, "Conduction" gives for each scheme.
+// The exact interface temperature T0 under a constant flux is known, and modes reproduce it to their accuracy. The
+// difference between the models is therefore the error of the temperature profile, which METHODS.md, "Conduction" gives
+// for each scheme.
 TEST_P(ModesAndProfile, UnderConstantFluxTheDistanceIsTheProfilesOwnError) {
   Rig rig(without_profile(GetParam())), profile(with_profile(without_profile(GetParam())));
   const ModelOptions& o = rig.model.options();
@@ -89,12 +90,12 @@ TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
           apart[forgets], std::abs(profile.outputs.interface_temperature[0] - rig.outputs.interface_temperature[0]));
     }
   }
-  EXPECT_LT(apart[0], 5.0);  // [K]; T0 can rise by about 900 K until melting
+  EXPECT_LT(apart[0], 5.0);  // difference of T0 [K]; T0 rises by up to about 900 K, until melting
   EXPECT_GT(apart[1], 20.0 * apart[0]);
 }
 
-// With a tolerance the server chooses modes. A model with a profile and the same tolerance must give the same answers
-// within it.
+// For a scene with a tolerance the server chooses modes. A model with a temperature profile and the same tolerance must
+// give the same answers, to within that tolerance.
 TEST(PhysicsModesAndProfile, UnderAToleranceBothAreWithinIt) {
   constexpr double kTolerance = 1e-3;
   ModelOptions options = paper_options(Strategy::kForceDriven);

@@ -1,4 +1,4 @@
-// Plastic work heats the layer where it flows: T = T_ad + s w B_phi.
+// Plastic work heats the layer where it flows: T = T_ad + s w B_phi (server/physics/MODEL.md).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +30,8 @@ double shape_sum(const Rig& rig) {
   return sum;
 }
 
-// For heat at z = 0 alone the response is that of the heat operator. For any distribution phi the response holds
+// The response is the temperature rise that one step with a heat flux of 1 W/m2 causes. If all the heat enters at
+// z = 0, it must equal that of the heat operator. For any distribution of the heat over the vertices the response holds
 // exactly the heat of one step, summed over both bodies.
 TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
   const ModelOptions o = paper_options();
@@ -158,7 +159,8 @@ TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
   EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-12);
 }
 
-// With Y_max the weakest vertex takes the surplus slip, wherever it is, and the layer carries the whole jump.
+// With a largest yield strength Y_max the weakest vertex, wherever it is, takes the surplus slip, and the layer carries
+// the whole jump.
 TEST(PhysicsPlasticHeating, TheCeilingHoldsAtEveryVertex) {
   ModelOptions options = heated(graded(paper_options()));
   options.soft.yield_strength_max = 0.25e9;

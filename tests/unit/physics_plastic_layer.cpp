@@ -100,7 +100,8 @@ TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
     other.step(1e-7);
     ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump, 1e-4);
   }
-  // DLP (64) has no elastic shear of the layer, the velocity-driven balance has: their slips differ by h s / G0.
+  // The velocity-driven balance includes the elastic shear of the layer, DLP (64) does not.
+  // Their slips differ by h s / G0.
   const double elastic = options.grid.thickness * other.stress() / options.soft.shear_modulus;
   EXPECT_NEAR(rig.plastic_slip(), other.plastic_slip() + elastic, 1e-3 * rig.plastic_slip());
   EXPECT_EQ(rig.outputs.regime[0], Regime::kTresca);
@@ -232,8 +233,8 @@ TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
   }
 }
 
-// mu P exceeds the strength of the softened layer. Slip and flow then share the jump such that T0 stays where the
-// ceiling equals mu P.
+// Heating softens the layer until mu P exceeds its strength. Slip and flow then share the jump such that T0 stays at
+// the temperature at which the stress ceiling of the layer equals mu P.
 TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
   ModelOptions options = plastic_options();
   options.soft.yield_strength_max = 300e6;
@@ -303,8 +304,8 @@ TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   EXPECT_EQ(one.outputs.regime[0], Regime::kMelting);
 }
 
-// The pressure-dependent constants are replaced by their values at the pressure. Under a constant pressure the result
-// must equal that of a material with these values, bit for bit.
+// Under a constant pressure, a material with pressure-dependent constants must give the same result, bit for bit, as a
+// material whose constants have the values at that pressure.
 TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
   ModelOptions options = plastic_options();
   options.interface.yield_strength = 230e6;
@@ -327,8 +328,8 @@ TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
   EXPECT_GT(varying.T(0), 1300.0);
 }
 
-// Plastic shear of the host's zone adds sqrt(3) h Ep_dot to the slip [v] (DLP 64). A sticking interface must return it:
-// the jump then ends at -sqrt(3) h Ep_dot.
+// The host passes the plastic strain rate Ep_dot of its zone, which adds sqrt(3) h Ep_dot to the slip velocity [v], DLP
+// (64). At a sticking interface [v] = 0, so the jump must end at -sqrt(3) h Ep_dot.
 TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
   ModelOptions options = plastic_options();
   options.soft.yield_strength = 1e12;  // too strong to flow

@@ -29,7 +29,7 @@ TEST(PhysicsPressure, CompressionIsOnTheHugoniot) {
 
 TEST(PhysicsPressure, MeltingTemperatureIsSteinbergs) {
   Material m = aluminium();
-  EXPECT_EQ(at_pressure(m, 11.2e9).melting_temperature, 1220.0);  // without the option it is constant
+  EXPECT_EQ(at_pressure(m, 11.2e9).melting_temperature, 1220.0);  // without a melting curve it is constant
   m.melting_curve = MeltingCurve::kLindemann;
   EXPECT_NEAR(at_pressure(m, 11.2e9).melting_temperature, 1743.4, 0.1);
   EXPECT_EQ(at_pressure(m, 0.0).melting_temperature, 1220.0);
@@ -38,7 +38,7 @@ TEST(PhysicsPressure, MeltingTemperatureIsSteinbergs) {
     EXPECT_GT(at_pressure(m, P).melting_temperature, before);
     before = at_pressure(m, P).melting_temperature;
   }
-  // The derivative at P = 0: T_melt / T_melt(0) - 1 = 2 a x + 2 (gamma0 - a - 1/3) x with x = P / (rho0 c0^2).
+  // For small P: T_melt / T_melt(0) - 1 = 2 a x + 2 (gamma0 - a - 1/3) x = 2 (gamma0 - 1/3) x, x = P / (rho0 c0^2).
   const double slope = (at_pressure(m, 1e6).melting_temperature / 1220.0 - 1.0) / 1e6;
   EXPECT_NEAR(slope * 2703 * 5240 * 5240 / (2 * (1.97 - 1.0 / 3.0)), 1.0, 1e-4);
 }
@@ -54,7 +54,8 @@ TEST(PhysicsPressure, TheCompressedTermDividesByTheCubeRootOfEta) {
   EXPECT_EQ(softening(m, 0.0, 500.0).g, softening(aluminium(), 0.0, 500.0).g);
 }
 
-// `at_pressure` replaces the options by constants. Applying it twice changes nothing more.
+// `at_pressure` replaces the pressure-dependent options of a material by constants. Applying it twice changes no more
+// than applying it once.
 TEST(PhysicsPressure, AMaterialAtItsPressureIsItself) {
   Material m = aluminium();
   m.melting_curve = MeltingCurve::kLindemann;
@@ -77,8 +78,8 @@ TEST(PhysicsPressure, TheConstantTheyNeedIsNamed) {
   EXPECT_EQ(constant_missing_for_options(m), "sound_speed_m_per_s");
 }
 
-// At 1000 m/s the interface is held at melting, and s is proportional to T_melt - T_ref, which is 57 % larger at 11.2
-// GPa.
+// At 1000 m/s the interface is held at melting, and s is proportional to the melting temperature minus the initial
+// temperature. This difference is 57 % larger at 11.2 GPa than at zero pressure.
 TEST(PhysicsPressure, ThePinnedStressFollowsTheMeltingCurve) {
   ModelOptions options = graded(paper_options());
   options.grid.far_boundary = FarBoundary::kHalfSpace;

@@ -41,16 +41,16 @@ double two_G(const Material& m, double T) {
          std::exp(-0.001 * T / (m.melting_temperature - T));
 }
 
-// Flow stresses of OFHC copper that the tests of the code impala (Los Alamos) hold their own law to, within the share
-// named there: single cells compressed by the hydrocode FLAG, at constant G = 45.78 GPa and T_melt = 1625 K, from 298 K.
-// Above 1 1/s plastic work heats the cells, with c = 383 J/(kg K).
+// Flow stresses of OFHC copper from the tests of the code impala (Los Alamos), each with the relative tolerance used
+// there. The hydrocode FLAG compressed single cells from 298 K, with constant G = 45.78 GPa and T_melt = 1625 K. At
+// rates above 1 1/s plastic work heats the cells, with the specific heat c = 383 J/(kg K).
 TEST(PhysicsPrestonTonksWallace, CopperIsAsStrongAsInAnotherCode) {
   Material m = make_material("copper_ofhc_ptw", {}).material;
   m.density = 8937.5;
   m.shear_modulus = 45.78e9;
   m.modulus_temperature = 0.0;
   m.melting_temperature = 1625.0;
-  const double heat = 3.83e2 * m.density;  // [J/(m3 K)]
+  const double heat = 3.83e2 * m.density;  // heat capacity per volume [J/(m3 K)]
   struct Point {
     double rate, strain, stress, share;
     bool adiabatic;
@@ -68,7 +68,8 @@ TEST(PhysicsPrestonTonksWallace, CopperIsAsStrongAsInAnotherCode) {
   }
 }
 
-// The stresses tau_y and tau_s of the paper, from the paper's formula.
+// The yield stress tau_y and the saturation stress tau_s, by the formulas of Preston, Tonks and Wallace and in their
+// unit, the shear modulus.
 struct Branches {
   double yield, saturation;
 };
@@ -92,8 +93,9 @@ TEST(PhysicsPrestonTonksWallace, BeginsAtTheYieldStressAndEndsAtSaturation) {
   }
 }
 
-// dtau/dep = theta at ep = 0, and the equation of hardening (paper, above its integrated form):
-// dtau/dep = theta (exp(p (tau_s - tau)/d) - 1) / (exp(p (tau_s - tau_y)/d) - 1).
+// The differential equation of hardening, which the law's paper gives above the integrated form:
+//   dtau/dep = theta (exp(p (tau_s - tau)/d) - 1) / (exp(p (tau_s - tau_y)/d) - 1),  d = s_0 - tau_y
+// where theta, p and s_0 are constants of the law.
 TEST(PhysicsPrestonTonksWallace, HardeningObeysItsDifferentialEquation) {
   for (double p : {0.0, 0.5, 2.0, 8.0}) {
     Material m = copper_like();
@@ -115,8 +117,8 @@ TEST(PhysicsPrestonTonksWallace, HardeningObeysItsDifferentialEquation) {
   }
 }
 
-// Beyond the attempt rate only the power law of overdriven shocks is left, which the strain does not enter; it joins
-// the glide branch without a jump.
+// Above the attempt rate the flow stress is the power law of overdriven shocks and does not depend on the strain. At
+// the attempt rate this branch joins the branch of thermal glide without a jump.
 TEST(PhysicsPrestonTonksWallace, TheOverdrivenBranchIsAPowerOfTheRateAndJoinsContinuously) {
   const Material m = copper_like();
   for (double T : {10.0, 300.0, 1200.0}) {
@@ -140,19 +142,20 @@ TEST(PhysicsPrestonTonksWallace, IsTheTwinsFormula) {
     const double ep = draw.chance(0.2) ? 0.0 : draw.log_uniform(1e-6, 10.0), T = draw.uniform(1.0, kMelting);
     const double dt = 1e-9, dep = draw.log_uniform(1e-9, 10.0), P = draw.uniform(0.0, 30e9);
     const double a = flow_stress(m, ep + dep, P, T, dep / dt) / kSqrt3;
-    // As far as the stress, and the sum of strains, tell the increment.
+    // The tolerance includes the error of the increment that rounding of the stress and of ep + dep causes.
     const double slope = hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
     ASSERT_NEAR(reference::strain_increment(m, a, P, T, ep, dt) / dep, 1.0, 1e-12 + 1e-13 / (slope * dep)) << i;
   }
 }
 
-// Everything a bracket asks of the law: Y never falls with strain and rate, never rises with temperature.
+// The searches for the answer of a step bracket it. They need a flow stress Y that never falls as the strain or the
+// rate grows, and never rises with the temperature.
 TEST(PhysicsPrestonTonksWallace, RisesWithStrainAndRateAndFallsWithTemperature) {
   Draw draw(32);
   constexpr double kRounding = 1e-13;
   for (int i = 0; i < 400; ++i) {
     Material law = random_preston_tonks_wallace(draw);
-    if (i % 2 == 0) law.activation = 1.0;  // the extremes of what fault_of allows
+    if (i % 2 == 0) law.activation = 1.0;  // here and below: the largest values that fault_of allows
     if (i % 3 == 0) law.modulus_temperature = 0.6;
     if (i % 5 == 0) law.medium_rate_exponent = 1.0;
     const Material m = metal_of(law);
@@ -192,7 +195,7 @@ TEST(PhysicsPrestonTonksWallace, SlopesAreItsDerivatives) {
     const double dt = 1e-9, ep = draw.log_uniform(1e-3, 1.0), dep = draw.log_uniform(1e-7, 1e-2);
     const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt, P, T); };
     const double h = 1e-5 * dep, slope = hardening_slope(m, ep, dep, dt, P, T);
-    // Where one branch takes over from another the slope has two values.
+    // Where the law changes its branch, the slopes on the two sides differ, and any value between them is accepted.
     const double left = (H(dep) - H(dep - h)) / h, right = (H(dep + h) - H(dep)) / h;
     EXPECT_GE(slope, std::min(left, right) - 1e-4 * slope - 1e-15 * H(dep) / h) << i;
     EXPECT_LE(slope, std::max(left, right) + 1e-4 * slope + 1e-15 * H(dep) / h) << i;
@@ -212,14 +215,14 @@ TEST(PhysicsPrestonTonksWallace, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// The kernel against the law: the increment it finds brings the law to the stress it was given.
+// The strain increment that the kernel `flow` finds for a stress, inserted into the law, must give back this stress.
 TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   Draw draw(35);
   int flowed = 0, overdriven = 0, crept = 0;
   for (int i = 0; i < 20000; ++i) {
     const Material m = metal_of(random_preston_tonks_wallace(draw));
     const double dt = draw.log_uniform(1e-12, 1e-5), T = draw.uniform(1.0, 1356.9), P = draw.uniform(0.0, 30e9);
-    const bool slow = draw.chance(0.1);  // so little load that the rate has no effect
+    const bool slow = draw.chance(0.1);  // a load so small that the flow is very slow
     const double ep = slow || draw.chance(0.2) ? 0.0 : draw.log_uniform(1e-8, 1e3);
     const double Y_rest = flow_stress(m, ep, P, T);
     const double share = draw.chance(0.3) ? draw.uniform(0.9, 1.1) : draw.log_uniform(0.5, 100.0);
@@ -245,7 +248,7 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
     const double back = flow_stress(m, ep + dep, P, T, dep / dt);
     const double ulp =
         4e-16 * (ep + dep) * hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
-    // erf is known to 1e-15, which the stresses near melting are the smaller part of.
+    // An error of 1e-15 in erf is an error relative to the cold stresses, which exceed the hot stresses by this factor.
     const double erf = 2e-15 * std::max(m.yield_cold / m.yield_hot, m.saturation_cold / m.saturation_hot);
     ASSERT_NEAR(back / (kSqrt3 * a), 1.0, 1e-13 + ulp + erf) << i << ": dep " << dep << ", ep " << ep << ", T " << T;
   }
@@ -254,7 +257,7 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   EXPECT_GT(crept, 10);
 }
 
-// d(dep)/d(ln a), heating by the stress included.
+// The slope d(dep)/d(ln a) must include the heating by the stress a.
 TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
   Draw draw(36);
   for (int i = 0; i < 1000; ++i) {
@@ -280,7 +283,7 @@ TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
   }
 }
 
-// A lane's answer does not depend on the lanes it is computed with.
+// The answer of a lane does not depend on the other lanes that are computed with it.
 TEST(PhysicsPrestonTonksWallace, ALaneHasTheBitsItHasAlone) {
   Draw draw(37);
   const Material m = copper_like();

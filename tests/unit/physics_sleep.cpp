@@ -95,7 +95,7 @@ class History {
   }
 
  private:
-  static constexpr double kThickness = 20e-6;  // [m]
+  static constexpr double kThickness = 20e-6;  // thickness of the layer [m]
   void begin(int l) {
     std::uniform_real_distribution<> unit(0.0, 1.0);
     open_[l] = unit(random_) < 0.3;
@@ -168,7 +168,7 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   EXPECT_GT(woke, 20);
   EXPECT_LT(apart_T, 2e-9);
   EXPECT_LT(apart_s, 1e-3);
-  EXPECT_LT(apart_heat, 3e-5);  // compared with about 10 kJ/m2 of stored heat
+  EXPECT_LT(apart_heat, 3e-5);  // difference of the heat [J/m2]; about 10 kJ/m2 are stored
   printf(
       "%s: asleep %d node-steps, %d of them stuck under stress, woke %d times, %d without heat; apart by %.1e K, "
       "%.1e Pa, %.1e J/m2\n",
@@ -229,7 +229,7 @@ TEST(PhysicsSleep, AStuckLayerWakesBeforeItFlows) {
   for (const bool forced_host : {false, true}) {
     for (const bool released : {false, true}) {
       ModelOptions options = forced_host ? forced() : graded(paper_options());
-      options.drive = Drive::kInterfaceSlip;  // sheared without heat
+      options.drive = Drive::kInterfaceSlip;  // the host's shear of the layer causes no heat
       options.plastic_layer = forced_host;
       options.interface = {1.0, 2e9};  // the layer yields before the interface
       Rig sleeper(sleeping(options)), solved(options);

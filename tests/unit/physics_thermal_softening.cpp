@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kP = 2e9;  // [Pa]
+constexpr double kP = 2e9;  // pressure [Pa]
 
 InterfaceOptions softening_friction(double mu, double exponent) {
   InterfaceOptions options{mu, 1e12, FrictionLaws::place<ThermalSoftening>()};
@@ -81,7 +81,7 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   EXPECT_GT(several, 5);
 }
 
-// With a reference temperature just below melting (1219 K) mu is constant below it, which is Coulomb's law.
+// With a reference temperature of 1219 K, just below melting, mu is constant up to 1219 K, which is Coulomb's law.
 TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   ModelOptions constant = graded(paper_options(Strategy::kForceDriven), 20, 1.1);
   constant.interface = {0.02, 400e6};

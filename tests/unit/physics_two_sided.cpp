@@ -1,4 +1,5 @@
-// Conduction in both bodies by one operator through z = 0, in place of the partition coefficient, DLP (18-19).
+// Conduction in both bodies by one operator that reaches across z = 0. It replaces the partition coefficient, DLP
+// (18-19).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -62,8 +63,9 @@ TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
   for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
 }
 
-// Vernotte's solution: two half-spaces heated at their contact share the heat by beta_T at all times. On grids scaled
-// with the diffusion lengths the discrete scheme does so too, so the partition coefficient gives the same answer.
+// Vernotte's solution: two half-spaces heated at their contact share the heat as the partition coefficient beta_T says,
+// at all times. On grids scaled with the diffusion lengths of the bodies the discrete scheme does so too, so a model
+// with the partition coefficient gives the same answer.
 TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Rig one(paper(strategy), 1), two(two_sided(paper(strategy)), 1);
@@ -83,8 +85,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   }
 }
 
-// The grid of the hard body is free. On another grid the answer agrees with that of the partition coefficient to the
-// accuracy of the grids.
+// Any grid may be chosen for the hard body. On one that is not scaled, the answer agrees with that of the partition
+// coefficient to the accuracy of the grids.
 TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     for (const GridOptions& hard :
@@ -98,7 +100,7 @@ TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
         worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
       });
       EXPECT_LT(worst, 2e-3) << hard.cells;
-      EXPECT_GT(worst, 1e-12) << hard.cells;  // not equal to rounding: the grids do differ
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // the difference exceeds rounding, so the grids do differ
     }
   }
 }

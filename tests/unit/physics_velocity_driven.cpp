@@ -10,7 +10,7 @@ namespace {
 
 struct Point {
   int step;
-  double T0, s;  // [K], [Pa]
+  double T0, s;  // interface temperature [K], shear stress [Pa]
 };
 
 void expect_history(const ModelOptions& options, const std::vector<Point>& points) {
@@ -160,7 +160,7 @@ TEST(PhysicsVelocityDriven, ReversalUnloadsElastically) {
 
 TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   ModelOptions options = paper_options();
-  EXPECT_EQ(Model(options).warnings().size(), 1u);  // it warns of the insulated far face
+  EXPECT_EQ(Model(options).warnings().size(), 1u);  // the model warns of the insulated far face
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   EXPECT_TRUE(Model(options).warnings().empty());
   std::swap(options.soft, options.hard);
@@ -194,8 +194,8 @@ TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   }
 }
 
-// The old stress is up to seven ulps below mu P, as after rounding of a direction. The step must slip at mu P all the
-// same.
+// The old stress is up to seven ulps below mu P, as rounding of its direction may leave it. The step must nevertheless
+// slip at mu P.
 TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
   ModelOptions options = graded(paper_options());
   options.friction_coefficient = 0.01;

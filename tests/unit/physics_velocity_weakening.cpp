@@ -25,7 +25,7 @@ TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
     EXPECT_NEAR(friction.holding, h(a_stick) + a_stick, 1e-9 * P);
     EXPECT_NEAR(h(friction.sliding), 0.0, 1e-11 * P);
     for (int i = 0; i < 300; ++i) ASSERT_GT(h(friction.sliding * (i + 0.5) / 300.5), 0.0);
-    // For stresses above that of sliding, friction is too weak up to `exceeds_again`, and strong enough again above it.
+    // Above the sliding stress, friction is smaller than the stress up to `exceeds_again`, and larger beyond it.
     const double end = std::min(c / b, 2.0 * 0.3 * P);
     for (int i = 1; i < 300 && friction.sliding < end; ++i) {
       const double a = friction.sliding + (end - friction.sliding) * i / 300;
@@ -92,8 +92,8 @@ TEST(PhysicsVelocityWeakening, AStuckInterfaceHoldsUpToTheFrictionOfRest) {
 
 TEST(PhysicsVelocityWeakening, ASlippingInterfaceGoesOnSlippingWhereItCould) {
   TwoAnswers node;
-  // 20 m/s under far stresses of 100 MPa: friction at rest (300 MPa) would hold this, friction at this speed carries 20
-  // MPa only.
+  // 20 m/s under far stresses of 100 MPa: friction at rest (300 MPa) could hold the bodies, but friction at this speed
+  // carries 20 MPa only.
   double jump = 20.0;
   for (int n = 0; n < 20; ++n) {
     node.step(jump, 100e6, 1e-9);

@@ -351,7 +351,7 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   std::ifstream in(path, std::ios::binary);
   const std::string whole((std::istreambuf_iterator<char>(in)), {});
   std::size_t refused = 0, wrong = 0;
-  for (std::size_t byte = 0; byte < whole.size(); byte += 7) {  // a stride prime to every record size
+  for (std::size_t byte = 0; byte < whole.size(); byte += 7) {  // steps of 7 bytes, which divides no record size
     std::string damaged = whole;
     damaged[byte] = static_cast<char>(damaged[byte] ^ (1 << (byte % 8)));
     std::ofstream(path, std::ios::binary).write(damaged.data(), static_cast<std::streamsize>(damaged.size()));

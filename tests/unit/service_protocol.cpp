@@ -243,7 +243,8 @@ TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
         std::ranges::equal(with.reply.batch.f64(Field::kShearStress), without.reply.batch.f64(Field::kShearStress)));
     for (std::size_t row = 0; row < kNodes.size(); ++row) {
       const auto of = [&](Field field) { return with.reply.batch.f64(field)[row]; };
-      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));  // one-sided: the soft body's share only
+      // The scene conducts heat in the soft body only, so both fields are that body's share.
+      ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));
       ASSERT_NEAR(of(Field::kHeatResidual), 0.0, 1e-9 * (of(Field::kFrictionHeat) + 1.0));
       work += of(Field::kInterfaceWork);
     }
@@ -300,7 +301,7 @@ TEST_P(ServiceOf, ClosingFreesTheStatesAndIsAnsweredAgain) {
   EXPECT_EQ(harness.service.status().state_bytes, 0u);
   EXPECT_TRUE(harness.ask(goodbye).reply.replayed);
   EXPECT_EQ(harness.ask(ServiceHarness::step(3, columns(3))).code(), Code::kUnknownSession);
-  // A late copy of the opening must not bring the session back.
+  // A late copy of the request that opened the session must not bring the session back.
   EXPECT_EQ(harness.ask(opening).code(), Code::kStaleSequence);
   EXPECT_EQ(harness.service.status().sessions, 0u);
 }

@@ -26,7 +26,7 @@ struct Case {
   Code code;
   std::string field;
   std::vector<std::uint64_t> nodes;
-  std::function<wire::Request()> request;  // with sequence 2
+  std::function<wire::Request()> request;  // makes the request to be refused, with sequence number 2
 };
 
 wire::Batch good(Strategy strategy, bool with_ids = false) {
@@ -221,7 +221,7 @@ TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
   std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), 1e5);
   EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(batch))).reply.status.ok());
   auto bad = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // it is a magnitude; the stress gives the direction
+  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // invalid: the rate is a magnitude, the stress gives the direction
   EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_plastic_strain_rate_per_s");
 }
 
@@ -237,7 +237,7 @@ TEST(Refusals, PlasticStrainRateReachesTheLayer) {
     const Answer answer = harness.ask(ServiceHarness::step(1, std::move(batch)));
     slip[driven] = answer.reply.batch.f64(Field::kSlidingVelocity)[0];
   }
-  EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // sqrt(3) h 1e5/s = 3.5 m/s
+  EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // the strain rate adds sqrt(3) h 1e5/s = 3.5 m/s
 }
 
 struct OpeningCase {

@@ -279,7 +279,8 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 900 cells, found 902"));
   scene.mutable_hard_layer()->set_cells(449);
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
-  const physics::Model most(scene_model(scene).options);  // half-spaces behind both: the largest basis
+  // Half-spaces behind both layers give the largest basis of modes.
+  const physics::Model most(scene_model(scene).options);
   EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
   scene.mutable_layer()->set_inertia(true);
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with layer.inertia"));
@@ -337,7 +338,7 @@ const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
 TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
   v1::Scene scene = support::velocity_scene();
   scene.mutable_soft()->set_flow_law(v1::FLOW_LAW_JOHNSON_COOK);
-  EXPECT_EQ(refusal_of(scene).field, "soft.yield_strength_pa");  // the catalog's value belongs to another law
+  EXPECT_EQ(refusal_of(scene).field, "soft.yield_strength_pa");  // the catalog's value belongs to another flow law
   scene::set_numbers(kJohnsonCookCopper, *scene.mutable_soft());
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.soft.flow_law, physics::FlowLaws::place<physics::JohnsonCook>());

@@ -86,7 +86,7 @@ TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
   EXPECT_EQ(totals.asleep_node_steps, 0U);
 }
 
-// A trial that is rolled back must not change which nodes sleep, nor since which step.
+// A trial that is rolled back must change neither which nodes sleep nor the step since which they sleep.
 TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   Host plain(sleepy_scene()), tried(sleepy_scene());
   for (int n = 0; n < 70; ++n) {

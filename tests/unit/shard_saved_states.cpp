@@ -113,7 +113,8 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
     EXPECT_EQ(there.columns[i].values, here.columns[i].values) << here.columns[i].name;
 }
 
-// When a node moves to another shard, all its states move with it. A trial that is rolled back changes none of them.
+// Nodes of another shard that are registered with the states of `giver` have all these states. A trial that is rolled
+// back changes no state.
 TEST(SavedModes, GoWithTheirNodes) {
   TaskPool pool(1);
   ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options(physics::Strategy::kForceDriven));
@@ -128,7 +129,7 @@ TEST(SavedModes, GoWithTheirNodes) {
       all.insert(all.end(), column.values.begin(), column.values.end());
     return all;
   };
-  // 1. Move nodes to another shard.
+  // 1. Register four nodes with another shard, with copies of the states of four nodes of `giver`.
   const std::vector<std::uint32_t> slots = {2, 5, 7, 10};
   const std::vector<std::uint64_t> ids(slots.begin(), slots.end());
   const States moving = giver.states_of(slots, false);

@@ -88,9 +88,10 @@ TEST(AccessHandler, TellsEachMessagesUserAsTheKernelKnowsHim) {
 }
 
 TEST(AccessHandler, RefusesWhomTheJudgeRefusesAndWhomItCannotJudge) {
+  // The last judge admits without naming a user.
   const std::vector<Authorise> judges = {[](const Peer&) -> Admission { return {.reason = "no"}; },
                                          [](const Peer&) -> Admission { throw std::runtime_error("the list is lost"); },
-                                         [](const Peer&) -> Admission { return {.admitted = true}; }};  // no user
+                                         [](const Peer&) -> Admission { return {.admitted = true}; }};
   for (const Authorise& judge : judges) {
     Echo echo(judge);
     RawDealer local(echo.ipc());
@@ -128,7 +129,7 @@ TEST(AccessHandler, StrangersCannotFillTheLog) {
   EXPECT_LT(lines, 100);
 }
 
-// The thread really ends, and its stack is unwound, as if a fault had ended it.
+// The thread of the access handler really ends, and its stack is unwound, as if a fault had ended it.
 TEST(AccessHandler, WhenItsThreadDiesNobodyNewIsLetInAndTheOthersStay) {
   std::atomic<bool> dying{false};
   Echo echo([&](const Peer& peer) {
@@ -187,7 +188,7 @@ TEST(SocketPath, ADirectoryThatOthersEnterIsRefusedWithItsModeAndARemedy) {
   const struct {
     mode_t mode;
     bool private_to_owner;
-    const char* fault;  // null: no fault
+    const char* fault;  // part of the expected fault; null: no fault
   } cases[] = {{0700, true, nullptr},  {0710, true, "0710"},  {0755, true, "chmod 700"},  {0711, false, nullptr},
                {0750, false, nullptr}, {0770, false, "0770"}, {0777, false, "chmod go-w"}};
   for (const auto& c : cases) {

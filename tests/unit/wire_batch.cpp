@@ -96,7 +96,7 @@ TEST(Batch, WritingToReceivedColumnsLeavesTheFrameAsItCame) {
 
 TEST(Batch, SoundColumnsAreTaken) {
   EXPECT_EQ(refusal({kJump, kPressure, kRegime}, 35), "");
-  EXPECT_EQ(refusal({kRegime, kPressure, kJump}, 40), "");  // any order, spare bytes
+  EXPECT_EQ(refusal({kRegime, kPressure, kJump}, 40), "");  // columns in any order, spare bytes at the end
   EXPECT_EQ(refusal({kJump, with(kPressure, [](Column& c) { c.field = Field::kVelocityJump, c.component = 1; })}, 32),
             "");
   EXPECT_EQ(refusal({}, 0), "");

@@ -122,11 +122,11 @@ TEST(Codec, WhatIsNoMessageIsMalformed) {
   EXPECT_EQ(code_of("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), Code::kMalformed);
   EXPECT_EQ(code_of("hello"), Code::kMalformed);
   EXPECT_EQ(code_of(std::string(100, '\0')), Code::kMalformed);
-  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // no magic
+  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // no magic number
   EXPECT_THAT(refusal<Request>(header_only(fixed32(1, 0x31425354) + field(2, 1))).text,
               HasSubstr("magic 0x31425354, expected 0x31425353"));
   EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // no body
-  EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic as varint, not as fixed32
+  EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic number as varint, not as fixed32
   EXPECT_EQ(code_of(envelope() + field(kCommitField, std::string()) + varint(50 << 3 | 3)),
             Code::kMalformed);  // start of a group (wire type 3)
 }
@@ -196,7 +196,8 @@ TEST(Codec, ValuesOutsideTheirEnumAreRefused) {
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 3))), Code::kMalformed);  // no mode has the number 3
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, std::string()))).text,
               HasSubstr("downscale.mode is not given"));
-  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 5))), Code::kShape);  // no reply column
+  // The wanted column 5 is no column of a reply, column 30 is one.
+  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 5))), Code::kShape);
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 30))), Code::kOk);
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, field(5, 3)))).text,
               HasSubstr("downscale.mode = 3 is no value of Mode"));

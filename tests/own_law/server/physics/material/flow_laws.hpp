@@ -1,5 +1,5 @@
-// The flow laws of this test program: those of the server and one more. Stands before server/ on the include path, so
-// that the solver is compiled with the longer list and nothing in server/ knows of it.
+// The flow laws of this test program: those of the server and one more. The include path finds this file before the
+// server's file of the same name, so the solver is compiled with the longer list, without a change of the server.
 #pragma once
 
 #include <algorithm>
