@@ -16,7 +16,7 @@ using Lanes = std::array<double, kLanes>;
 using Scenes = std::vector<ModelOptions>;
 
 constexpr double kDenormal = 5e-324;
-constexpr double kMostPressure = 200e9;  // highest pressure of the campaign  [Pa]
+constexpr double kMostPressure = 200e9;                                            // highest pressure  [Pa]
 constexpr Lanes kVelocities = {0.0, kDenormal, 1e-300, 1e-6, 1.0, 1e2, 1e3, 1e4};  // velocity jump of each lane  [m/s]
 constexpr Lanes kSlips = {0.1, 1.0, 10.0, 50.0, 1e2, 3e2, 1e3, 1e4};
 
