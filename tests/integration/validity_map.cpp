@@ -79,7 +79,7 @@ TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
     const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
     for (std::size_t p = 0; p < before.size(); ++p) {
       ASSERT_TRUE(before[p]);
-      // The velocity falls as s/t. That is less than 1/t, because the stress s rises as the layer hardens.
+      // The velocity falls with time as s/t, less steeply than 1/t, because the stress s rises as the layer hardens.
       const double elapsed = seen[k].time_s / seen[k - 1].time_s;
       if (after[p]) {
         EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;
