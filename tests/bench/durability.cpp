@@ -1,11 +1,13 @@
 // shearbus-bench-durability measures the cost of sessions that outlive the server: round trips of a step over ipc, with
-// one server per durability. The servers take turns, so that other load of the machine affects all of them alike:
+// one server for each level of durability. The servers take turns, so that other load of the machine affects all of
+// them alike. The levels are:
 //
 //   volatile  no state directory
 //   process   a step is in the journal before it is answered
 //   power     the journal is also synced to the disk before the answer
 //
-// Prints medians and their ratio to the first median, one line per strategy and number of nodes.
+// Prints for each strategy and number of nodes one line with the median time at each level and its ratio to the median
+// of `volatile`.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

@@ -33,7 +33,7 @@ void run(benchmark::State& state, const ModelOptions& options, const Step& step)
   for (auto _ : state) {
     rig.committed = start;
     for (int n = 0; n < kStepsPerRun; ++n) {
-      // Lanes differ slightly, as the nodes of one interface do.
+      // The lanes have slightly different inputs, as the nodes of one interface have.
       for (int l = 0; l < kLanes; ++l) rig.inputs.velocity_jump[l] = 100.0 + l;
       step(rig, n);
     }
@@ -59,7 +59,8 @@ void BM_ForceDriven(benchmark::State& state) {
   run(state, grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
 }
 
-// The interface yields at the layer's own strength (flows:0) or above it, so that the layer flows (flows:1).
+// flows:0: the yield strength of the interface equals that of the layer. flows:1: it is above that of the layer, so
+// that the layer flows.
 void BM_PlasticLayer(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
   options.plastic_layer = true;
@@ -113,7 +114,8 @@ void BM_Sdirk2(benchmark::State& state) {
   run(state, options);
 }
 
-// Heat by modes without a profile: from 1 ns to 1 us, to 1e-3 and 1e-6 of the kernel.
+// Heat by modes without a temperature profile, for times from 1 ns to 1 us. The modes approximate the heat kernel with
+// a relative error of 1e-3 (digits:3) or 1e-6 (digits:6).
 void BM_Modes(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, 2);
   options.modes = {.accuracy = state.range(0) == 3 ? 1e-3 : 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};
@@ -127,8 +129,8 @@ void BM_Inertia(benchmark::State& state) {
   run(state, options);
 }
 
-// Slip with two components. The second starts at a third of the first and decreases by half, so that the direction of
-// the slip turns; forced:1 is force-driven.
+// Slip with two components. The second component starts at a third of the first and falls to about half of its initial
+// value, so that the direction of the slip turns. forced:1 is force-driven, forced:0 velocity-driven.
 void BM_TwoComponents(benchmark::State& state) {
   const bool forced = state.range(1) != 0;
   ModelOptions options =
@@ -162,7 +164,7 @@ BENCHMARK(BM_PlasticLayer)
     ->ArgsProduct({{0, 1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
 
-// Cost of the energy ledger of a step, which is recorded only on request.
+// Cost of the energy ledger of a step, which the server computes only on request.
 void BM_Ledger(benchmark::State& state) {
   Rig rig(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
   rig.set_all(100.0, 11.2e9);

@@ -1,18 +1,18 @@
-// shearbus-bench-leave-out measures the time saved by leaving out options, on a cone. The coarse cone runs once, and
-// the inputs of its layers are recorded; the model alone then replays them with
+// shearbus-bench-leave-out measures how much time is saved by leaving out options. The hydrocode problem of the coarse
+// cone runs once, and the inputs of its layers are recorded. The model alone then replays them with these variants:
 //
-//   everything      all options that change no bit of the answer: contact through junctions that are everywhere and do
-//                   not harden, a second direction without slip, the energy ledger
-//   scene           the scene, with a profile by backward Euler in place of the shipped modes
-//   sleep           the same, where nodes at rest sleep
-//   plastic layer   the scene with a layer that flows, from a run of its own, without and with sleep
+//   everything      the scene below with more options, none of which changes a bit of the answer: junctions that cover
+//                   the whole area and do not harden, a second direction without slip, the energy ledger
+//   scene           the scene of the cone, with a temperature profile by backward Euler instead of modes
+//   sleep           the same as `scene`, with the option that nodes at rest sleep
+//   plastic layer   the scene with a layer that flows, without and with sleep; its inputs are from a run of its own
 //
-// A tile that is stuck under a steady pull after sliding is timed separately, because the nodes of a cone are not in
-// this state for long.
+// The nodes of a cone seldom stick for long. A tile whose nodes have slid and now stick under a constant far stress is
+// therefore timed separately.
 //
-// Times are sums over the run of each tile's step, each the shortest of kRuns runs. The time for new step lengths is
-// listed separately, because nearly all steps of a cone have different lengths. T0 and s are compared with those of the
-// first variant of each table.
+// Each step of each tile is timed in kRuns runs. The times listed are sums of the shortest times. The time to prepare a
+// new step length is listed separately, because nearly all steps of a cone have different lengths. Interface
+// temperature T0 and stress s are compared with those of the first variant of each table.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -59,10 +59,10 @@ class Recorder : public hydro::InterfaceLaw {
 };
 
 struct Replayed {
-  std::size_t state_doubles = 0;  // per node
+  std::size_t state_doubles = 0;  // number of doubles in the state of a node
   double layers_s = 0.0, step_lengths_s = 0.0;
-  double asleep = 0.0, stuck = 0.0;         // shares of node-steps: asleep, asleep in a closed contact
-  std::vector<double> temperature, stress;  // [K] and [Pa], one value per node-step
+  double asleep = 0.0, stuck = 0.0;         // shares of node-steps: asleep; asleep in a closed contact
+  std::vector<double> temperature, stress;  // T0 [K] and s [Pa], one value per node-step
 };
 
 double since(Clock::time_point start) {
@@ -155,7 +155,7 @@ struct Variant {
   bool ledger;
 };
 
-// Prints a table in which the other variants are compared with the first.
+// Prints a table of variants; each is compared with the first.
 void print_table(const std::vector<hydro::InterfaceInputs>& asked, const std::vector<Variant>& variants) {
   std::printf("%zu nodes, %zu steps\n%-24s %10s %10s %12s %9s %9s %12s %12s\n", asked.front().pressure.size(),
               asked.size(), "", "B of state", "layers ms", "lengths ms", "asleep %", "stuck %", "T0 apart K",
@@ -190,7 +190,7 @@ double stuck_tile(const physics::ModelOptions& options) {
       if (n == kSlides + kSettles) started = Clock::now();
       for (int l = 0; l < kLanes; ++l) {
         inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
-        // The contact opens for one step, which removes the stress of the sliding.
+        // The contact is open for one step, which sets the interface stress to 0.
         inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;
         inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
         inputs.stress_soft[l] = inputs.stress_hard[l] = kPull;

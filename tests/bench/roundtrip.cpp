@@ -1,4 +1,5 @@
-// shearbus-bench-roundtrip measures the cost of the bus. For each number of nodes two round trips over ipc alternate:
+// shearbus-bench-roundtrip measures the cost of the bus. For each number of nodes it makes two kinds of round trips
+// over ipc in turn:
 //
 //   bare     bare ZeroMQ: two frames of the request's sizes one way, two of the reply's sizes back, contents ignored
 //   shearbus a step through client and server without the solver's time: codec, checksums, validation, gather, scatter
@@ -71,7 +72,7 @@ void measure(std::size_t nodes) {
   Client client = server.client();
   Session session = client.open(support::text_of(support::force_scene(1)), "scene", ids);
   const auto& first = session.advance(request, {.dt_s = kDt});
-  const Sizes asked = {120, request.bytes().size()};  // a step's headers have about this length
+  const Sizes asked = {120, request.bytes().size()};  // header and payload; the header of a step has about 120 bytes
   const Sizes answered = {160, first.outcome().size() * 2 + first.shear_stress_pa().size() * 5 * sizeof(double)};
 
   const support::ScratchDirectory scratch;

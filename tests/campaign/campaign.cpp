@@ -1,4 +1,4 @@
-// Runs a row of the campaign on a physics and checks every step.
+// Runs a row of the stability campaign on a physics and checks every step.
 #include "tests/campaign/campaign.hpp"
 
 #include <fmt/format.h>
@@ -13,13 +13,15 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-// Longer runs check one lane per step, in rotation; checking all lanes would cost more than stepping.
+// Runs with at least this many steps check one lane per step, in rotation; checking all lanes would cost more than the
+// steps.
 constexpr int kManySteps = 2000;
 
-// Upper bound of the heat of a first step that melts the interface, relative to one step of MoltenLayer. The exact heat
-// is 2/sqrt(pi) = 1.128 times the heat of backward Euler, and substeps may approach it; a second-order step has 8.23 %
-// more than the exact heat. MoltenLayer with modes, whose response is exact, has sqrt(pi)/2 of the heat of backward
-// Euler.
+// Returns the largest possible heat of a first step that melts the interface, relative to the heat of one step of
+// MoltenLayer. MoltenLayer with a temperature profile makes a step of backward Euler. The exact heat is 2/sqrt(pi) =
+// 1.128 times as large, and a step in substeps may approach it. A second-order step has 8.23 % more than the exact
+// heat. MoltenLayer with modes has sqrt(pi)/2 times the heat of backward Euler, because the modes respond exactly to a
+// constant flux.
 double share_of_first_step(const ModelOptions& options, bool divided) {
   constexpr double kExact = 1.12838, kSecondOrder = 1.0823;
   const double of_one_step = options.modes ? kExact : 1.0;
@@ -34,14 +36,14 @@ class Judge {
     rig.inputs.effort = &effort_;
   }
 
-  // Checks a step; while it runs, `lane_` is the lane under check, which a failure reports.
+  // Checks all lanes after a step. If a check throws, lane() is the lane that failed.
   void step(const Course& course) {
     const ModelOptions& options = rig_.model.options();
     take_most(outcome_.most, effort_);
     require_effort(effort_, rig_);
     effort_ = {};
-    // With Taylor-Quinney heat a part of the work heats the layer's inside, so the interface may be cold and the bound
-    // does not apply.
+    // With a Taylor-Quinney factor a part of the work heats the inside of the layer instead of the interface, so the
+    // bound does not apply.
     const bool bounded = !options.taylor_quinney_factor;
     if (bounded) molten_.step(rig_);
     for (int l = 0; l < kLanes; ++l) {
@@ -70,7 +72,7 @@ class Judge {
     const Answered a = answered(rig_, l, rig_.operators->dt());
     // A layer with inertia may oscillate; property tests check its waves.
     if (rig_.model.options().inertia) return;
-    // Under a tolerance a jump is accurate to that share of a velocity of about 1 m/s.
+    // Under a tolerance the error of a velocity jump may be the tolerance times 1 m/s. Smaller changes are not ringing.
     const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // [m/s]
     stress_[l].see(a.stress, std::abs(a.stress) + 1e6);
     jump_[l].see(a.jump_new, std::abs(a.jump_old) + least_jump);
@@ -99,13 +101,13 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 }
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
-  // A divided step has up to 2 + 4 + ... + 64 = 126 substeps. A step under a tolerance makes about 1,024 attempts; each
-  // solves a substep in one piece, which may itself be divided, and in two halves. A second-order step has two stages
-  // and possibly a first-order step in addition.
+  // A step that is divided because it has several solutions is tried in 2, 4, ... and 64 substeps, 126 in all. A step
+  // under a tolerance makes about 1,024 attempts; each solves a substep in one piece, which may itself be divided, and
+  // again in two halves. A second-order step has two stages and possibly a first-order step in addition.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
-  // Next to a flowing layer there are two searches, one for stick and one for slip, of at most 300 values each;
-  // together they seldom use 100.
+  // An interface on a flowing layer needs two searches, one for stick and one for slip. Each evaluates at most 300 sums
+  // over the layer; together they seldom evaluate 100.
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
           .limit_values = 60 * kLanes * solves,
           .newton_steps = 20000,

@@ -1,6 +1,7 @@
-// The stability campaign: each row takes one quantity to its extremes and runs on every physics of the solvers; every
-// step is checked against the invariants of tests/support/invariants.hpp. Rows and physics are tables, shared by
-// shearbus-study and the tests of the label "stability".
+// The stability campaign is a table. A row takes one quantity to its extremes. A physics is a combination of scene
+// options together with a host. Each row runs on each physics, and every step is checked against the invariants of
+// tests/support/invariants.hpp. The program shearbus-study and the tests with the label "stability" use the same rows
+// and physics.
 #pragma once
 
 #include <array>
@@ -21,12 +22,13 @@ using testing::ModelOptions;
 using testing::Rig;
 using testing::SearchEffort;
 
-// The host before a row changes it: the paper's host, unless a scene describes another.
+// The inputs of the host before a row changes them. The defaults are those of the paper; a user's scene may give
+// others.
 struct Host {
   double pressure = 11.2e9;        // [Pa]
-  double half_zone_soft = 2.5e-6;  // half a zone at the interface, which sets the mass of (61)  [m]
-  double half_zone_hard = 2.5e-6;  // [m]
-  double dt = 1e-9;                // [s]
+  double half_zone_soft = 2.5e-6;  // half the zone width at the interface; times the density, the mass in DLP (61)  [m]
+  double half_zone_hard = 2.5e-6;  // the same in the hard body  [m]
+  double dt = 1e-9;                // step length  [s]
 };
 
 // A combination of scene options, and a host.
@@ -39,15 +41,17 @@ std::vector<Physics> all_physics();
 
 // A force-driven step with several solutions: stick, and two different slips (MODEL.md, "Force-driven step").
 struct SeveralAnswers {
-  double dt;           // [s]
-  double temperature;  // T_melt - below  [K]
-  double below;        // [K]
-  double slip;         // [v] without friction      [m/s]
+  double dt;           // step length  [s]
+  double temperature;  // temperature before the step, T_melt - below  [K]
+  double below;        // distance of `temperature` from melting  [K]
+  double slip;         // slip velocity [v] that the step would have without friction  [m/s]
 };
-// Finds such a step near melting, of the host's step length or longer; returns nothing if there is none up to 10 us.
+// Searches for such a step near melting, with step lengths from the host's up to 10 us. Returns nothing if there is
+// none.
 std::optional<SeveralAnswers> several_answers(const Physics& physics);
 
-// The course of one scene of a row. Before the first step all inputs have the host's values.
+// The run of one scene of a row: its rig, its host and the current step. Before the first step all inputs have the
+// host's values.
 struct Course {
   Course(Rig& on, const Host& of, int scene_number);
 
@@ -56,13 +60,14 @@ struct Course {
   testing::Draw draw;
   int scene;  // index among the scenes of the row
   int step = 0;
-  double dt;                              // [s]
-  std::optional<SeveralAnswers> several;  // set for the row of several answers
+  double dt;                              // length of the next step  [s]
+  std::optional<SeveralAnswers> several;  // set only in the row "three_roots"
 
   bool forced() const;
-  void impose(int lane, double jump);  // with two components: along a slowly turning direction of the lane
+  // Sets the velocity jump. With two components its direction turns slowly, and differs between lanes.
+  void impose(int lane, double jump);
   void impose_all(const std::array<double, kLanes>& jumps);
-  void push(int lane, double soft, double hard);  // sets the far stresses, in the same direction
+  void push(int lane, double soft, double hard);  // sets the far stresses, in the direction of impose()
   void go_on(int lane);                           // force-driven: sets the jump to the final jump of the last step
 };
 
@@ -70,32 +75,34 @@ struct Row {
   std::string name;
   std::string what;
   int steps;
-  // Makes the scenes of the row for a physics; none if the row does not apply to it.
+  // Makes the scenes of the row for a physics. The result is empty if the row does not apply to the physics.
   std::function<std::vector<ModelOptions>(const Physics&)> scenes;
   std::function<void(Course&)> start;        // called once, before the first step; may be empty
-  std::function<void(Course&)> before_step;  // sets inputs and dt
-  bool steady;  // constant inputs, under which an alternating answer is an error of the solver
-  // Checks that the row has reached the regime it is meant for; returns the reason if not. May be empty.
+  std::function<void(Course&)> before_step;  // sets the inputs and the length of the next step
+  bool steady;  // true: the inputs do not alternate, so an alternating answer is an error of the solver
+  // Returns an empty text if the run has reached the regime for which the row is meant, otherwise what is missing. The
+  // function may be absent.
   std::function<std::string(const Figures&)> missed;
 };
 std::vector<Row> all_rows();
 
-// Not met: all invariants held, but the row did not reach the regime for which it is meant.
+// kNotMet: all invariants held, but the row did not reach the regime for which it is meant. kNotAsked: the row does not
+// apply to the physics.
 enum class Verdict { kHeld, kNotMet, kBroken, kNotAsked };
 
 // The result of a row on a physics.
 struct Outcome {
   Verdict verdict = Verdict::kNotAsked;
-  std::string reason;  // of a broken row the invariant and the place, of a row not met the reason
+  std::string reason;  // kBroken: invariant, scene, step and lane; kNotMet: what is missing
   Figures figures;
-  SearchEffort most;         // largest effort of one step of eight lanes
-  double bound_share = 0.0;  // largest heat, relative to the heat of a molten interface
+  SearchEffort most;         // largest search effort in one step of eight lanes
+  double bound_share = 0.0;  // largest friction heat of a lane, relative to its bound by MoltenLayer
   double seconds = 0.0;
 };
 Outcome run(const Row& row, const Physics& physics, int most_steps = std::numeric_limits<int>::max());
 
-// Returns the upper bound of the effort of one step of eight lanes. A larger effort shows that a search degenerates to
-// bisection.
+// Returns the upper bound of the search effort in one step of eight lanes. A larger effort shows that a search for a
+// root has degenerated to bisection.
 SearchEffort effort_bound(const ModelOptions& options, bool divided);
 void require_effort(const SearchEffort& step, const Rig& rig);
 void take_most(SearchEffort& most, const SearchEffort& step);
@@ -103,7 +110,7 @@ void take_most(SearchEffort& most, const SearchEffort& step);
 // Detects a value that alternates: many reversals in a row, of which none is much smaller than the reversal before.
 class Ringing {
  public:
-  // `size` is the scale of the value.
+  // Adds the next value; reversals that are small relative to `size` do not count.
   void see(double value, double size);
   bool rings() const { return turns_ >= kTurns; }
 
@@ -115,21 +122,22 @@ class Ringing {
   int seen_ = 0, turns_ = 0;
 };
 
-// Heat of a layer whose interface is at melting from the first step on. By a comparison principle no other history of
-// the same steps has more heat, so this bounds the friction work of all histories.
+// A layer whose interface has the melting temperature from the first step on. By a comparison principle no other
+// history with the same step lengths puts more heat into the layer, so the heat of MoltenLayer bounds the heat by
+// friction of all histories.
 class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);
   void step(const Rig& rig);  // uses the operators and pressures of the rig's last step
-  double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }  // [J/m2]
+  double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }  // heat since the start  [J/m2]
 
  private:
   template <class Operator>
   void step_with(const Operator& heat, const Rig& rig);
 
-  std::vector<double> rows_;              // temperatures of the conducting bodies, or modes
-  std::array<double, kLanes> melting_{};  // highest melting temperature of the history  [K]
-  std::array<double, kLanes> taken_{};    // [J/m2]
+  std::vector<double> rows_;              // temperatures of the conducting bodies or, without a profile, modes
+  std::array<double, kLanes> melting_{};  // highest melting temperature since the start  [K]
+  std::array<double, kLanes> taken_{};    // heat that entered since the start  [J/m2]
 };
 
 }  // namespace shearbus::study::stability

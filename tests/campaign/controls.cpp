@@ -15,20 +15,20 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-constexpr double kPressure = 11.2e9;  // [Pa]
+constexpr double kPressure = 11.2e9;  // pressure in all cases  [Pa]
 
-// A solver of lane 0 that replaces the step of the rig's model.
+// A wrong solver. It computes a step of lane 0 in place of the rig's model.
 using Solver = std::function<void(Rig&, double dt)>;
 
 struct ControlCase {
   std::string name, what;
   ModelOptions options;
-  double dt = 1e-9;  // [s]
+  double dt = 1e-9;  // step length  [s]
   int steps = 0;
-  double jump = 0.0;         // [m/s]
-  bool pulse = false;        // the jump is 0 from the second step on
-  bool closed_loop = false;  // force-driven: the next jump is the answered jump
-  double stress_soft = 0.0;  // far stress  [Pa]; stress_growth is its relative growth per step
+  double jump = 0.0;         // velocity jump before the first step  [m/s]
+  bool pulse = false;        // the velocity jump is 0 from the second step on
+  bool closed_loop = false;  // each step starts with the velocity jump that the step before has answered
+  double stress_soft = 0.0;  // far stress of the soft body  [Pa]; stress_growth is its relative growth per step
   double stress_growth = 0.0;
   double mass = 1.0;     // mass of each side  [kg/m2]
   double start = 300.0;  // initial temperature  [K]
@@ -46,7 +46,8 @@ struct WrongAnswer {
   Regime regime = Regime::kTresca;
 };
 
-// Writes the answer. rig.trial holds the state before the step, rig.committed the temperatures after conduction.
+// Writes the answer into the rig's state and outputs. rig.trial must hold the state before the step, rig.committed the
+// temperatures after it.
 void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   const TileLayout& layout = rig.model.layout();
   rig.committed[layout.shear_stress] = answer.stress;
@@ -60,7 +61,8 @@ void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   rig.outputs.outcome[0] = 0;
 }
 
-// Copies the state before the step to rig.trial and conducts heat for dt.
+// Copies the state before the step to rig.trial; then conducts heat for dt in rig.committed, without a flux at the
+// interface.
 const HeatOperator& begin(Rig& rig, double dt) {
   if (!rig.operators || rig.operators->dt() != dt) rig.operators = rig.model.operators(dt);
   rig.trial = rig.committed;
@@ -91,7 +93,8 @@ Body body_of(const Rig& rig, double dt) {
 
 // ---- Wrong solvers ----
 
-// Sticking as [V]mid = 0, as printed in the paper: it gives [V]new = -[V]old.
+// An interface sticks with a mean velocity jump of 0 over the step, [V]mid = 0, as printed in the paper. The jump after
+// the step is then [V]new = -[V]old.
 void midpoint_stick(Rig& rig, double dt) {
   begin(rig, dt);
   const Body body = body_of(rig, dt);
@@ -99,7 +102,8 @@ void midpoint_stick(Rig& rig, double dt) {
   finish(rig, dt, {(2.0 * jump + body.driven) / body.per_stress, 0.0, -jump, 0.0, Regime::kStick});
 }
 
-// Solves DLP (56) by the plain secant method: without bracket or safeguard, the last iterate is the answer.
+// Solves the stress balance DLP (56) by the plain secant method, without a bracket. The last iterate is the answer even
+// if it has not converged.
 void plain_secant(Rig& rig, double dt) {
   const HeatOperator& heat = begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -109,7 +113,7 @@ void plain_secant(Rig& rig, double dt) {
   const double share = heat_partition(o.soft, o.hard);
   const auto strain_of = [&](int i, double s) {
     const double T = rig.T(i) + share * std::max(0.0, s * jump) * heat.layer_response()[i];
-    // A large value, because the printed (48) has no value above melting.
+    // Above melting the strain of DLP (48) as printed is undefined; a large value stands for it.
     if (T >= o.soft.melting_temperature) return s > 0.0 ? 1e6 : 0.0;
     return reference::strain_increment(o.soft, std::max(0.0, s), kPressure, T, rig.ep(i), dt);
   };
@@ -141,7 +145,7 @@ void plain_secant(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// Takes the friction limit at the temperature before the step.
+// Computes the stress limit of the interface with the temperature before the step.
 void explicit_flux(Rig& rig, double dt) {
   const double T_old = rig.T(0);
   const HeatOperator& heat = begin(rig, dt);
@@ -155,7 +159,8 @@ void explicit_flux(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// Solves (64) with the layer's flow of the last step; the strain of this step is computed afterwards.
+// Solves the slip balance DLP (64) with the layer's flow in the previous step. The flow in this step is computed
+// afterwards.
 Solver lagged_strain() {
   return [flow = 0.0](Rig& rig, double dt) mutable {
     const HeatOperator& heat = begin(rig, dt);
@@ -184,7 +189,8 @@ Solver lagged_strain() {
   };
 }
 
-// First tries an elastic step without heat, and uses the model's step if any vertex yields.
+// Tries an elastic step without conduction of heat. Only if a vertex would yield, the step of the correct model is
+// made.
 void elastic_first(Rig& rig, double dt) {
   begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -199,8 +205,8 @@ void elastic_first(Rig& rig, double dt) {
   rig.step(dt);
 }
 
-// Conducts by Crank-Nicolson: half a step of forward Euler, which repeats the second half of the previous step with the
-// new flux, then half a step of backward Euler.
+// Conducts heat by the Crank-Nicolson scheme: half a step of forward Euler, then half a step of backward Euler. The
+// forward half repeats the temperature change in the backward half of the previous step, corrected for the new flux.
 Solver crank_nicolson() {
   return [midway = std::vector<double>(), last_flux = 0.0](Rig& rig, double dt) mutable {
     const HeatGrid& grid = rig.heat_grid();
@@ -218,7 +224,7 @@ Solver crank_nicolson() {
     if (!rig.operators) rig.operators = rig.model.operators(dt);
     rig.trial = rig.committed;
     const std::size_t rows = static_cast<std::size_t>(grid.num_vertices()) * kLanes;
-    midway.resize(rows, 300.0);  // uniform initial temperature
+    midway.resize(rows, 300.0);  // the initial temperature is uniform
     for (std::size_t i = 0; i < rows; ++i) midway[i] = 2.0 * rig.committed[i] - midway[i];
     midway[0] += 0.5 * dt * (answer.flux - last_flux) / grid.capacity(0, o.soft, o.hard);
     last_flux = answer.flux;

@@ -1,5 +1,5 @@
 // Negative controls of the stability campaign: small solvers with known errors, which replace the model and are checked
-// against the same invariants. If such a solver passed, the campaign could not detect its error.
+// against the same invariants. If such a solver passed, the campaign would be unable to detect its error.
 #pragma once
 
 #include <string>
@@ -13,9 +13,9 @@ struct ControlOutcome {
   int steps = 0;
   int broken = 0;        // steps that broke an invariant
   std::string first;     // message of the first of these steps
-  bool rings = false;    // s, [V] or T0 alternates
-  double factor = 0.0;   // if it rings: ratio of the last change to the change before
-  double hottest = 0.0;  // highest T0  [K]
+  bool rings = false;    // the watched quantity (stress, velocity jump or T0) alternates
+  double factor = 0.0;   // if `rings`: ratio of its last change to the change before
+  double hottest = 0.0;  // highest interface temperature T0  [K]
 
   bool fails() const { return broken > 0 || rings; }
 };

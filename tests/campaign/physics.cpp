@@ -1,5 +1,5 @@
-// The physics that the campaign runs on: chosen combinations, and every row of the table of parts and every law that
-// they leave out.
+// The list of physics of the stability campaign: chosen combinations of options, and in addition every option and every
+// law that none of these combinations has.
 #include <algorithm>
 #include <functional>
 #include <string>
@@ -13,7 +13,8 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-// Adds every option of the table and every law that no physics of a strategy has yet, alone or with what it needs.
+// For each strategy, adds a physics for every option and every law that no physics of the strategy has yet. An option
+// that is invalid alone is combined with one more option.
 void add_missing(const std::function<ModelOptions(Strategy)>& base, std::vector<Physics>& all) {
   const std::vector<Item> list = items();
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven})

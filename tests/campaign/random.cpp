@@ -22,7 +22,7 @@ constexpr std::array kKinds = {
                [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kForceDriven, e); }},
 };
 
-// Runs a history of the scene of `options`, from its initial state or from a random state.
+// Runs a history of random inputs with `options`, from the initial state or from a random state.
 void run_history(Draw& draw, const ModelOptions& options, bool extreme, std::uint64_t seed, RandomOutcome& outcome) {
   Rig rig(options);
   SearchEffort effort;
@@ -64,7 +64,7 @@ RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, 
   return outcome;
 }
 
-// Consecutive seeds give usual scenes of all kinds, then extreme scenes of all kinds.
+// Each seed is one history. In turn, the seeds give a usual scene of every kind, then an extreme scene of every kind.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed) {
   std::vector<RandomOutcome> outcomes(kKinds.size());
   for (std::size_t i = 0; i < kKinds.size(); ++i) outcomes[i].name = kKinds[i].name;

@@ -1,5 +1,5 @@
-// Random histories under the invariants: scenes, states and inputs are drawn from a seed, for every solver. The
-// property tests run them for about a second, shearbus-study stability for as many node-steps as requested.
+// Random histories, checked against the invariants. Scenes, states and inputs are drawn from a seed, for every solver.
+// The property tests run them for about a second, shearbus-study stability for as many node-steps as requested.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace shearbus::study::stability {
 
-// A solver with the distribution of its scenes.
+// A kind of random scenes, for one solver: its name, and the function that draws the options of a scene.
 struct RandomKind {
   const char* name;
   ModelOptions (*options)(testing::Draw& draw, bool extreme);
@@ -19,23 +19,23 @@ struct RandomKind {
 std::span<const RandomKind> random_kinds();
 
 struct RandomOutcome {
-  std::string name;  // name of the kind or of the physics
+  std::string name;  // name of the RandomKind or of the Physics
   long scenes = 0;
   Figures figures;
-  SearchEffort most;  // largest effort of a step of eight lanes
+  SearchEffort most;  // largest search effort in one step of eight lanes
   struct Fault {
-    std::uint64_t seed;  // seed that repeats the history
+    std::uint64_t seed;  // seed of the history that failed
     std::string text;
   };
   std::vector<Fault> faults;
 };
 
-// Runs histories of one kind, each with its own seed from `first_seed` on, until there are at least `node_steps`
-// node-steps. Half of the histories start from a random state.
+// Runs histories of scenes of one kind until they have at least `node_steps` node-steps together. The seeds count up
+// from `first_seed`, one for each history. Half of the histories start from a random state.
 RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, std::uint64_t first_seed);
-// Runs all kinds in turn in the same way, with usual and extreme scenes.
+// Does the same with all kinds in turn, with usual and with extreme scenes.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed);
-// Runs one physics in the same way, with random states and inputs.
+// Does the same with the options of one physics; only initial temperature, states and inputs are random.
 RandomOutcome run_random(const Physics& physics, long node_steps, std::uint64_t first_seed);
 
 }  // namespace shearbus::study::stability

@@ -10,8 +10,8 @@ namespace shearbus::study::stability {
 struct Refusal {
   std::string name;   // the invalid request
   std::string field;  // field that the refusal must name
-  std::string named;  // field that it names; empty: not refused
-  std::string text;   // the reason given
+  std::string named;  // field that the service's refusal named; empty: the request was not refused
+  std::string text;   // reason in the refusal
   bool seen() const { return named == field && !text.empty(); }
 };
 std::vector<Refusal> run_refusals();

@@ -25,7 +25,7 @@ using namespace stability;  // NOLINT(google-build-using-namespace): what is rep
 namespace {
 
 struct Campaign {
-  std::optional<UserScene> scene;  // replaces the list of physics
+  std::optional<UserScene> scene;  // if given, its physics is the only one
   bool cut_short = false;          // the option --steps limits the steps of every row
   std::vector<Physics> physics;
   std::vector<Row> rows;
@@ -49,7 +49,7 @@ const char* name_of(Verdict verdict) {
   return "not asked";
 }
 
-// Combines outcomes: the worst verdict and the largest value of every figure.
+// Combines outcomes: the worst verdict, the largest residuals and efforts, the sums of counts and times.
 Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
   Outcome worst;
   for (const Outcome* one : outcomes) {

@@ -1,4 +1,4 @@
-// The stability campaign as a command: tables, JSON, picture.
+// The subcommand `stability` of shearbus-study: runs the stability campaign and writes tables, JSON and a picture.
 #pragma once
 
 #include <cstdint>
@@ -10,15 +10,15 @@
 
 namespace shearbus::study {
 
-// Options of the command. With a scene its physics replaces the list; refusals and controls do not depend on a scene
-// and do not run.
+// Options of the subcommand. If a scene is given, the rows run on the physics of this scene only. Invalid requests
+// (refusals) and wrong solvers (controls) do not depend on a scene and then do not run.
 struct StabilityOptions : CommandOptions {
-  std::string row;           // only this row; empty: all rows, refusals and controls
-  std::optional<int> steps;  // upper bound of the steps of a row
+  std::string row;           // name of the only row to run; empty: all rows, refusals and controls
+  std::optional<int> steps;  // upper bound of the number of steps of a row
   long random_steps = 200000;
   std::uint64_t seed = 1;
-  bool only_random = false;  // random histories only
-  HostGiven host;            // host of the scene
+  bool only_random = false;  // runs random histories only
+  HostGiven host;            // properties of the host for the given scene
 };
 
 // Adds the subcommand "stability" to the program.

@@ -1,4 +1,4 @@
-// The rows of the campaign.
+// The rows of the stability campaign.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,8 +16,8 @@ using Lanes = std::array<double, kLanes>;
 using Scenes = std::vector<ModelOptions>;
 
 constexpr double kDenormal = 5e-324;
-constexpr double kMostPressure = 200e9;                                            // [Pa]
-constexpr Lanes kVelocities = {0.0, kDenormal, 1e-300, 1e-6, 1.0, 1e2, 1e3, 1e4};  // [m/s]
+constexpr double kMostPressure = 200e9;                                            // highest pressure  [Pa]
+constexpr Lanes kVelocities = {0.0, kDenormal, 1e-300, 1e-6, 1.0, 1e2, 1e3, 1e4};  // velocity jump of each lane  [m/s]
 constexpr Lanes kSlips = {0.1, 1.0, 10.0, 50.0, 1e2, 3e2, 1e3, 1e4};
 
 bool forced(const ModelOptions& o) {
@@ -33,7 +33,7 @@ Scenes force_driven_only(const Physics& p) {
   return forced(p.options) ? Scenes{p.options} : Scenes{};
 }
 
-// Chooses grid and methods again for a tolerance after thickness or materials have changed.
+// For options with a tolerance, chooses grid and methods again, because the thickness or the materials have changed.
 ModelOptions remade(const ModelOptions& o) {
   return o.tolerance ? discretised(o, *o.tolerance) : o;
 }
@@ -51,11 +51,11 @@ Scenes thicknesses(const Physics& p) {
   return scenes;
 }
 
-// Heat crosses 1e4 cells of 0.25 nm of aluminium in this step.
+// In a step of this length heat diffuses through about 1e4 cells of fine_grid(); in aluminium a cell is 0.25 nm wide.
 constexpr double kFourierStep = 1.3e-7;  // [s]
 Scenes fine_grid(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (o.modes || o.tolerance) return {};  // the server chooses cells
+  if (o.modes || o.tolerance) return {};  // such scenes do not set the cells
   const int cells = o.inertia ? 100 : 400;
   ModelOptions scene = with_thickness(o, cells * 1e-4 * std::sqrt(o.soft.diffusivity * kFourierStep));
   scene.grid.cells = cells;
@@ -63,7 +63,8 @@ Scenes fine_grid(const Physics& p) {
   return {scene};
 }
 
-// A tolerance chooses the cells.
+// Scenes with different grids. If the physics has a tolerance, the tolerance varies instead, because it determines the
+// grid.
 Scenes grids(const Physics& p) {
   const ModelOptions& o = p.options;
   Scenes scenes;
@@ -72,7 +73,9 @@ Scenes grids(const Physics& p) {
     return scenes;
   }
   if (o.modes) return {};
-  const int most = o.sleep ? 400 : 1000;  // a sleeping node expands into all modes of its grid
+  // With sleep a grid of 1,000 cells would cost too much: a node that falls asleep is expanded into all modes of its
+  // grid.
+  const int most = o.sleep ? 400 : 1000;
   for (const auto& [cells, grading] : {std::pair{1, 1.0}, {2, 1.0}, {40, 1.3}, {60, 1.5}, {most, 1.0}}) {
     ModelOptions& scene = scenes.emplace_back(o);
     scene.grid.cells = cells;
@@ -120,7 +123,7 @@ Scenes saturations(const Physics& p) {
 Scenes swapped(const Physics& p) {
   const ModelOptions& o = p.options;
   if (o.hard.flow_law != FlowLaw{} && o.hard.flow_law != o.soft.flow_law)
-    return {};  // another flow law is another physics
+    return {};  // the swapped soft metal would have another flow law, which is another physics
   ModelOptions scene = o;
   std::swap(scene.soft, scene.hard);
   scene.soft.melting_curve = o.soft.melting_curve;
@@ -128,7 +131,7 @@ Scenes swapped(const Physics& p) {
   scene.hard.melting_curve = MeltingCurve::kConstant;
   scene.hard.pressure_term = PressureTerm::kLinear;
   if (o.soft.flow_law != o.hard.flow_law) adopt_flow_law(scene.soft, o.soft);
-  if (scene.junctions) {  // junctions of the soft metal with their own hardening
+  if (scene.junctions) {  // the junctions consist of the soft metal, but keep their strength and hardening
     const Material& old = o.junctions->metal;
     Material& metal = scene.junctions->metal;
     metal = scene.soft;
@@ -143,7 +146,7 @@ Scenes swapped(const Physics& p) {
 }
 
 Scenes step_lengths(const Physics& p) {
-  return Scenes(8, p.options);  // 1e-12 to 1e-5 s
+  return Scenes(8, p.options);  // one scene for each step length from 1e-12 to 1e-5 s
 }
 
 Scenes near_several_answers(const Physics& p) {
@@ -244,7 +247,8 @@ void hover(Course& c) {
   }
 }
 
-// Starts from rest under far stresses, or continues to slide.
+// Even lanes start from rest under a far stress that would cause the slip of a step with several solutions. Odd lanes
+// slide at the velocity of this slip.
 void meet_several_answers(Course& c) {
   c.dt = c.several->dt;
   for (int l = 0; l < kLanes; ++l) {
@@ -288,7 +292,7 @@ void all_masses(Course& c) {
 }
 
 void drag_the_layer(Course& c) {
-  constexpr Lanes kRates = {1e3, 1e6, 1e9, 1e12, 1e15, 1e15, 1e10, 1e6};  // [1/s]
+  constexpr Lanes kRates = {1e3, 1e6, 1e9, 1e12, 1e15, 1e15, 1e10, 1e6};  // shear rate of each lane  [1/s]
   for (int l = 0; l < kLanes; ++l) {
     const double rate = kRates[static_cast<std::size_t>(l)];
     c.rig.inputs.soft_shear_rate[l] = (c.step + l) % 4 == 3 ? -rate : rate;

@@ -12,8 +12,8 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 namespace {
 
 constexpr double kLongestStep = 1e-5;  // longest step of the campaign  [s]
-constexpr double kStickShare = 0.9;    // stress of the sticking solution relative to the limit
-constexpr double kClearly = 0.8;       // largest ratio of the limit at the stress of largest heating to that stress
+constexpr double kStickShare = 0.9;    // stress of the sticking solution, relative to the stress limit at rest
+constexpr double kClearly = 0.8;       // largest ratio of the stress limit after the largest heating to the stress then
 
 // Returns the stress limit of the interface at rest  [Pa].
 double limit_at(const ModelOptions& o, double pressure, const Material& soft, double T) {
@@ -23,14 +23,16 @@ double limit_at(const ModelOptions& o, double pressure, const Material& soft, do
 
 }  // namespace
 
-// With [v] = c - b s an interface can stick at s = c/b, and half of that stress gives the largest heat, heating * b
-// s^2/4. If the limit at the temperature of that heat is below c/2b, two slipping solutions exist in addition to
-// sticking, one with more and one with less slip.
+// The slip velocity [v] of a step decreases with the stress s: [v] = c - b s. The interface can stick at s = c/b. Of
+// all stresses, half of that one, s = c/(2b), gives the largest heat s [v]. If the stress limit at the temperature
+// after this heat is below c/(2b), two slipping solutions exist in addition to sticking, one with more and one with
+// less slip.
 std::optional<SeveralAnswers> several_answers(const Physics& physics) {
   const ModelOptions& o = physics.options;
   const Host& host = physics.host;
-  // Junctions, velocity weakening and flowing layers have other kinds of multiple solutions. Under a tolerance the
-  // substeps are so short that each has one solution.
+  // With junctions, with a friction coefficient that varies or with a flowing layer a step may have several solutions
+  // for other reasons, which this search does not cover. Under a tolerance the substeps are so short that each has one
+  // solution.
   if (o.strategy != Strategy::kForceDriven || o.junctions || o.plastic_layer || o.tolerance ||
       o.interface.friction_law != FrictionLaw{}) {
     return std::nullopt;

@@ -49,7 +49,7 @@ void require_layer(const guest::HydroScene& scene) {
            "Set strategy = \"velocity_driven\" or \"force_driven\".");
 }
 
-// Opens a session in a server of this process; throws the server's refusal.
+// Opens a session for the scene in a server inside this process. Throws the server's error if it refuses the scene.
 void require_opened(const hydro::SceneFile& file) {
   support::ServiceHarness host;
   wire::Request opening = support::ServiceHarness::opening(file.server_text(), support::node_ids(1));
@@ -65,8 +65,9 @@ struct Told {
   std::string by;
 };
 
-// Takes the host from the scene's problem. A shear_column has its own mesh and step. The problems in two dimensions
-// have zones of one width, and the step is the Courant limit of a longitudinal wave in the faster metal.
+// Returns the properties of the host (pressure, zones, step length) for the hydrocode problem in the scene, or the
+// paper's if the scene has no such problem. A shear_column determines zones and step length. The problems in two
+// dimensions have one zone width; their step length is the Courant limit of a longitudinal wave in the faster metal.
 Told host_of(const guest::HydroScene& scene) {
   Told told{.host = {}, .by = "not in the scene: the paper's"};
   if (!scene.has_hydro()) return told;
@@ -89,8 +90,8 @@ Told host_of(const guest::HydroScene& scene) {
   } else if (scene.hydro().has_cone_target()) {
     const hydro::ConeTarget cone = hydro::make_cone_target(scene);
     in_two_dimensions(cone.scene.zone_width_m(), cone.scene.courant(), cone.soft, cone.hard);
-    // The flyer has the metal of the confinement that it strikes, so the pressure is that of half its speed on the
-    // Hugoniot.
+    // The flyer consists of the same metal as the confinement that it strikes. The pressure of the impact is therefore
+    // the Hugoniot pressure at a particle velocity of half the flyer's speed.
     const double u = 0.5 * cone.scene.flyer_speed_m_per_s();
     host.pressure = cone.hard.eos.density * (cone.hard.eos.sound_speed + cone.hard.eos.s1 * u) * u;
     told.by = "[hydro.cone_target]";
@@ -173,7 +174,7 @@ std::string describe(const v1::Scene& scene, const ModelOptions& o) {
                      body(scene.hard(), o.hard), law(o), layer(o), o.initial_temperature, o.soft.melting_temperature);
 }
 
-// Runs `work` and adds to a fault of the scene its place in the file.
+// Runs `work` and returns its result. If it throws a fault of the scene, adds the place in the file to the message.
 template <class Work>
 auto placed(const hydro::SceneFile& file, const Work& work) {
   try {

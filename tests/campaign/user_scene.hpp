@@ -1,4 +1,5 @@
-// A scene of the user for the studies: the model that a server would make of it, and the host of its problem.
+// A user's scene for the studies: the physics model that a server would make of it, and the host's pressure, zones and
+// step length.
 #pragma once
 
 #include <filesystem>
@@ -10,20 +11,20 @@
 
 namespace shearbus::study {
 
-// Reads a scene with a shear layer and requires that a server would open it. Throws with the expected and the found
-// value, a remedy and the place in the file.
+// Reads a scene. Throws if it has no shear layer or if a server would refuse it. The message contains the expected and
+// the found value, a remedy and the place in the file.
 hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
-// Properties of the host from the command line. Absent properties come from the scene's problem, or from the paper if
-// the scene has none.
+// Properties of the host that the command line gives. The others come from the hydrocode problem in the scene or, if
+// the scene has no such problem, from the paper.
 struct HostGiven {
-  std::optional<double> pressure;    // [Pa]
+  std::optional<double> pressure;    // pressure on the interface  [Pa]
   std::optional<double> zone_width;  // zone width of both bodies  [m]
-  std::optional<double> dt;          // [s]
+  std::optional<double> dt;          // step length  [s]
 };
 
 struct UserScene {
-  stability::Physics physics;  // has the name of the scene
+  stability::Physics physics;  // model options and host; its name is that of the scene
   std::string text;            // description of the physics
   std::string host;            // description of the host and the origin of its values
 };

@@ -1,4 +1,5 @@
-// Comparison of two checkpoints: no lines if the states have the same bits, otherwise lines that name what differs.
+// Tests of the comparison of two checkpoints. It gives no lines if the states have the same bits, otherwise lines that
+// name the differences.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-// The server program on a failing disk: strace injects the faults into its system calls. Skipped where strace may not
-// trace.
+// Tests of the server program on a failing disk: strace makes system calls of the server fail. The tests are skipped if
+// strace is not allowed to trace.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -73,7 +73,7 @@ struct Host {
   int answered = 0;
 };
 
-// Makes `steps` steps, or fewer if an answer is missing; then stops the server.
+// Makes `steps` steps of the host, or fewer if a step is not answered. Then stops the server.
 void run(Server& server, Host& host, int steps) {
   try {
     if (!host.session) {
@@ -85,7 +85,7 @@ void run(Server& server, Host& host, int steps) {
       ++host.answered;
     }
   } catch (const Error&) {
-    // `host` knows which steps were answered.
+    // The host has counted the steps that were answered.
   }
   server.process().signal(SIGTERM);
   if (server.process().exit_code(10s)) return;
@@ -93,7 +93,8 @@ void run(Server& server, Host& host, int steps) {
   server.process().exit_code(10s);
 }
 
-// The next server must have every answered request, and in addition at most the one request that was not answered.
+// Starts another server on the same disk. It must know every answered request. In addition it may know the one request
+// that was running and was not answered.
 void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std::string& when) {
   Server next(scratch, "power");
   ASSERT_TRUE(next.ready()) << when << ": " << next.log();
@@ -132,7 +133,7 @@ TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   const ScratchDirectory scratch;
   Host host;
-  // Call 1 syncs the segment, 2 the opening, 3 the first step.
+  // Of the calls of fdatasync, number 1 syncs the new journal segment, 2 the opening of the session, 3 the first step.
   Server server(scratch, "power", "fdatasync:error=EIO:when=4");
   ASSERT_TRUE(server.ready()) << server.log();
   host.client.emplace(server.client(500ms));

@@ -1,5 +1,5 @@
-// The server program under load is killed with SIGKILL, many times. Every answer that its clients receive is compared,
-// bit for bit, with the answer of a server that is never killed: if one request were lost or run twice, all later
+// The server program is killed with SIGKILL under load, many times. Every answer that its clients receive is compared,
+// bit for bit, with the answer of a server that is never killed. If one request were lost or run twice, all later
 // answers would differ.
 #include <gtest/gtest.h>
 
@@ -69,8 +69,9 @@ class Incarnations {
   int started_ = 0;
 };
 
-// A host that steps a session, steps its twin on a server that is never killed, and compares the answers. Nodes are
-// registered, retired and moved between the session and a partner session of the same domain.
+// A host with a session on the server that is killed, and a twin of this session on a server that is never killed. The
+// host makes the same steps in both and compares the answers. It also registers nodes, retires nodes and moves nodes
+// between its session and a partner session of the same domain.
 class Host {
  public:
   Host(const std::string& endpoint, Strategy strategy, std::size_t nodes, unsigned seed)
@@ -132,7 +133,7 @@ class Host {
     moved_ += ids.size();
   }
   void change_nodes(bool moves) {
-    ASSERT_EQ(session_.rollback(), twin_.rollback());  // a trial may be uncommitted
+    ASSERT_EQ(session_.rollback(), twin_.rollback());  // removes a trial, if one is not committed
     if (moves) {
       if (partner_.node_ids().size() < 20 && session_.node_ids().size() > 7)
         move(session_, partner_, twin_, partner_twin_, 1 + random_() % 5);

@@ -43,7 +43,8 @@ std::string failure_of(const Command& command) {
   return said;
 }
 
-// A host with a session, and with a twin session on a server that runs undisturbed.
+// A host with a session on the server under test and a twin of this session on a server that runs undisturbed. Each
+// step is made in both, and the answers are compared.
 class Host {
  public:
   explicit Host(ClientOptions options)
@@ -52,7 +53,7 @@ class Host {
         session_(client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)),
         twin_(quiet_client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)) {}
 
-  // Throws what the client throws; the same step is then still the next step.
+  // Makes the next step. If the client throws, passes the exception on; the next call then repeats this step.
   void step() {
     const auto columns = support::step_columns(Strategy::kVelocityDriven, kNodes, steps_);
     const auto& here = session_.advance(columns, {.dt_s = 1e-9});
@@ -70,7 +71,7 @@ class Host {
   }
   int steps_done() const { return steps_; }
   Client& client() { return client_; }
-  // Requires that each step ran exactly once, counted since the present server started.
+  // Requires that the server has run each step exactly once. Valid only if the server was not restarted.
   void expect_each_step_once() {
     EXPECT_EQ(client_.server_status().node_steps, static_cast<std::uint64_t>(steps_) * kNodes.size());
   }
@@ -109,7 +110,7 @@ class Cable {
   void pull() const { failure_of({kIp, "link", "set", here_, "down"}); }
   void plug() const { failure_of({kIp, "link", "set", here_, "up"}); }
 
-  // From the address block for tests of networks (RFC 2544).
+  // An address of the block that is reserved for tests of networks (RFC 2544).
   static constexpr const char* kAddressThere = "198.18.77.2";
 
  private:
@@ -127,7 +128,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   Host host({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 300ms});
   host.steps(20);
 
-  // First many short cuts, while the host goes on stepping.
+  // First many short interruptions of the network, while the host continues to make steps.
   std::atomic<bool> over = false;
   int cuts = 0;
   std::thread hand([&] {
@@ -145,7 +146,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   hand.join();
   const int flapped = host.steps_done();
 
-  // Then a cut longer than the heartbeat lets a connection live.
+  // Then an interruption so long that the heartbeat ends the connection.
   cable.pull();
   std::thread later([&] {
     std::this_thread::sleep_for(8s);
@@ -162,8 +163,8 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
             << " while it flapped), lost: 0, run twice: 0\n";
 }
 
-// A small disk that only its server processes see. Files are written to it through /proc/PID/root of the process that
-// holds it.
+// A disk of 512 kB, mounted in a mount namespace of its own. A helper process, `holder_`, keeps the namespace alive;
+// servers are started inside it. The test writes files to the disk through /proc/PID/root of the helper process.
 class SmallDisk {
  public:
   explicit SmallDisk(const ScratchDirectory& scratch) : path_(scratch.path() / "disk") {
@@ -211,7 +212,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
   for (int round = 0; round < 4; ++round) {
     host.steps(5);
     disk.fill();
-    // The last page of the journal still has room for some steps.
+    // On the full disk some steps still succeed, because the last page of the journal has room for them.
     const auto step_until_full = [&] {
       for (int i = 0; i < 100; ++i) host.step();
     };
@@ -225,7 +226,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
       }
       EXPECT_EQ(host.client().server_status().sessions, 1u) << "what needs no disk is answered";
     }
-    if (round == 2) {  // the server is stopped while the disk is full: it writes no checkpoint and needs none
+    if (round == 2) {  // stops the server while the disk is full; it cannot write a checkpoint and does not need one
       server->process().signal(SIGTERM);
       EXPECT_EQ(server->process().exit_code(20s), 0) << server->log();
       EXPECT_NE(server->log().find("the checkpoint could not be written"), std::string::npos) << server->log();
@@ -270,12 +271,12 @@ TEST(Surroundings, AClockThatJumpsByAnHourMovesNothingButTheStampsOfTheLog) {
     host.steps(20);
     host.client()
         .open(support::text_of(support::velocity_scene()), "scene", kNodes)
-        .close();  // says a line with a stamp
+        .close();  // makes the server log a line with a time stamp
   }
   host.expect_each_step_once();
   EXPECT_LT(std::chrono::steady_clock::now() - started, 20s) << "no deadline was waited for";
 
-  std::set<std::string> hours;  // date and hour of every line, such as "2026-11-21T14"
+  std::set<std::string> hours;  // date and hour of every line of the log, such as "2026-11-21T14"
   std::istringstream lines(server->log());
   for (std::string line; std::getline(lines, line);)
     if (line.size() > 13 && line[10] == 'T') hours.insert(line.substr(0, 13));
@@ -298,8 +299,8 @@ std::size_t resident_kb(pid_t process) {
   return 0;
 }
 
-// libzmq keeps the parts of a message in memory until the last part has arrived, without a limit. A peer that is let in
-// can therefore use up the server's memory, and then the server dies; but no answered request is lost.
+// libzmq keeps the parts of a message in memory until the last part has arrived, without a limit. A peer that is
+// allowed to connect can therefore use up the server's memory. Then the server dies, but no answered request is lost.
 TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   constexpr std::size_t kLimit = std::size_t{512} << 20;
   const ScratchDirectory scratch;
@@ -318,7 +319,8 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   host.steps(10);
   const std::size_t before = resident_kb(server->process().id());
 
-  // The peer speaks ZMTP by hand, because libzmq itself would not send the parts before the last.
+  // The test writes the bytes of the ZMTP protocol itself, because libzmq would send no part before it has the last
+  // one.
   std::size_t sent = 0, most = before;
   {
     support::RawStream peer(scratch.ipc());
@@ -329,7 +331,7 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
         "DEALER",
         30);
     const std::string part =
-        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(64 * 1024, 'x');  // more to come, long
+        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(64 * 1024, 'x');  // flags: more parts follow, long size
     ASSERT_TRUE(peer.send(greeting) && peer.send(ready));
     ASSERT_FALSE(peer.closed_within(500ms)) << "its side of the handshake, which must be over before the first part";
     while (sent < 2 * kLimit && peer.send(part)) {
@@ -434,7 +436,8 @@ std::set<std::string> checkpoints_in(const std::filesystem::path& state_dir) {
   return names;
 }
 
-// The work of a host that has gone quiet must not stay in the journal alone.
+// After a host has stopped sending requests, its steps must not stay in the journal only; a checkpoint must contain
+// them.
 TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
   const ScratchDirectory scratch;
   const std::filesystem::path state = scratch.path() / "state";

@@ -1,5 +1,6 @@
-// Nodes without an answer. No input that a server accepts causes one, so the tests write a checkpoint in which a state
-// is NaN and recover from it: the solver then fails by itself, on the paths that users have.
+// Tests of nodes for which the solver finds no answer. No input that a server accepts makes the solver fail. The tests
+// therefore write a checkpoint in which a state is NaN, and recover from it. The solver then fails, and the failure is
+// handled by the same code as in production.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -52,7 +53,7 @@ wire::Request step(Strategy strategy, std::uint64_t sequence, int number, Policy
   return request;
 }
 
-// A scene, and the column of its state in which a NaN leaves the next step without an answer.
+// A scene, and the column of its state in which a NaN makes the solver fail in the next step.
 struct Kind {
   const char* name;
   Strategy strategy;
@@ -84,7 +85,7 @@ class Failures : public testing::TestWithParam<Kind> {
       server.ask(step(GetParam(), static_cast<std::uint64_t>(i) + 1, i, Policy::kUnspecified));
     ASSERT_TRUE(server.service.checkpoint());
   }
-  // Does the same and then sets one temperature of the node at kBadRow, or one of its mode amplitudes, to NaN.
+  // Does the same as prepare(). Then sets one temperature or one mode amplitude of the node in row kBadRow to NaN.
   void prepare_damaged(MemoryStorage& disk) {
     prepare(disk);
     store::Snapshot snapshot = snapshot_of(disk, 1);
@@ -92,7 +93,8 @@ class Failures : public testing::TestWithParam<Kind> {
       if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
   }
-  // Returns the capsule with the NaN replaced, so that its node has an answer, which differs from the recorded failure.
+  // Returns the recorded capsule with a number in place of the NaN. A step of its node then has an answer, which
+  // differs from the failure recorded in the capsule.
   static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
     store::Capsule capsule = store::read_capsule(recorded, "capsule");
     for (shard::StateColumn& column : capsule.state.columns)
@@ -154,8 +156,8 @@ TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
   EXPECT_EQ(refused.reply.status.node_ids, std::vector{support::node_ids(kNodes)[kBadRow]});
   EXPECT_EQ(server.store.counters().records, records) << "a refused request is not in the journal";
 
-  // A trial of the other nodes exists. A step of all nodes that would commit this trial in the same request is refused,
-  // and the trial stays as it is.
+  // First a trial of all nodes except the bad one is made. A step of all nodes, whose request also commits this trial,
+  // is refused, and the trial remains uncommitted.
   auto others = support::node_ids(kNodes);
   others.erase(others.begin() + kBadRow);
   const auto of_others = [&](std::uint64_t sequence, int number, Policy policy, Mode mode, bool commit_previous) {
@@ -178,7 +180,7 @@ TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
     EXPECT_EQ(answer.payload(), sound.ask(next).payload());
     EXPECT_EQ(std::get<wire::Upscale>(answer.reply.body).state_version, i == 8 ? 8u : i - 1);
   }
-  // The next server gives the same answers.
+  // A new server on the same disk gives the same answers.
   DurableServer next(disk);
   EXPECT_EQ(next.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload(),
             sound.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload());
@@ -246,7 +248,7 @@ TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {
   disk.remove("capsule-000000000007.h5");
   server.ask(step(GetParam(), 40, 40, Policy::kAccept));
   EXPECT_TRUE(disk.exists("capsule-000000000017.h5"));
-  // A replay of the journal writes no capsules and does not read the existing ones.
+  // A server that replays the journal writes no capsules and does not read the existing ones.
   DurableServer next(disk);
   EXPECT_EQ(capsules(disk).size(), 16u);
 }

@@ -1,5 +1,5 @@
-// The service with a store, without sockets: after a restart the next server gives the answers of a server that was
-// never restarted, to the last bit.
+// Tests of the service with a store, without sockets. After a restart the new server gives, to the last bit, the
+// answers of a server that was never restarted.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -29,8 +29,8 @@ wire::Request opening(Strategy strategy) {
   return request;
 }
 
-// Returns request `sequence` of a conversation that uses every way of stepping: trials that are committed, replaced,
-// rolled back, or committed with the next request, and steps of a part of the nodes.
+// Returns the request number `sequence` of a conversation that contains every kind of step: trials that are committed,
+// replaced, rolled back, or committed by the next request, and steps of a part of the nodes.
 wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
   const auto ids = support::node_ids(kNodes);
   const int step = static_cast<int>(sequence);
@@ -169,12 +169,12 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   next.epoch = first_epoch;
   EXPECT_EQ(server.ask(next).code(), Code::kOk);
 
-  // The same claim, received again late, changes nothing. A claim of another client does not take over the session.
+  // A late copy of the same claim changes nothing. The same claim by another client does not give it the session.
   EXPECT_EQ(server.ask(resume).reply.epoch, first_epoch);
   body.claimant = 6;
   EXPECT_EQ(server.ask(resume).code(), Code::kSuperseded);
 
-  // After a second claim, requests of the earlier owner that are still on their way do not disturb the new owner.
+  // After a second claim, requests of the earlier owner that arrive late do not disturb the new owner.
   body.claim = 2;
   const std::uint64_t second_epoch = server.ask(resume).reply.epoch;
   EXPECT_NE(second_epoch, first_epoch);
@@ -187,8 +187,8 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   EXPECT_EQ(server.ask(late).code(), Code::kOk);
 }
 
-// After a rollback to a mark, the same steps give the same bits: no effect of the steps in between is left. Every
-// request goes to a new server.
+// After a rollback to a mark, the same steps give the same bits, so the steps that were rolled back have no effect. The
+// server is restarted before every request.
 TEST_P(Recovery, AMarkBringsBackItsStatesToTheLastBit) {
   MemoryStorage disk;
   std::uint64_t sequence = 0;
@@ -306,7 +306,8 @@ TEST(Recovery, AJournalOfAnotherPhysicsIsRefused) {
     server.ask(opening(Strategy::kVelocityDriven));
     for (std::uint64_t i = 1; i <= 3; ++i) server.ask(request_at(Strategy::kVelocityDriven, i));
   }
-  // Writes the same records, except that the first step claims to follow a reply that this server would not have given.
+  // Writes the same records again, except that the record of request 2 contains another reply to request 1 than the
+  // server gives in a replay.
   const auto bytes = disk.bytes(store::segment_name(1));
   const auto segment = store::read_segment(bytes, "file");
   disk.remove(store::segment_name(1));

@@ -1,5 +1,5 @@
-// A session belongs to the key or user that opened it, on this server and the next; its id and token alone give no
-// access.
+// A session belongs to the key or the user that opened it, also after a restart of the server. The id and the token of
+// the session alone give no access.
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
@@ -37,8 +37,8 @@ wire::Request step(std::uint64_t sequence) {
   return ServiceHarness::step(sequence, support::step_columns(wire::Strategy::kForceDriven, kNodes, 1));
 }
 
-// A caller with id, token and all frames of a session, but without its key, must be refused. No request may change or
-// reveal anything.
+// Requires that a caller is refused who knows the session's id, its token and all its frames, but does not have its
+// key. No request of this caller may change or reveal anything.
 void expect_refused(DurableServer& server, const service::Caller& caller, std::uint64_t next) {
   for (const wire::Request& request :
        {opening(), resume(), step(next), step(next - 1), ServiceHarness::in_session(wire::CloseSession{}, next)}) {

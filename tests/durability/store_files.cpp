@@ -121,7 +121,8 @@ TEST(Checkpoint, EveryTruncationIsRefused) {
     ASSERT_THROW(verified_image(Bytes(bytes).first(size), "file", 3), DamagedFile) << size << " bytes";
 }
 
-// HDF5 looks for a file on the disk even when it opens a file in memory.
+// HDF5 looks for a file of the same name on the disk even if it opens a file in memory. Such a file must have no
+// effect.
 TEST(Checkpoint, NoFileOfTheWorkingDirectoryIsTakenForItNorStandsInItsWay) {
   const test::Scratch scratch;
   const auto before = std::filesystem::current_path();
@@ -167,7 +168,7 @@ struct Journal {
   }
   support::MemoryStorage disk;
   std::vector<std::vector<std::byte>> headers, payloads;
-  std::vector<std::uint64_t> ends;  // end of the header and of each record
+  std::vector<std::uint64_t> ends;  // position in `bytes` of the end of the header and of each record
   std::vector<std::byte> bytes;
 };
 
@@ -230,7 +231,7 @@ TEST(Journal, AFileMadeLongerBeforeItsDataCameIsTorn) {
     EXPECT_TRUE(segment.torn);
   }
   auto bytes = journal.bytes;
-  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});  // the end of the last record never reached the disk
+  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});  // as if the end of the last record had not reached the disk
   EXPECT_EQ(read_segment(bytes, "file").records.size(), 3u);
 }
 

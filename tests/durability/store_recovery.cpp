@@ -1,5 +1,5 @@
-// The store with a counter in place of a server. Whatever the disk does, recovery returns every settled record once and
-// in order, or reports that it cannot.
+// Tests of the store with a simple stand-in for a server, Counter. Whatever the disk does, recovery must return every
+// settled record exactly once and in order, or report that it cannot.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ std::uint64_t value_of(Bytes bytes) {
   return value;
 }
 
-// A server whose state is the list of the requests that it received.
+// Stands in for a server. Its state is the list of the requests that it has received.
 struct Counter final : Recovery {
   void restore(const Snapshot& snapshot) override {
     seen.clear();
@@ -54,7 +54,7 @@ struct Server {
                      .log = [this](const std::string& line) { log += line + "\n"; }}) {
     store.recover(counter);
   }
-  // Settles a request; returns normally if it may be answered.
+  // Writes a request to the journal and settles it. Throws if the request must not be answered.
   void run(std::uint64_t value) {
     const auto frame = bytes_of(value);
     store.append({.sequence = value, .header_frame = frame});
@@ -97,7 +97,7 @@ TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
   }
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(20));
-  EXPECT_EQ(again.store.counters().replayed, 2u);  // records 19 and 20
+  EXPECT_EQ(again.store.counters().replayed, 2u);  // records 19 and 20 follow the last checkpoint
 }
 
 TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
@@ -193,19 +193,19 @@ Outcome workload(MemoryStorage& disk, Durability durability) {
       } catch (const StorageError& fault) {
         if (server.store.failed()) throw;
         EXPECT_TRUE(fault.no_space());
-        break;  // refused, without any change
+        break;  // the disk is full: the request is refused and has no effect
       }
       if (i % 2 == 0) server.checkpoint();
     }
   } catch (const StorageError&) {
-    // The server ends itself or has died; `outcome` holds the requests that it answered.
+    // The server has stopped itself or has died. `outcome` contains the requests that it answered.
   }
   outcome.fired = disk.fired();
   return outcome;
 }
 
-// The answered requests must be a prefix of the recovered ones; at most one more is recovered, the one that was
-// running.
+// Requires that a new server recovers all answered requests in order, and after them at most one more: the request that
+// was running when the server ended.
 void expect_nothing_lost(MemoryStorage& disk, Durability durability, const std::vector<std::uint64_t>& answered,
                          const std::string& when) {
   SCOPED_TRACE(when);

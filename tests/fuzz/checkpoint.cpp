@@ -1,5 +1,6 @@
-// Fuzzes reading a checkpoint from a disk. HDF5 never sees bytes whose hash is wrong, and the mutator repairs only the
-// sums of the footer; the target checkpoint_content fuzzes the content behind the hash of the image.
+// Fuzzes the reading of a checkpoint from a disk. The reader passes bytes to HDF5 only if their hash is right, and the
+// mutator of this target repairs only the sums of the footer. Content with a correct hash is fuzzed by the target
+// checkpoint_content.
 #include <xxhash.h>
 
 #include <cstring>
@@ -14,7 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     const store::Snapshot snapshot =
         store::read_checkpoint(std::as_bytes(std::span(data, size)), "file", fuzz::kSampleGeneration);
-    // A file with these sums was made by checkpoint_bytes(), so writing its snapshot again gives the same size.
+    // Only checkpoint_bytes() makes files with correct sums, so writing the snapshot again must give the same size.
     fuzz::require(store::checkpoint_bytes(snapshot, fuzz::kSampleGeneration).size() == size,
                   "what was read is what is written");
   } catch (const store::DamagedFile&) {

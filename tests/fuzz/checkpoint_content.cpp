@@ -1,7 +1,7 @@
-// Fuzzes the content of a checkpoint behind a correct hash: HDF5 calls change a sound file, which is then hashed again.
-// The bytes that HDF5 itself parses stay sound, because Debian's HDF5 1.10.8 is known to crash on malformed bytes; that
-// is also why the reader checks the hash first. Each edit of the input has eight bytes: operation, object and
-// parameters.
+// Fuzzes the reading of a checkpoint with wrong content but a correct hash. HDF5 calls change a sound file, which is
+// then hashed again. The bytes that HDF5 itself parses stay sound, because Debian's HDF5 1.10.8 is known to crash on
+// malformed bytes; that is also why the reader checks the hash first. The fuzzer's input is a list of edits of eight
+// bytes each: operation, object and parameters.
 #include <hdf5.h>
 #include <xxhash.h>
 
@@ -22,13 +22,13 @@ namespace {
 
 constexpr std::size_t kMostEdits = 8;
 constexpr std::size_t kEditBytes = 8;
-constexpr std::size_t kMostBytes = 1 << 16;  // limit of the bytes that an edit writes
+constexpr std::size_t kMostBytes = 1 << 16;  // largest number of bytes that an edit writes
 constexpr std::uint64_t kMemory = std::uint64_t{1} << 20;
 using Edit = std::array<std::uint8_t, kEditBytes>;
 
 struct Target {
   std::string object;
-  std::string attribute;  // empty: the object itself, by its link
+  std::string attribute;  // name of an attribute of the object; empty: the object itself
 };
 
 hdf5::File open_to_write(const std::vector<std::byte>& image) {
@@ -110,7 +110,8 @@ hdf5::Space space_of(const Edit& edit) {
   return hdf5::Space(store::checked(H5Screate_simple(rank, extent, nullptr), "make a space"));
 }
 
-// Returns zeros for the whole dataspace, or an empty text if it is larger than kMostBytes.
+// Returns as many zero bytes as the dataspace has with values of `type`, or an empty string if these are more than
+// kMostBytes.
 std::string zeros_for(hid_t type, hid_t space) {
   const hssize_t count = H5Sget_simple_extent_npoints(space);
   const std::size_t size = H5Tget_size(type);

@@ -1,4 +1,4 @@
-// A small checkpoint with every kind of content: two strategies, a trial, marks, a closed session.
+// A small checkpoint with every kind of content: sessions of two strategies, a trial step, marks, a closed session.
 #pragma once
 
 #include <cstdint>

@@ -17,7 +17,7 @@ std::optional<std::string> again(const Message& message) {
   try {
     return wire::encode_header(message);
   } catch (const wire::Error&) {
-    return std::nullopt;  // an accepted message may be too long when it is written out in full
+    return std::nullopt;  // a message that was accepted may be too long when it is encoded again
   }
 }
 

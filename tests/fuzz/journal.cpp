@@ -58,7 +58,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   return 0;
 }
 
-// Mutates mostly whole records and keeps their sums correct, so that the code behind the checks is reached.
+// Mutates mostly whole records and keeps their checksums correct, so that the input reaches the code that runs after
+// the checks.
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                                unsigned int seed) {
   using namespace shearbus;

@@ -200,7 +200,7 @@ void mutate(Message& message, Random& random) {
   const auto& type = *message.GetDescriptor();
   const auto& at = *message.GetReflection();
   if (type.field_count() == 0) return;
-  // Half of the time chooses among the fields that are set.
+  // With probability 1/2 chooses a field among those that are set, otherwise among all fields.
   std::vector<const FieldDescriptor*> present;
   at.ListFields(message, &present);
   const FieldDescriptor* field =

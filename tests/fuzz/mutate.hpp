@@ -1,4 +1,4 @@
-// Mutations that know the form of an input, so that the code behind a checksum or a parser is reached.
+// Mutations that keep the format of an input, so that it passes checksums and parsers and reaches the code after them.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -14,8 +14,8 @@ namespace shearbus::fuzz {
 
 using Parts = std::vector<std::string>;
 
-// Unpacks an input of several byte strings, each preceded by its length in two little-endian bytes. Any bytes are a
-// valid input: a length beyond the end is cut.
+// Unpacks an input that consists of several byte strings, each preceded by its length in two little-endian bytes. Any
+// bytes are a valid input: a string whose length goes beyond the end is cut there.
 Parts unpack(const std::uint8_t* data, std::size_t size);
 std::string pack(const Parts& parts);
 
@@ -41,11 +41,11 @@ void mutate(google::protobuf::Message& message, Random& random);  // changes one
 // Changes the frame as a message, if it parses as one.
 void mutate_header(std::string& frame, bool reply, Random& random);
 
-// Sets size and sum in the header to those of the payload, if the header parses.
+// If the header can be parsed, sets its payload size and checksum to those of `payload`.
 void mend_payload(std::string& header, const std::string& payload, bool reply);
 
-// Writes an input back for the driver and returns its size; keeps the old input of size `before` if the new one is
-// empty or too long.
+// Copies the new input to `data`, the buffer of the driver, and returns its size. If the new input is empty or too
+// long, the old one stays, and its size `before` is returned.
 std::size_t give(const std::string& input, std::uint8_t* data, std::size_t before, std::size_t max_size);
 
 }  // namespace shearbus::fuzz

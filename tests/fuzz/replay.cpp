@@ -1,5 +1,5 @@
-// A driver for machines without libFuzzer: runs a target on every file of its corpus and on mutations of the files, the
-// same mutations in every run.
+// A driver for machines without libFuzzer. It runs a target on every file of its corpus and on mutations of these
+// files; every run makes the same mutations. Usage:
 //   shearbus-fuzz-TARGET DIRECTORY [MUTATIONS OF EACH]
 #include <algorithm>
 #include <filesystem>

@@ -1,4 +1,5 @@
-// Fuzzes the text of a scene, and opens a session with each valid scene: the service must run what the loader accepts.
+// Fuzzes the text of a scene. With each scene that the loader accepts a session is opened, which the service must be
+// able to run.
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>

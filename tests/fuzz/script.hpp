@@ -1,4 +1,4 @@
-// Events in inputs of the target `service`, in addition to requests.
+// Events that inputs of the fuzz target `service` contain in addition to requests.
 #pragma once
 
 #include <string>

@@ -1,4 +1,5 @@
-// Writes initial inputs, a directory for each target. The committed corpus grew out of them.
+// Writes initial inputs for the fuzz targets, with a directory for each target. The committed corpus was grown from
+// them. Usage:
 //   shearbus-fuzz-seeds DIRECTORY
 #include <filesystem>
 #include <fstream>
@@ -14,7 +15,7 @@
 #include "tests/fuzz/target.hpp"
 #include "tests/support/wire_samples.hpp"
 
-// The mutators are linked but not used, so this one does nothing.
+// The targets' mutators are linked to this program and need this function, but they are not called, so it does nothing.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t*, std::size_t size, std::size_t) {
   return size;
 }
@@ -48,8 +49,8 @@ Parts parts_of(const Message& message) {
   return parts;
 }
 
-// A conversation for the target `service`. Fields that a client fills in stay open, so that a mutation may reorder
-// requests.
+// Builds a sequence of requests for the target `service`. Fields that a client would fill in stay empty, so that the
+// requests remain valid if a mutation reorders them.
 class Script {
  public:
   void ask(const wire::Request& request) {

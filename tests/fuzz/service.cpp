@@ -1,12 +1,13 @@
 // Fuzzes a service with a sequence of requests, on a disk, with restarts in between. A twin service, which never
 // restarts, receives each accepted request once. Whatever the requests are, three properties must hold:
-//   P1  after a restart the last answer of every session is given again
-//   P2  a repeated request gets the same answer and does not run
+//   P1  after a restart the server repeats the last answer of every session on request
+//   P2  a repeated request gets the same answer and does not run again
 //   P3  a refused request changes nothing: the twin never receives it, and still gives the same answers
 //
-// The input's parts are header and payload in turn. Fields that a header leaves at 0 or empty - magic, version,
-// session, sequence, size and sum of the payload - are filled in as a client would, so that an early mutation does not
-// turn all later requests into refusals. A header of one byte is an event instead: a checkpoint or a restart.
+// The input consists of parts, in turn the header and the payload of a request. Fields that a header leaves at 0 or
+// empty - magic, version, session, sequence, size and sum of the payload - are filled in as a client would, so that an
+// early mutation does not turn all later requests into refusals. A header of one byte is an event instead: a checkpoint
+// or a restart.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cmath>
@@ -52,7 +53,7 @@ class Conversation {
     expect_repeat(last, "P2: a repeated request has the same answer");
     last_.insert_or_assign(answer.reply.session_id, std::move(last));
 
-    header->set_epoch(0);  // the twin is never restarted and its sessions never resumed
+    header->set_epoch(0);  // the twin is never restarted, so its sessions are never resumed
     frames[0] = header->SerializeAsString();
     const support::Answer alike = twin_.ask_bytes(views_of(frames));
     require(alike.code() == wire::Code::kOk, "P3: the twin accepts what was accepted: " + alike.reply.status.text);
@@ -162,7 +163,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     case 3:
       mutate_reals(parts[at + 1], random);
       break;
-    case 4: {  // repeats a request at a random place
+    case 4: {  // inserts a copy of a request at a random place
       const Parts pair(place, place + 2);
       parts.insert(parts.begin() + static_cast<std::ptrdiff_t>(2 * random.below(parts.size() / 2 + 1)), pair.begin(),
                    pair.end());
@@ -180,7 +181,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   return give(pack(parts), data, size, max_size);
 }
 
-// Joins the beginning of one conversation to the end of another.
+// Joins the first requests of one input to the last requests of another.
 extern "C" std::size_t LLVMFuzzerCustomCrossOver(const std::uint8_t* data1, std::size_t size1,
                                                  const std::uint8_t* data2, std::size_t size2, std::uint8_t* out,
                                                  std::size_t max_size, unsigned int seed) {

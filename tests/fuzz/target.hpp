@@ -1,5 +1,5 @@
-// The interface of a fuzz target: one input of any bytes. libFuzzer drives it (-DSHEARBUS_FUZZ=ON, clang); elsewhere
-// replay.cpp passes it the committed corpus and mutations of it.
+// The interface of a fuzz target: a function that takes any bytes as input. With clang and -DSHEARBUS_FUZZ=ON libFuzzer
+// calls it; otherwise replay.cpp calls it with the committed corpus and mutations of it.
 #pragma once
 
 #include <cstddef>
@@ -11,12 +11,13 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                                unsigned int seed);
-// Implemented by the driver.
+// Mutates raw bytes. Implemented by libFuzzer or replay.cpp.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
 
 namespace shearbus::fuzz {
 
-// Requires a property that holds for every input; a violation is a finding, as a crash is.
+// Requires a property that must hold for every input. A violation ends the program, so the fuzzer reports it like a
+// crash.
 inline void require(bool holds, const std::string& law) {
   if (holds) return;
   std::fprintf(stderr, "BROKEN: %s\n", law.c_str());

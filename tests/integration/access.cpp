@@ -63,7 +63,8 @@ Status refusal_of(const ClientOptions& options) {
   return {};
 }
 
-// A refusal must arrive long before the deadline; a client that does not monitor its socket would wait until then.
+// Connects with a deadline of 60 s and returns the server's refusal, which must arrive long before. A client that does
+// not monitor its socket would wait for the whole deadline.
 Status prompt_refusal_of(ClientOptions options) {
   options.connect_deadline = 60s;
   const auto started = std::chrono::steady_clock::now();
@@ -108,7 +109,7 @@ TEST_F(Keys, WhoIsOnTheListIsServedWhoIsNotIsToldAtOnceAndNeverHeard) {
     const std::string& tcp = server.endpoint("tcp");
     Client alice(client_options(tcp, alice_));
     EXPECT_EQ(alice.welcome().access, "key");
-    Client local = server.client("ipc");  // the server asks for a key on tcp only
+    Client local = server.client("ipc");  // the server requires a key for tcp only
     EXPECT_EQ(local.welcome().access, "uid");
     const std::uint64_t heard = alice.server_status().requests;
 
@@ -139,7 +140,7 @@ TEST_F(Keys, StrayBytesNeverReachTheServer) {
   const std::uint64_t heard = alice.server_status().requests;
   const std::vector<std::string> strays = {
       "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
-      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // TLS hello
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // a TLS client hello
       std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
       std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
       std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x03\x00"
@@ -174,7 +175,7 @@ TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
   RunningServer plain({}, {"tcp://127.0.0.1:*"});
   const Status status = prompt_refusal_of(client_options(plain.endpoint("tcp"), alice_));
   EXPECT_EQ(status.code, Code::kAuth) << describe(status);
-  // Either end may close the connection first, by chance, and this decides which text the client reports.
+  // Client or server may close the connection first, by chance; the client's message depends on that.
   EXPECT_THAT(status.text, AnyOf(HasSubstr("the server has no keys"), HasSubstr("or no keys")));
   EXPECT_EQ(Client({.endpoint = plain.endpoint("tcp")}).welcome().access, "anonymous");
   EXPECT_EQ(refusal_of(client_options("ipc:///tmp/bus", alice_)).code, Code::kAuth);
@@ -251,7 +252,7 @@ TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
   }
 }
 
-// Goes through all steps of an operator, from keygen to a solver step.
+// Does everything that an operator does to set up keys, from keygen to a solver step with these keys.
 TEST_F(Keys, ProgramsMakeAndUseKeys) {
   const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
   const auto run = [&](std::vector<std::string> arguments) {
@@ -301,7 +302,8 @@ TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {
   EXPECT_EQ(server.transport().received, 0u);
 }
 
-// Runs `act` in a child process of another user. Returns its exit code: 0 served, 1 refused by AUTH, 2 anything else.
+// Runs `act` in a child process as the user `uid`. Returns the exit code of the child: 0 if it was served, 1 if the
+// server refused it with the code AUTH, 2 otherwise.
 int as_user(uid_t uid, const std::function<void()>& act) {
   const pid_t child = ::fork();
   if (child == 0) {

@@ -1,4 +1,4 @@
-// Two-dimensional hydrocode, bus and layer together.
+// Tests of the two-dimensional hydrocode coupled through the bus to the layer model.
 #include <gtest/gtest.h>
 
 #include "hydro_stub/cone_target.hpp"
@@ -17,8 +17,8 @@ namespace {
 using lagrange::Cycle;
 using lagrange::Ledger;
 
-// Two half-spaces with the exact solution of server/physics/MEASURED.md, "Exact solutions": the middle of two plates
-// follows it until a wave arrives from an end.
+// The middle of two plates behaves as two half-spaces until a wave arrives from an end of the plates. The expected
+// values are the exact solution for two half-spaces, server/physics/MEASURED.md, "Exact solutions".
 TEST(Hydro2dSubgrid, TwoHalfSpacesSlideAsTheVolterraEquationSays) {
   const hydro::SceneText scene{R"(
 name = "two_half_spaces_2d"
@@ -101,7 +101,7 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   hydro::SubgridLaw subgrid(text_of(scene), hydro::node_ids(nodes), temperature);
   const Outcome outcomes[] = {run(scene, free), run(scene, stick), run(scene, macroscopic), run(scene, subgrid)};
   for (const Outcome& o : outcomes) {
-    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // the axis of symmetry does no work
+    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // no energy enters at the boundaries
     EXPECT_NEAR(o.end.momentum.y / o.start.momentum.y, 1.0, 1e-12);
   }
   const auto& [slipping, sticking, law5, service] = outcomes;
@@ -113,8 +113,9 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   EXPECT_LT(service.hottest, problem.soft.strength.melting_temperature);
 }
 
-// Runs the cone with all options and with the options that it does not need left out. All options include contact
-// through junctions that are everywhere and do not harden: it gives the bits of plain contact.
+// Runs the cone twice: once with a scene that computes everything, and once with sleep, where nodes at rest are not
+// solved, and without junctions. The junctions of the first scene cover the whole area and do not harden, so they
+// change no bit of the answers.
 TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   guest::HydroScene everything = cone();
   everything.mutable_hydro()->set_end_time_s(12e-6);
@@ -157,10 +158,10 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   std::printf("cone, %llu steps: apart by %.1e K, %.1e Pa; left out: %s; asleep: %s\n",
               static_cast<unsigned long long>(few.steps()), apart, stress_apart, lines[0].second.c_str(),
               lines[1].second.c_str());
-  EXPECT_GT(std::stod(lines[1].second), 40.0);  // % of node-steps
+  EXPECT_GT(std::stod(lines[1].second), 40.0);  // share of node-steps in which the node sleeps  [%]
 }
 
-// A step that the host takes back leaves no trace: the next step gives the same bits as without it.
+// A step that the host takes back has no effect: the next step gives the same bits as if it had not been made.
 TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   const guest::HydroScene scene = cone();
   constexpr std::size_t kNodes = 9;

@@ -1,4 +1,4 @@
-// The hydrocode coupled to the service (embedded server): properties that the coupling of any host must have.
+// Tests of the hydrocode coupled to an embedded server, for properties that the coupling of any host must have.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,8 @@ namespace {
 
 using hydro::ShearColumn;
 
-// Columns that stick, slip, melt, slip backwards and stop; they fill more than one tile.
+// Returns a scene with columns that stick, slip, melt, slip backwards and stop. There are more columns than nodes in a
+// tile.
 hydro::SceneFile scene(const std::string& far_end = "free") {
   return hydro::parse_scene(R"(
 name = "coupled"
@@ -77,8 +78,8 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
   law.close();
 }
 
-// The jump of the answer equals the jump that the momentum equations of both sides give with the stress of the answer,
-// DLP (61).
+// The velocity jump in the server's answer equals the jump that the momentum equations of both bodies, DLP (61), give
+// with the stress in the answer.
 TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
   const hydro::SceneFile of = scene();
   const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
@@ -106,7 +107,7 @@ TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
     hydro::SubgridLaw law = embedded(of, problem);
     ShearColumn column(problem);
     std::vector<double> heat(problem.columns, 0.0);
-    std::vector<double> clipped(problem.columns, 0.0);  // negative work of steps in which the jump turned against s
+    std::vector<double> clipped(problem.columns, 0.0);  // negative work in steps in which the jump reversed
     for (std::uint64_t step = 0; step < problem.steps; ++step) {
       column.advance(law);
       for (std::size_t i = 0; i < problem.columns; ++i) {

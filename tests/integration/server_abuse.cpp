@@ -1,4 +1,5 @@
-// Floods, too few file descriptors, and frozen clients: connected clients are still served, and the server recovers.
+// Tests with floods of connections, too few file descriptors, and frozen clients. Connected clients must still be
+// served, and the server must recover.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -34,7 +35,8 @@ void step(Session& session, int number) {
   session.advance(support::step_columns(Strategy::kForceDriven, kNodes, number), {.dt_s = 1e-9});
 }
 
-// Number of silent connections: as many as this machine allows a process, up to ten thousand.
+// Returns the number of connections to open that never send anything: as many as this machine allows a process, up to
+// ten thousand.
 std::size_t silent_connections() {
   rlimit limit{};
   ::getrlimit(RLIMIT_NOFILE, &limit);
@@ -75,7 +77,7 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
     EXPECT_NO_THROW(Client(honest).server_status());
     EXPECT_LT(Clock::now() - asked, 4s) << "keys: " << keys;
     EXPECT_NO_THROW(step(session, 0));
-    // The server closes all of them after the handshake's time limit of 5 s.
+    // The server closes all silent connections after 5 s, its time limit for the handshake.
     std::uint64_t files = ~0ULL;
     for (const auto end = Clock::now() + 20s; files > files_before + 5 && Clock::now() < end;) {
       std::this_thread::sleep_for(200ms);
@@ -120,8 +122,8 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
 }
 #endif
 
-// A client that is frozen for longer than the heartbeat's limit is disconnected; after thawing it reconnects and goes
-// on.
+// A client process that is stopped for longer than the heartbeat allows is disconnected. When it runs again, it
+// reconnects and continues.
 TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});

@@ -1,5 +1,6 @@
-// Faults and abuse over real sockets. After each the server answers at once, and the states of a bystander's session
-// are, bit for bit, those of a server that was left alone.
+// Tests with faults and abuse over real sockets. After each of them the server must answer at once. A bystander is a
+// client with a session that takes no part in the abuse; its states must have the same bits as on a server that is left
+// alone.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -56,7 +57,7 @@ std::vector<std::string> frames_of_reply(RawDealer& dealer) {
   return frames;
 }
 
-// A server whose bystander session has nothing to do with the abuse, and a quiet server with the same session for
+// A server that suffers the abuse and has the bystander's session, and a quiet server with the same session for
 // comparison.
 class Faults : public testing::Test {
  protected:
@@ -102,7 +103,7 @@ class Faults : public testing::Test {
   Session bystander_;
   Session twin_;
   int steps_ = 0;
-  std::uint64_t foreign_node_steps_ = 0;  // node-steps that the test itself has run
+  std::uint64_t foreign_node_steps_ = 0;  // number of node-steps that the test has run in other sessions
 };
 
 TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
@@ -113,14 +114,15 @@ TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
   dealer.send(request);
   const auto first = frames_of_reply(dealer);
   ASSERT_EQ(first.size(), 2u);
-  // The same bytes are sent again, also from another connection: the payload of the reply is the same, byte for byte.
+  // The same request is sent again, also on another connection. The payload of each reply must have the same bytes as
+  // the first.
   RawDealer elsewhere(server_.endpoint());
   for (RawDealer* from : {&dealer, &elsewhere, &dealer}) {
     from->send(request);
     const auto again = frames_of_reply(*from);
     ASSERT_EQ(again.size(), 2u);
     EXPECT_EQ(again[1], first[1]);
-    EXPECT_NE(again[0], first[0]);  // the header says that the reply is a repetition
+    EXPECT_NE(again[0], first[0]);  // the new header marks the reply as a repetition
   }
   foreign_node_steps_ = kNodes.size();
   EXPECT_EQ(status().replayed, 3u);
@@ -180,7 +182,8 @@ TEST_F(Faults, GarbageIsMalformed) {
   EXPECT_EQ(status().sessions, 1u);
 }
 
-// Small messages that a parser would turn into large memory are refused by their size and shape.
+// Small messages for which a parser would allocate much memory are refused before they are parsed, by their size and
+// structure.
 TEST_F(Faults, AmplifyingBodiesAreRefused) {
   RawDealer dealer(server_.endpoint());
   const std::string good = RawDealer::frames_of(opening(1))[0];
@@ -247,10 +250,10 @@ TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   EXPECT_LT(slowest, 5s);
   for (int i = 0; i < 100 && server_.transport().peer_full == 0; ++i) {
     std::this_thread::sleep_for(20ms);
-    status();  // after a reply the server is idle, and its counters may be read
+    status();  // waits for a reply; then the server is idle, and its counters may be read
   }
   EXPECT_GT(server_.transport().peer_full, 0u);
-  // The server still keeps the last reply: a peer that asks again on a connection that it reads receives it.
+  // The server still has the last reply. A peer that repeats the request on another connection, and reads, receives it.
   RawDealer again(server_.endpoint());
   again.send(request);
   EXPECT_TRUE(again.receive_status()->ok());
@@ -260,7 +263,7 @@ TEST_F(Faults, StrayBytesNeverReachTheServer) {
   const std::uint64_t before = status().requests;
   const std::vector<std::string> strays = {
       "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
-      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // TLS hello
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // a TLS client hello
       std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
       std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
       std::string(100'000, '\0'),
@@ -282,7 +285,7 @@ TEST_F(Faults, ManySilentConnectionsDoNotKeepAnHonestClientWaiting) {
   const auto started = std::chrono::steady_clock::now();
   Client honest = server_.client("tcp");
   EXPECT_LT(std::chrono::steady_clock::now() - started, 4s);
-  // The server closes a connection without a handshake.
+  // The server closes a connection on which no handshake arrives.
   EXPECT_TRUE(silent.front().closed_within(8s));
 }
 

@@ -1,5 +1,5 @@
-// A proxy between client and server loses chosen messages. The client repeats its request; the server remembers its
-// reply.
+// Tests with a proxy between client and server that loses chosen messages. The client repeats its request, and the
+// server gives the reply that it has kept.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -22,7 +22,7 @@ using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(10);
 
-// Passes messages on; drops the next requests or replies on demand.
+// A proxy that passes messages on. On demand it drops the next requests or replies.
 class LossyBus {
  public:
   explicit LossyBus(const std::string& server) : front_(context_, zmq::socket_type::router) {
@@ -66,7 +66,8 @@ class LossyBus {
     return true;
   }
 
-  // Passes messages on through one DEALER per client, as a proxy does; the client's routing id precedes the request.
+  // Passes messages on, through one DEALER socket per client. In a message from a client its routing id precedes the
+  // request.
   void run(const std::string& server) {
     std::vector<std::pair<std::string, zmq::socket_t>> links;
     while (!stopping_) {
@@ -136,8 +137,8 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   EXPECT_EQ(losses, 10);
 }
 
-// A trial started and finished in two calls is one request: lost on the way there or back it is repeated, and it runs
-// once.
+// start_trial() and finish_trial() together are one request. If the request or its reply is lost, the request is
+// repeated, but the server runs it only once.
 TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   Client client(options());
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
@@ -160,8 +161,8 @@ TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   EXPECT_THROW(session.finish_trial(), Error);
 }
 
-// The request of start_trial() is on its way while the host works, and the answer has arrived when finish_trial() asks
-// for it.
+// start_trial() sends the request at once, so the server computes while the host does other work. When finish_trial()
+// is called, the answer has already arrived.
 TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
   Client client(options());
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
@@ -190,7 +191,7 @@ TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
   bus_.replies_to_lose = 1000;
   EXPECT_THROW(client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"}), Error);
   bus_.replies_to_lose = 0;
-  // A second opening would find its nodes owned by a session whose ticket was lost.
+  // If the server ran the repeated opening a second time, its nodes would already belong to the session of the first.
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"});
   EXPECT_EQ(direct_.server_status().sessions, 1u);
   Session other =

@@ -1,4 +1,4 @@
-// The program shearbus-server: how it starts, refuses to start, and stops.
+// Tests of the program shearbus-server: how it starts, refuses to start, and stops.
 #include "tests/support/server_process.hpp"
 
 #include <gtest/gtest.h>
@@ -34,8 +34,8 @@ TEST(ServerProgram, SigtermWhenIdleIsAPromptGoodExit) {
   }
 }
 
-// A step that is being solved when the signal arrives is still answered; then the client learns that the server is
-// gone.
+// A step that is being solved when SIGTERM arrives is still answered. After that the client learns that the server has
+// stopped.
 TEST(ServerProgram, SigtermMidRunAnswersTheStepAndExitsWithZero) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
@@ -134,7 +134,7 @@ TEST(ServerProgram, ASecondServerOnThePathRefusesAndTheFirstGoesOn) {
   EXPECT_NE(second.log().find("another server listens on " + scratch.ipc()), std::string::npos) << second.log();
   EXPECT_NO_THROW(client.server_status());
   EXPECT_NO_THROW(Client({.endpoint = scratch.ipc()}));
-  // The kernel releases the lock when its holder dies, even by SIGKILL.
+  // The kernel releases the lock on the endpoint when the server process that holds it dies, even by SIGKILL.
   first.process().signal(SIGKILL);
   ASSERT_TRUE(first.process().exit_code(5s));
   ServerProcess third({"--bind", scratch.ipc()});
@@ -189,8 +189,8 @@ TEST(ServerProgram, TheSocketIsForItsOwnerOnly) {
             std::filesystem::perms::none);
 }
 
-// A short queue per peer must not be mistaken for a full queue: then the server would drop an answer, and the client
-// would wait until its retry.
+// The server must not regard the queue to a client that reads as full, even if the queue is short. Otherwise it would
+// drop an answer, and the client would wait until its retry.
 TEST(ServerProgram, NoAnswerIsLostToAClientThatReads) {
   for (int round = 0; round < 5; ++round) {
     const ScratchDirectory scratch;

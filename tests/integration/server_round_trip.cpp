@@ -1,5 +1,5 @@
-// Client and server over real sockets: the answers have the same bits for every transport, thread count and message
-// size.
+// Tests of client and server over real sockets. The answers must have the same bits for every transport, number of
+// threads and message size.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Strategies, RoundTrip, testing::Values(Strategy::kVeloc
                          });
 
 TEST_P(RoundTrip, SameBitsByEveryTransportAndThreadCount) {
-  for (const std::size_t nodes : {10u, 300u}) {  // replies below and above the size from which ZeroMQ aligns
+  for (const std::size_t nodes : {10u, 300u}) {  // replies below and above the size from which ZeroMQ aligns them
     std::vector<std::byte> expected;
     for (const unsigned threads : {1u, 2u, 4u}) {
       server::ServerOptions options;
@@ -120,7 +120,7 @@ TEST(ClientSession, RequestsHaveTheColumnsOfTheScene) {
   Session session = client.open(support::text_of(support::force_scene()), "scene", ids);
   EXPECT_EQ(session.node_ids(), ids);
   EXPECT_GT(session.bytes_per_node(), 0u);
-  EXPECT_FALSE(session.warnings().empty());  // a warning: an insulated layer of 20 um is valid for a limited time
+  EXPECT_FALSE(session.warnings().empty());  // warns that an insulated layer of 20 um is valid for a limited time
   const Batch all = session.request();
   EXPECT_EQ(all.columns().size(), 6u);
   EXPECT_EQ(all.f64(Field::kMassHard).size(), 3u);
@@ -140,7 +140,7 @@ TEST(ClientSession, InitialTemperaturesReachTheirNodes) {
   const std::vector<double> temperatures = {300, 400, 500, 600};
   Session session =
       client.open(support::text_of(support::velocity_scene()), "scene", ids, {.initial_temperature_k = temperatures});
-  const Batch still = session.request();  // an open interface without slip keeps its temperature
+  const Batch still = session.request();  // all inputs 0: an open interface without slip, which keeps its temperature
   const auto result = session.advance(still, {.dt_s = 1e-9}).interface_temperature_k();
   for (std::size_t i = 0; i < ids.size(); ++i) EXPECT_NEAR(result[i], temperatures[i], 1e-9);
 }

@@ -1,4 +1,4 @@
-// Slip in two directions, from the client through the wire to the server and back.
+// Tests of slip with two components, from the client through the wire to the server and back.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,7 +27,8 @@ v1::Scene plane_scene(Strategy strategy) {
 
 constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressSoft, Field::kStressHard};
 
-// Fills the columns with those of a scalar step, turned into the direction `angle` of the interface plane.
+// Fills the columns of a request with those of a scalar step. Its vectors get the direction `angle` in the plane of the
+// interface.
 void fill_along(double angle, const Batch& scalar, Batch& request) {
   for (const wire::Column& column : scalar.columns()) {
     const auto values = scalar.f64(column.field);
@@ -55,7 +56,8 @@ TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
   EXPECT_EQ(plane.opened().tangential_components, 2U);
-  EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));  // committed and trial
+  // Each node has a second stress component in its committed and in its trial state.
+  EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));
   const double angle = 0.7;
   for (int step = 0; step < kSteps; ++step) {
     const Batch scalar = support::step_columns(GetParam(), ids, step);

@@ -1,4 +1,5 @@
-// The map of the velocity-driven model, compared with relations in closed form.
+// Tests of the map that shows where the velocity-driven model is valid. The map is compared with relations in closed
+// form.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +37,7 @@ TEST(ValidityMap, AxesAreAtEqualRatios) {
   EXPECT_NEAR(kAxes.velocity_m_per_s[4] / kAxes.velocity_m_per_s[3], std::pow(10.0, 0.25), 1e-12);
 }
 
-// sqrt(3) integral(ep) = V t - h s / G0: the part of the displacement that is not slip is elastic.
+// The part of the imposed displacement V t that is not plastic slip is elastic: sqrt(3) integral(ep) = V t - h s / G0.
 TEST(ValidityMap, WhatIsNotCarriedIsElastic) {
   const double G0 = physics::make_material("aluminium_dlp", {}).material.shear_modulus;
   for (const map::Observation& seen : small_map().observations) {
@@ -64,7 +65,7 @@ TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
       EXPECT_EQ(line[p].has_value(), expected > 1.0) << p << ": " << expected;
       if (!line[p]) continue;
       ++drawn;
-      // 15 %: at the first point of the map that slips the layer has already hardened
+      // The tolerance is 15 % because at the first node of the map that slips, the layer has already hardened.
       EXPECT_NEAR(*line[p] / expected, 1.0, 0.15) << p;
     }
   }
@@ -78,7 +79,7 @@ TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
     const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
     for (std::size_t p = 0; p < before.size(); ++p) {
       ASSERT_TRUE(before[p]);
-      // The velocity falls as s/t: by 1/t, reduced by the hardening of the layer in the meantime.
+      // The velocity falls with time as s/t, less steeply than 1/t, because the stress s rises as the layer hardens.
       const double elapsed = seen[k].time_s / seen[k - 1].time_s;
       if (after[p]) {
         EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;

@@ -1,4 +1,4 @@
-// Options common to the subcommands of shearbus-study, and the writing of their results.
+// Options that the subcommands of shearbus-study have in common, and functions that write their results.
 #pragma once
 
 #include <filesystem>
@@ -12,7 +12,7 @@ class App;
 namespace shearbus::study {
 
 struct CommandOptions {
-  std::filesystem::path scene;  // empty: no scene
+  std::filesystem::path scene;  // file of the user's scene; empty: no scene
   std::filesystem::path out = "out/study";
   bool plot = true;
 };

@@ -1,5 +1,6 @@
-// shearbus-study: cost of accuracy, kept tolerances, stability at the extremes and the map of the velocity-driven
-// model, on fixed problems or on a scene of the user.
+// shearbus-study has four studies: the cost of accuracy, the errors delivered under a tolerance, stability at extreme
+// inputs, and the map of pressures and velocities in which the velocity-driven model is valid. They run on fixed
+// problems or on a user's scene.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -116,7 +116,7 @@ bool allows(const StudyCase& study_case, const Setting& setting) {
     service::scene_model(scene_with(study_case, setting));
     return true;
   } catch (const wire::Error&) {
-    return false;  // the rules of scenes refuse the setting
+    return false;  // the scene with this setting is invalid
   }
 }
 
@@ -129,9 +129,10 @@ Answer combined(const Answer& a, double wa, const Answer& b, double wb) {
   return sum;
 }
 
-// Extrapolates from the finest settings: with errors of h^2 in space, if there are cells, and of dt^2 (sdirk2) or dt
-// (backward Euler) in time. The uncertainty is the difference between two such extrapolations: with both integrators,
-// or with two step lengths of backward Euler.
+// Computes a reference by Richardson extrapolation from the finest settings. The error in space, if there are cells, is
+// assumed proportional to h^2. The error in time is assumed proportional to dt^2 (sdirk2) or dt (backward Euler). The
+// uncertainty is the difference between two such extrapolations: from sdirk2 and from backward Euler or, if sdirk2 is
+// not allowed, from backward Euler with two step lengths.
 Reference by_extrapolation(const StudyCase& study_case, bool quick) {
   const bool modes = allows(study_case, {.accuracy = 1e-9, .steps = 1000});
   const bool second_order = allows(study_case, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
@@ -270,7 +271,7 @@ Result sweep(const StudyCase& study_case, const SweepOptions& options) {
         if (!std::isfinite(outcome.temperature_error)) outcome.failure = "not a number";
         result.outcomes.push_back(outcome);
       } catch (const wire::Error&) {
-        break;  // the rules exclude this option for the scene
+        break;  // the scene with this setting is invalid
       }
     }
   }

@@ -1,5 +1,5 @@
-// Error against run time (work-precision): every combination of grid, step length, time integrator and heat method on a
-// fixed problem, with its error against a reference solution and its cost, and the efficient combinations.
+// Work-precision study. Every combination of grid, step length, time integrator and heat method solves a problem. The
+// study reports its error against a reference solution, its cost, and which combinations are efficient.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,12 @@
 namespace shearbus::study {
 
 struct Setting {
-  std::uint32_t cells = 0;  // 0: modes instead of a profile
+  std::uint32_t cells = 0;  // number of cells of the layer; 0: modes instead of a temperature profile
   double grading = 1.0;
   bool sdirk2 = false;
   double accuracy = 0.0;  // accuracy of the modes, if cells is 0
   int steps = 0;
-  double tolerance = 0.0;  // if positive, the server chooses everything except the steps
+  double tolerance = 0.0;  // if positive, the server chooses all settings except the number of steps
 
   std::string text() const;
 };
@@ -27,19 +27,19 @@ struct Setting {
 // Errors and cost of a setting. The errors are NaN if the run failed.
 struct Outcome {
   Setting setting;
-  double temperature_error = 0.0;  // max |T0 - reference| / (T_melt - T_ref)
-  double impulse_error = 0.0;      // relative
-  double work_error = 0.0;         // relative
+  double temperature_error = 0.0;  // largest |T0 - reference|, relative to T_melt minus the initial temperature
+  double impulse_error = 0.0;      // relative error of the impulse
+  double work_error = 0.0;         // relative error of the friction work
   double ns_per_node_step = 0.0;   // CPU time of the solver alone, median of the repeats
   double ns_per_node = 0.0;        // CPU time of the solver in the whole run
-  double message_ns = 0.0;         // round trip without the solver, per node-step; 0: not measured
-  double solves_per_step = 0.0;    // rows of heat updated in a step, summed over stages
-  std::uint64_t state_bytes = 0;   // per node, committed and trial state
+  double message_ns = 0.0;         // time of a message round trip without the solver, per node-step; 0: not measured
+  double solves_per_step = 0.0;    // number of temperatures or modes updated per node and step, summed over stages
+  std::uint64_t state_bytes = 0;   // bytes per node in a shard: committed and trial state, index and list entries
   double first_order_share = 0.0;  // share of the sdirk2 steps that fell back to backward Euler
   double divided_share = 0.0;      // share of the steps that were divided into substeps
   double estimate = 0.0;           // largest error estimate that was reported, for a setting with a tolerance
   std::string failure;             // empty: the run succeeded
-  bool efficient = false;          // no cheaper setting is as accurate
+  bool efficient = false;          // no setting of at most the same cost has a smaller error of T0
 };
 
 struct Result {
@@ -54,19 +54,21 @@ struct SweepOptions {
 };
 
 v1::Scene scene_with(const StudyCase& study_case, const Setting& setting);
-double melting_range(const StudyCase& study_case);  // T_melt - T_ref  [K]
+// Returns T_melt at the pressure of the case, minus the initial temperature  [K].
+double melting_range(const StudyCase& study_case);
 std::function<double(double)> at_samples(const Answer& answer, double end);
 
 Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome, int repeats);
-// Sets the errors of an answer against a reference; errors of impulse and work are relative.
+// Sets the errors of `outcome` from the differences between an answer and a reference.
 void set_errors(const StudyCase& study_case, const Answer& answer, const Reference& reference, Outcome& outcome);
 Reference reference_of(const StudyCase& study_case, bool quick);
 Result sweep(const StudyCase& study_case, const SweepOptions& options);
 
-// Returns the cheapest outcome with at most this error of T0, or null.
+// Returns the cheapest outcome whose temperature_error is at most `tolerance`, or null if there is none.
 const Outcome* cheapest(const Result& result, double tolerance);
 
-// Returns the cost of messages per node-step with the embedded server and 1,000 nodes  [ns].
+// Returns the time of a message round trip without the solver, per node-step, measured with an embedded server and
+// 1,000 nodes  [ns].
 double message_ns(const StudyCase& study_case, const Setting& setting);
 
 std::string table(const Result& result);

@@ -11,15 +11,16 @@
 
 namespace shearbus::study {
 
-// Results of a run: T0 at some times, and sums over all steps.
+// Results of a run: the interface temperature T0 at some times, and sums over all steps.
 struct Answer {
-  std::vector<double> time;         // [s]
-  std::vector<double> temperature;  // [K]
+  std::vector<double> time;         // times of the samples  [s]
+  std::vector<double> temperature;  // T0 at these times  [K]
   double impulse = 0.0;             // sum of |s| dt  [Pa s]
   double work = 0.0;                // friction work  [J/m2]
 };
 
-// A host that drives a layer. It sets the same inputs in every lane of a tile, computed from the answers so far.
+// A host that drives a layer. load() sets the same inputs in every lane of a tile, computed from the answers so far;
+// take() receives the next answer.
 class Host {
  public:
   virtual ~Host() = default;
@@ -28,28 +29,29 @@ class Host {
 };
 
 struct Reference {
-  // T0 at a time; empty: the reference is extrapolated from the finest settings.
+  // Returns T0 at a time. An empty function means that there is no exact solution; the caller must then compute a
+  // reference.
   std::function<double(double)> temperature;
   double impulse = 0.0;
   double work = 0.0;
-  double uncertainty = 0.0;  // uncertainty of T0, relative to T_melt - T_ref
+  double uncertainty = 0.0;  // uncertainty of T0, relative to T_melt minus the initial temperature
   std::string method;
 };
 
 struct StudyCase {
   std::string name;
   std::string title;
-  v1::Scene scene;  // the sweep replaces the layer's grid and methods
-  double end;       // [s]
+  v1::Scene scene;  // the studies replace the layer's grid and methods
+  double end;       // duration of the run  [s]
   std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
   Reference (*reference)(const StudyCase&);
   double velocity_jump = 100.0;  // [m/s]
   double pressure = 11.2e9;      // [Pa]
   double mass = 1.0;             // mass of each side  [kg/m2]
-  bool coupled = false;          // the host's inputs depend on the answers
+  bool coupled = false;          // the inputs of a step depend on the answers before
 };
 
-inline constexpr int kSamples = 10;  // samples of T0 in a run, one every tenth of it
+inline constexpr int kSamples = 10;  // number of samples of T0 in a run, at equal intervals
 
 std::vector<StudyCase> fixed_cases();
 StudyCase case_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end);

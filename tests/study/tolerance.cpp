@@ -20,13 +20,13 @@ constexpr int kQuickSteps[] = {20};
 
 // Resolution of a reference solution.
 struct Fineness {
-  int substeps;     // substeps of the whole run
-  int cells;        // cells of each grid, if the model has cells; graded so that the first cells resolve kFirstCells
-  double accuracy;  // accuracy of the modes
+  int substeps;     // number of substeps in the whole run
+  int cells;        // number of cells of each graded grid; not used by a model with modes
+  double accuracy;  // accuracy of the modes, for a model with modes
 };
 constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
 constexpr int kQuickCoarser = 4;
-constexpr double kFirstCells = 0.5e-9;  // the cell at depth z has a width of about (grading - 1) (z + kFirstCells)  [m]
+constexpr double kFirstCells = 0.5e-9;  // a cell at depth z has a width of about (grading - 1) (z + kFirstCells)  [m]
 
 Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fineness) {
   const double dt = study_case.end / steps;
@@ -60,9 +60,9 @@ Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fine
   return answer;
 }
 
-// Solves a reference for one number of host steps. A host that reacts to the answer has an error of its own, which the
-// layer cannot reduce, so the layer is compared with a finer layer in the same host steps. A second resolution gives
-// the uncertainty.
+// Computes a reference for runs with `steps` steps of the host. A host that reacts to the answers has a time error of
+// its own, which the layer cannot reduce. The reference is therefore a finer layer driven by the same host in the same
+// steps. The difference to a solution with half the resolution is the uncertainty.
 Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   StudyCase strict = study_case;
   strict.scene = scene_with(study_case, {.tolerance = kRequests[std::size(kRequests) - 1]});

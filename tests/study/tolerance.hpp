@@ -1,4 +1,5 @@
-// Compares the delivered with the requested error of scenes with a tolerance, at several step lengths of the host.
+// Study of tolerances: compares the actual error of scenes with a tolerance with the tolerance, at several step lengths
+// of the host.
 #pragma once
 
 #include <filesystem>
@@ -13,7 +14,7 @@ namespace shearbus::study {
 struct Tracked {
   std::string study_case;
   std::string reference;
-  std::vector<Outcome> outcomes;  // one for each setting.tolerance and setting.steps
+  std::vector<Outcome> outcomes;  // one for each combination of tolerance and number of steps
 };
 
 std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const SweepOptions& options);

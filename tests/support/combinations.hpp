@@ -1,5 +1,6 @@
-// Combinations of model options for tests: every option of the table of solver/parts.cpp and every law of the lists, so
-// that a new row or law is tested without an edit here.
+// Combinations of model options for tests. They are built from every option in the table of
+// server/physics/solver/parts.cpp and from every flow law and friction law, so that a new option or law is tested
+// without an edit here.
 #pragma once
 
 #include <algorithm>
@@ -49,7 +50,7 @@ inline Material with_strength_of(const Material& heat, Material strength) {
   return strength;
 }
 
-// Laws come first, because typical values of an option may depend on the material.
+// Returns all laws and options. Laws come first, because typical values of an option may depend on the material.
 inline std::vector<Item> items() {
   std::vector<Item> all;
   for (int n = 2; const auto law = FlowLaws::numbered(n); ++n)
@@ -70,22 +71,23 @@ inline std::vector<Item> items() {
   return all;
 }
 
-// Returns the options of a strategy with some items. With `rubs` friction limits the stress in the histories below,
-// otherwise the yield limit or the layer does.
+// Returns the options of a strategy with the chosen items. If `rubs` is true, the friction coefficient is so small that
+// friction limits the shear stress. Otherwise it is so large that the yield strength of the interface or the flow of
+// the layer limits the stress.
 inline ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen, bool rubs) {
   ModelOptions options = graded(paper_options(strategy), 6, 1.4);
   options.grid.far_boundary = rubs ? FarBoundary::kHalfSpace : FarBoundary::kInsulated;
   options.interface.friction_coefficient = rubs ? 0.02 : 2.0;
   options.initial_temperature = 600.0;
-  std::sort(chosen.begin(), chosen.end());  // in the order of the list: laws first
+  std::sort(chosen.begin(), chosen.end());  // in the order of items(): laws first
   for (const Item* item : chosen) item->apply(options);
   if (options.friction_coefficient) options.friction_coefficient = rubs ? 0.005 : 2.0;
   if (options.tolerance) options = discretised(options, 1e-2);
   return options;
 }
 
-// Returns the options with the chosen items, if needed with one more item that they depend on; plastic heating, for
-// example, needs the table [hard_layer].
+// Returns options with the chosen items. If the chosen items alone are refused, one more item that makes them valid is
+// added; plastic heating, for example, needs the table [hard_layer]. Returns nothing if no such item exists.
 inline std::optional<ModelOptions> possible(Strategy strategy, const std::vector<const Item*>& chosen,
                                             const std::vector<Item>& all, bool rubs) {
   ModelOptions options = combined(strategy, chosen, rubs);
@@ -94,7 +96,7 @@ inline std::optional<ModelOptions> possible(Strategy strategy, const std::vector
     std::vector<const Item*> more = chosen;
     more.push_back(&companion);
     options = combined(strategy, more, rubs);
-    // The companion must add to the chosen items, not replace one.
+    // The additional item must leave the chosen items in effect.
     Properties wanted = properties_of(combined(strategy, chosen, rubs));
     const Properties found = properties_of(options);
     bool kept = true;

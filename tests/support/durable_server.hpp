@@ -1,4 +1,4 @@
-// A service with a store, without sockets. A new DurableServer on the same disk recovers the states.
+// A service with a store, without sockets. A second DurableServer on the same disk recovers the states of the first.
 #pragma once
 
 #include <cstdint>

@@ -63,7 +63,7 @@ inline hydro::Metal plastic_metal(const MieGrueneisen& eos, double shear_modulus
   return {.eos = eos, .strength = constant_yield(eos.density, shear_modulus, yield)};
 }
 
-// Returns the value that a comparison found, by its name.
+// Returns the computed value of the comparison with the name `what`.
 inline double found(const std::vector<hydro::Comparison>& comparisons, const std::string& what) {
   for (const hydro::Comparison& c : comparisons) {
     if (c.what == what) return c.found;
@@ -71,7 +71,7 @@ inline double found(const std::vector<hydro::Comparison>& comparisons, const std
   throw std::invalid_argument("nothing is compared under the name " + what);
 }
 
-// Returns the relative change of the total energy that the work of the boundaries does not explain.
+// Returns the change of the total energy minus the work done at the boundaries, relative to the total energy.
 inline double energy_residual(const lagrange::Ledger& start, const lagrange::Ledger& end) {
   return (end.total_energy() - end.work_given - start.total_energy()) /
          std::max(start.total_energy(), end.total_energy());

@@ -12,8 +12,8 @@ using hydro::ConstantFrictionLaw;
 inline constexpr double kFreeSlip = 0.0;
 inline constexpr double kBonded = std::numeric_limits<double>::infinity();
 
-// Makes a problem with the elastic constants of the paper's pair of metals (server/physics/METHODS.md, "Catalog"). dt
-// is `courant` times the transit time of a zone.
+// Makes a problem with the elastic constants of the paper's pair of metals (server/physics/METHODS.md, "Catalog"). The
+// step length is `courant` times the time in which an elastic wave crosses a zone.
 inline hydro::ColumnProblem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
                                                double courant = 1.0) {
   hydro::ColumnProblem problem;

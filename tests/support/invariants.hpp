@@ -1,6 +1,6 @@
-// The invariants of server/physics/MODEL.md, "What always holds", as checks of one step that throw Broken. The property
-// tests, the stability campaign and its deliberately wrong solvers use the same checks; tests/support/invariants has a
-// file for each.
+// Checks that one step satisfies the invariants of server/physics/MODEL.md, "What always holds"; a check that fails
+// throws Broken. The property tests and the stability campaign use the same checks. The campaign also applies them to
+// deliberately wrong solvers, which must fail. The folder tests/support/invariants has one file for each check.
 #pragma once
 
 #include <cstddef>
@@ -27,13 +27,15 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;
   require_numbers(a);
   require_temperatures(rig, a, lane, figures);
-  // With inertia [v] is the slip of the whole layer, in which stresses may have both signs.
+  // With inertia the slip velocity [v] is that of the whole layer. Stresses of both signs may occur in the layer, so
+  // the stress at the interface times [v] may be negative.
   if (options.inertia) {
     require(a.heat >= 0.0, "heat {} < 0", a.heat);
   } else {
     require_dissipation(a);
   }
-  // Without a profile the stored heat is known for an insulated slab only: its mode of rate 0 keeps all heat.
+  // A model without a temperature profile has modes of heat conduction. They give the stored heat only for an insulated
+  // slab, whose mode with decay rate 0 contains all heat.
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {
     require_heat_balance(rig.stored_heat_of(rig.trial, 0.0, lane), rig.stored_heat(0.0, lane), a.heat, figures);
   }

@@ -1,8 +1,9 @@
-// A disk in memory that can fail at any of its calls, or there die with the process or with the power.
+// A disk in memory. It can fail at any of its calls. At any call the server's process may also die, or the machine may
+// lose power.
 //
-// Each file has a written and a synced content, the directory has written and synced names. After a death of the
-// process the next server finds everything written; after a loss of power it finds the synced content and a random part
-// of the rest.
+// Each file has a written and a synced content; the directory has written and synced names. After a death of the
+// process the next server finds everything that was written. After a loss of power it finds what was synced, and a
+// random part of what was only written.
 #pragma once
 
 #include <algorithm>
@@ -28,8 +29,8 @@ class MemoryStorage final : public store::Storage {
   enum class Call { kAppend, kTruncate, kSync, kCreate, kOpen, kRename, kRemove, kSyncDirectory, kRead, kList };
   struct Fault {
     std::uint64_t at_call = 0;  // number of the call, from 1, among the calls selected by `of`
-    int code = 0;               // errno of the failure; 0: the machine dies
-    bool for_ever = false;      // later calls of the same kind fail, too
+    int code = 0;               // errno of the failure; 0: process or machine dies at this call
+    bool for_ever = false;      // all later calls selected by `of` fail, too
     std::optional<Call> of;     // kind of call that fails; absent: every kind
   };
 
@@ -43,7 +44,7 @@ class MemoryStorage final : public store::Storage {
   bool dead() const { return dead_; }
   bool fired() const { return fault_ && calls_ >= fault_->at_call; }
 
-  // Restarts the machine after a death of the process or after a loss of power.
+  // die_of_process() restarts the disk after a death of the process, die_of_power() after a loss of power.
   void die_of_process() {
     dead_ = false;
     heal();
@@ -51,7 +52,7 @@ class MemoryStorage final : public store::Storage {
   void die_of_power(std::mt19937& random) {
     dead_ = false;
     heal();
-    // A random number of the name changes since the last sync of the directory survives, in their order.
+    // Of the changes of names since the last sync of the directory, a random number of the first ones survive.
     const std::size_t kept =
         changes_.empty() ? 0 : std::uniform_int_distribution<std::size_t>(0, changes_.size())(random);
     auto names = durable_names_;

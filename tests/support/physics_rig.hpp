@@ -51,7 +51,8 @@ inline double shortest_step(const ModelOptions& options) {
   return options.modes ? std::max(controlled, options.modes->shortest_step) : controlled;
 }
 
-// Returns the index in a tile of the value in `row` of a part; rows before z = 0 are negative.
+// Returns the index, in a tile of states, of a lane's value in `row` of the array that starts at `part`. Row 0 is the
+// interface, z = 0; rows in the hard body are negative.
 inline std::size_t place(std::size_t part, int row, int lane) {
   return part + static_cast<std::size_t>(std::ptrdiff_t{row} * kLanes + lane);
 }
@@ -108,8 +109,8 @@ class Rig {
 
   const HeatGrid& heat_grid() const { return heat_grid_; }
 
-  // Returns the temperatures of the rows of heat_grid() in a tile of this model; for a sleeping lane they are computed
-  // from its modes. A model without a profile has T0 only.
+  // Returns the temperatures of a lane in a tile of states, one for each row of heat_grid(). For a sleeping lane they
+  // are computed from its modes. A model without a temperature profile has one temperature only, T0.
   std::vector<double> temperatures(const std::vector<double>& tile, int lane) const {
     const TileLayout& layout = model.layout();
     const std::size_t rows = layout.num_hard_vertices + layout.num_vertices;
@@ -135,11 +136,13 @@ class Rig {
     return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
   }
 
-  // Returns (k/alpha) integral (T - reference) over both conducting bodies, with the weights of the conduction  [J/m2].
+  // Returns the heat stored above the temperature `reference`, (k/alpha) integral(T - reference), in all conducting
+  // bodies. The integral has the weights of the conduction scheme  [J/m2].
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
   double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
     if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
-      // Without a profile the heat is known only for a slab, whose mode of rate 0 is its mean temperature.
+      // Without a temperature profile the heat is known only for an insulated slab. Its mode with decay rate 0 is the
+      // mean temperature.
       const double* rows = tile.data() + layout.heat_modes + lane;
       const ModelOptions& o = model.options();
       return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
@@ -158,7 +161,7 @@ class Rig {
     return o.hard_grid ? 1.0 : heat_partition(o.soft, o.hard);
   }
 
-  // Returns sqrt(3) integral(ep) over the layer, the slip that it has carried  [m].
+  // Returns the plastic slip that the layer has carried since the start, sqrt(3) integral(ep)  [m].
   double plastic_slip(int lane = 0) const { return plastic_slip_of(committed, lane); }
   double plastic_slip_of(const std::vector<double>& tile, int lane) const {
     double sum = 0.0;
@@ -218,7 +221,7 @@ class Rig {
   }
 
   HeatGrid heat_grid_;
-  std::optional<HeatBasis> basis_;  // set for a model with sleep
+  std::optional<HeatBasis> basis_;  // set only if the model has the option `sleep`
 };
 
 }  // namespace shearbus::testing

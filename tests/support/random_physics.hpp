@@ -1,4 +1,5 @@
-// Random scenes and inputs, with extremes, for property tests and the campaign. A seed repeats its draws.
+// Random scenes and inputs, also extreme ones, for property tests and the stability campaign. The same seed gives the
+// same scenes and inputs.
 #pragma once
 
 #include <cmath>
@@ -38,7 +39,7 @@ inline void follow_johnson_cook(Material& m, double B, double C, double rate, do
   m.yield_strength_max = m.hardening_coefficient = m.pressure_coefficient = m.temperature_coefficient = kNotGiven;
 }
 
-// The same metal under the flow law of another, with all constants of that law; the others are not numbers.
+// Gives the metal `m` the flow law of `from`, with all constants of that law. Constants of other flow laws become NaN.
 inline void adopt_flow_law(Material& m, const Material& from) {
   const Material own = m;
   for (const MaterialField& field : material_fields()) {
@@ -50,7 +51,7 @@ inline void adopt_flow_law(Material& m, const Material& from) {
   m.pressure_term = properties_of(from.flow_law).has_pressure_term ? own.pressure_term : PressureTerm::kLinear;
 }
 
-// Test values of the shape that Preston, Tonks and Wallace give for copper; of no metal in particular.
+// Returns test constants of the Preston-Tonks-Wallace law. They resemble those for copper but describe no real metal.
 inline Material preston_tonks_wallace_constants() {
   Material m;
   m.flow_law = FlowLaws::place<PrestonTonksWallace>();
@@ -88,7 +89,7 @@ inline Material random_preston_tonks_wallace(Draw& draw) {
   return m;
 }
 
-// Returns a lower bound of d ln(a) / d ln(dep), the sensitivity of the stress to the strain increment.
+// Returns a lower bound of the sensitivity of the stress to the strain increment, d ln(stress) / d ln(dep).
 inline double flow_exponent(const Material& m) {
   const auto least = [&](std::initializer_list<double Material::*> exponents) {
     double exponent = 1.0;
@@ -100,7 +101,8 @@ inline double flow_exponent(const Material& m) {
   return least({&Material::hardening_exponent, &Material::rate_coefficient, &Material::overdriven_exponent});
 }
 
-// Returns the strain scale of the flow formula, for judging cancellation against the stored strain.
+// Returns the scale of strains in the flow law. Rounding errors of strain differences are relative to this scale or to
+// the plastic strain, whichever is larger.
 inline double strain_scale(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_coefficient) ? 1.0 / m.hardening_coefficient : 1.0;
 }
@@ -108,9 +110,9 @@ inline double strain_scale(const Material& m) {
 // Relative rounding error of a stress or a temperature.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
-// Returns the change of a layer's flow, integral(dep) [m], between stresses and temperatures that differ in their last
-// digits: near melting, and if strain follows a high power of the stress, no answer is more accurate. Temperatures have
-// an error of `grain` [K] in addition.
+// Returns the uncertainty of a layer's flow, integral(dep) [m]: the change of the flow if stress and temperatures
+// change in their last digits. Near melting, or if strain follows a high power of the stress, no answer is more
+// accurate. `grain` [K] is an additional error of the temperatures.
 inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
                          double grain = 0.0) {
   if (!hardens(rig.model.options().soft)) return 0.0;
@@ -164,7 +166,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   }
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
   if (strategy == Strategy::kForceDriven && !options.plastic_layer) {
-    const double part = draw.uniform(0.0, 1.0);  // junctions, weakening and the layer's flow exclude each other
+    const double part = draw.uniform(0.0, 1.0);  // junctions and velocity weakening exclude each other
     if (part < 1.0 / 3.0) {
       Material metal = soft;
       metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
@@ -181,7 +183,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
       options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
     }
   }
-  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {  // else ConstantFriction
+  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
     options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
     options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
     options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
@@ -191,12 +193,12 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
-  // Drawn aside, so that the other scenes stay as they were.
+  // Draws from a copy of the generator, so that scenes without this flow law are the same as before it was added.
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
   }
-  // Drawn aside, so that the other scenes stay those they were.
+  // Repeats the block above with the same random numbers, so it changes nothing.
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
@@ -204,7 +206,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   return options;
 }
 
-// Draws options with inertia and the options that it allows.
+// Draws options with inertia, combined with options that are valid together with inertia.
 inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
   do {
@@ -218,7 +220,7 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   return options;
 }
 
-// Draws options with two tangential components and the options that they allow.
+// Draws options with two tangential components, combined with options that are valid together with them.
 inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = random_options(draw, strategy, extreme);
   options.drive = Drive::kLayerShear;
@@ -239,8 +241,8 @@ inline std::string name_of(Solver solver) {
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 
-// Half of the conducting hard bodies start colder or hotter than the layer, so that the interface need not be the
-// hottest place.
+// With probability 1/2 makes a conducting hard body colder or hotter than the layer, so that the interface need not be
+// the hottest place.
 inline void start_hard_elsewhere(Draw& draw, Rig& rig) {
   if (!rig.model.options().hard_grid || draw.chance(0.5)) return;
   const double layer = rig.model.options().initial_temperature;
@@ -279,7 +281,8 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   }
 }
 
-// Draws scalar inputs and turns each vector by its own angle.
+// Draws inputs for a model with two components: scalar inputs, in which each vector is then turned by its own random
+// angle.
 inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
   random_inputs(draw, rig, extreme);
   const auto turn = [&](double& first, double& second) {

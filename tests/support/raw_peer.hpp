@@ -27,7 +27,7 @@ class RawDealer {
   explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000)
       : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
-    // limits the time of sending to a server that refused the connection, which would block
+    // Sending to a server that refused the connection would block; this limits the wait to 1 s.
     socket_.set(zmq::sockopt::sndtimeo, 1000);
     socket_.set(zmq::sockopt::rcvhwm, receive_hwm);
     socket_.connect(endpoint);
@@ -79,7 +79,7 @@ class RawDealer {
 
 class RawStream {
  public:
-  // `endpoint` is tcp://127.0.0.1:PORT or ipc://PATH.
+  // Connects to `endpoint`, which is tcp://127.0.0.1:PORT or ipc://PATH.
   explicit RawStream(const std::string& endpoint) {
     if (endpoint.starts_with("ipc://")) {
       file_ = ::socket(AF_UNIX, SOCK_STREAM, 0);
@@ -107,7 +107,7 @@ class RawStream {
     return ::send(file_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
   }
 
-  // Returns true if the server closes the connection within the time; bytes sent until then are dropped.
+  // Returns true if the server closes the connection within `time`; bytes that it sends before are discarded.
   bool closed_within(std::chrono::milliseconds time) {
     const auto end = std::chrono::steady_clock::now() + time;
     while (std::chrono::steady_clock::now() < end) {

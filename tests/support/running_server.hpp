@@ -1,4 +1,5 @@
-// A server with real sockets on a thread of the test's process. It resembles Embedded but has endpoints of its own.
+// A server with real sockets on a thread of the test's process. Unlike server::Embedded, it listens on endpoints that
+// the test chooses.
 #pragma once
 
 #include <sys/eventfd.h>
@@ -41,7 +42,7 @@ class RunningServer {
     thread_.join();
   }
 
-  // Returns the endpoint of the scheme "ipc", "tcp" or "inproc".
+  // Returns the server's endpoint whose URI scheme is `scheme`: "ipc", "tcp" or "inproc".
   const std::string& endpoint(const std::string& scheme = "ipc") const {
     for (const std::string& endpoint : endpoints_)
       if (endpoint.starts_with(scheme + "://")) return endpoint;

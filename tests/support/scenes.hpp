@@ -54,7 +54,8 @@ inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t firs
   return ids;
 }
 
-// Returns the inputs of node `id` in step `step`: slow and fast slip, stick, reversals, sometimes an open interface.
+// Returns one input of node `id` in step number `step`. Nodes differ: some slip slowly, fast or backwards, some stick,
+// and some have an open interface in some steps.
 inline double input_of(wire::Field field, std::uint64_t id, int step) {
   const double a = static_cast<double>(id % 17) / 17.0;
   switch (field) {

@@ -78,7 +78,8 @@ inline std::string text_of(const std::filesystem::path& file) {
 
 class ServerProcess {
  public:
-  // `launcher`: a command that executes the server, such as "/usr/bin/env NAME=VALUE".
+  // `launcher` is a command that starts the server, such as "/usr/bin/env NAME=VALUE"; the server's command line is
+  // appended to it.
   explicit ServerProcess(std::vector<std::string> arguments, const std::vector<std::string>& launcher = {})
       : log_(scratch_.path() / "log"),
         endpoints_(std::max<std::ptrdiff_t>(1, std::ranges::count(arguments, "--bind"))) {

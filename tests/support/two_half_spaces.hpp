@@ -9,12 +9,12 @@
 namespace shearbus::test {
 
 struct HalfSpaces {
-  double initial_jump;          // V0  [m/s]
+  double initial_jump;          // velocity jump before the contact, V0  [m/s]
   double pressure;              // [Pa]
   double friction_coefficient;  // mu
   double yield_strength;        // yield strength of the interface  [Pa]
   double initial_temperature = 300.0;
-  // The remaining constants are the paper's, for aluminium on steel.
+  // The remaining constants are the paper's for aluminium on steel, in SI units.
   double density_soft = 2703.0, density_hard = 7900.0;
   double modulus_soft = 27.6e9, modulus_hard = 77e9;
   double conductivity_soft = 117.0, conductivity_hard = 16.1;
@@ -27,7 +27,8 @@ struct HalfSpaces {
     const double g = std::max(0.0, bracket) * std::exp(-0.001 * temperature / (melting_temperature - temperature));
     return std::min(friction_coefficient * pressure, yield_strength * g / std::sqrt(3.0));
   }
-  // Returns [V] = V0 - s (1/Z_soft + 1/Z_hard).
+  // Returns the velocity jump under a shear stress s of the interface, V0 - s (1/Z_soft + 1/Z_hard); Z is the shear
+  // impedance of a body.
   double jump(double stress) const {
     return initial_jump -
            stress * (1.0 / std::sqrt(density_soft * modulus_soft) + 1.0 / std::sqrt(density_hard * modulus_hard));
@@ -42,9 +43,9 @@ struct HalfSpaceState {
   double time, stress, jump, temperature;
 };
 
-// Solves at `intervals`+1 times from 0 to `end`. The times are graded quadratically because the solution is smooth in
-// sqrt(t). Product integration: the friction power is linear in each interval, and the kernel (t - x)^(-1/2) is
-// integrated exactly, so that the error decreases as intervals^-2.
+// Returns the solution at `intervals` + 1 times from 0 to `end`. The times are graded quadratically because the
+// solution is smooth in sqrt(t). The method is product integration: the friction power is linear in each interval, and
+// the kernel (t - x)^(-1/2) is integrated exactly, so that the error decreases as intervals^-2.
 inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& problem, double end, int intervals) {
   const double pi = std::acos(-1.0);
   const double factor = problem.heat_partition() / problem.conductivity_soft * std::sqrt(problem.diffusivity_soft / pi);
@@ -83,8 +84,9 @@ inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& probl
   return states;
 }
 
-// Solves for the same interface between two free plates: d[V]/dt = -mobility s, mobility = 1/m_soft + 1/m_hard. Both
-// integrals use the product integration above.
+// Solves for the same interface between two free plates, which friction brakes: d[V]/dt = -mobility * s, where mobility
+// = 1/m_soft + 1/m_hard and m is the mass of a plate per area. The heat integral uses the product integration
+// of solve_two_half_spaces(), the integral of the momentum the trapezoidal rule.
 inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
                                                        int intervals) {
   const double pi = std::acos(-1.0);

@@ -1,4 +1,5 @@
-// Client connections of the simulation: one through its network, one directly to a reference service.
+// Two kinds of client connections for the simulation: through the simulated network, and directly to a reference
+// service.
 #pragma once
 
 #include <algorithm>

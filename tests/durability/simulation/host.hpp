@@ -18,15 +18,15 @@ namespace shearbus::simulation {
 
 using wire::Strategy;
 
-// The nodes that must exist in a domain, and the offers of nodes, with their ids at the simulated and at the reference
-// server.
+// The nodes that must exist in a domain, and the offers of nodes from one session to another. The simulated and the
+// reference server give an offer different ids.
 struct Ledger {
   struct Offer {
     unsigned giver;
     TransferId transfer;
     TransferId of_reference;
     std::vector<std::uint64_t> nodes;
-    bool waits = true;  // neither accepted nor withdrawn
+    bool waits = true;  // true until the offer is accepted or withdrawn
   };
   std::multiset<std::uint64_t> nodes;
   std::vector<std::uint64_t> free;  // ids of retired nodes, to be used again
@@ -57,7 +57,8 @@ class Host {
 
   std::vector<std::uint64_t> some_nodes();
 
-  // Makes the call on both sessions, whose codes must be equal. Returns the code.
+  // Makes `call` on the session and `expected` on the reference session. Both must end with the same status code, which
+  // is returned.
   template <typename Call, typename Expected>
   Code both(const Call& call, const Expected& expected) {
     const auto code_of = [](const auto& made) {
@@ -82,13 +83,15 @@ class Host {
   void accept_one();
 
   void mark();
-  // Rolls back to one of the last marks, which may be deleted or may hold nodes that another host owns now.
+  // Tries to roll back to one of the last marks. The mark may be deleted, or may contain nodes that another host owns
+  // now.
   void go_back();
 
   void ask_nonsense();
 
-  // The client dies after sending a request. Its successor learns whether the request was executed, and no later packet
-  // of the dead client is executed. Offered nodes are not lost.
+  // Lets the client die after it has sent a request, and resumes the session with a new client. The new client learns
+  // whether the request was executed, and from then on no packet of the dead client may be executed. Offered nodes must
+  // not be lost.
   void die_and_be_succeeded();
 
   World& world_;

@@ -38,7 +38,7 @@ std::optional<Packet> World::next(std::uint64_t socket, Clock::time_point until)
 }
 
 void World::start() {
-  static constexpr int kFaults[] = {0, 0, EIO, ENOSPC};  // 0: the machine dies
+  static constexpr int kFaults[] = {0, 0, EIO, ENOSPC};  // errno of the fault; 0: the machine dies
   if (chance(2)) {
     disk_.plan({.at_call = 1 + random() % 80, .code = kFaults[random() % 4]});
     ++tally_.disk_faults;
@@ -58,7 +58,7 @@ void World::crash() {
     disk_.die_of_power(random);
   else
     disk_.die_of_process();
-  // Connections end with the server, and packets on their way to it are lost.
+  // The connections to the dead server end, so packets on their way to it are lost.
   std::erase_if(network_, [](const auto& entry) { return entry.second.to_server; });
   if (chance(6)) damage_a_checkpoint();
   back_at_ = now_ + std::chrono::milliseconds(random() % 400);
@@ -81,7 +81,7 @@ void World::deliver(const Packet& packet) {
   if (!server_) return;
   const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
   auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1));
-  // The answer, if there is one, is never sent.
+  // If the server dies here, its answer is never sent.
   if (disk_.dead() || server_->service.failed() || chance(60)) return crash();
   if (answer)
     transmit(

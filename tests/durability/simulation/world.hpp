@@ -1,5 +1,5 @@
 // The surroundings of a simulated server: a clock, a network that loses, repeats, delays and reorders packets, and a
-// disk that fails or dies with the machine at any of its calls. Everything follows from the seed.
+// disk that fails at any of its calls or whose machine dies during the call. The seed determines everything.
 #pragma once
 
 #include <cerrno>

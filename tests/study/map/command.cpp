@@ -14,9 +14,9 @@
 namespace shearbus::map {
 namespace {
 
-constexpr double kWhole = 1e-6;  // largest relative distance to a whole number of steps that counts as rounding
+constexpr double kWhole = 1e-6;  // relative tolerance of a time to a whole number of steps
 
-// Returns the fault of the ranges or times, or an empty text if there is none.
+// Returns a message about the first fault in the ranges or times, or an empty text if there is none.
 std::string fault_of(const CommandOptions& options) {
   for (const auto* range : {&options.pressures_pa, &options.velocities_m_per_s})
     if (!((*range)[0] < (*range)[1])) return "--pressure and --velocity want the lower value first";

@@ -15,8 +15,8 @@ namespace shearbus::map {
 struct CommandOptions {
   std::filesystem::path scene;
   std::filesystem::path out;
-  std::vector<double> pressures_pa{1e9, 100e9};         // lowest, highest
-  std::vector<double> velocities_m_per_s{1.0, 1000.0};  // lowest, highest
+  std::vector<double> pressures_pa{1e9, 100e9};         // lowest and highest pressure
+  std::vector<double> velocities_m_per_s{1.0, 1000.0};  // lowest and highest velocity jump
   std::size_t num_pressures = 33;
   std::size_t num_velocities = 49;
   std::vector<double> times_s{0.1e-6, 0.3e-6, 1e-6, 3e-6};  // times of observation, increasing

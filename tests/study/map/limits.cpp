@@ -16,8 +16,8 @@ std::vector<double> slip_share(const Map& map, const Observation& seen) {
   return shares;
 }
 
-// The share is 1 - V_y / V. The elastic part V_y = h s / (G0 t) of the velocity changes little between neighbouring
-// nodes and is constant where nothing slips yet, so V_y is interpolated.
+// The share is 1 - V_y / V, where V_y = h s / (G0 t) is the elastic part of the imposed velocity V. V_y changes little
+// between neighbouring nodes of the map, so V_y is interpolated rather than the share.
 Line velocity_of_share(const Map& map, const Observation& seen, double share) {
   const std::vector<double> shares = slip_share(map, seen);
   const std::vector<double>& velocities = map.axes.velocity_m_per_s;
@@ -48,12 +48,12 @@ Line velocity_of_melting(const Map& map, double time_s) {
       const double melted = map.melting_time_s[map.axes.node(p, v)];
       if (!(melted <= time_s)) continue;
       if (v == 0) break;
-      // Interpolates between two nodes by a power law of the melting time in the velocity. If the slower node has not
-      // melted, the exponent is that of the next pair.
+      // Interpolates between node v, which has melted by `time_s`, and the slower node v - 1. The melting time is taken
+      // as a power of the velocity. If the slower node never melts, the exponent is that between the nodes v and v + 1.
       const double before = map.melting_time_s[map.axes.node(p, v - 1)];
       const bool known = before > melted;
       const double faster = v + 1 < velocities.size() ? map.melting_time_s[map.axes.node(p, v + 1)] : melted;
-      // Over the distance of one node.
+      // Logarithm of the ratio of melting times of two neighbouring nodes.
       const double decay = known ? std::log(before / melted) : std::log(melted / faster);
       const double part = decay > 0.0 ? std::min(1.0, std::log(time_s / melted) / decay) : 0.0;
       line[p] = velocities[v] * std::pow(velocities[v - 1] / velocities[v], part);

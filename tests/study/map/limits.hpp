@@ -1,4 +1,4 @@
-// Lines of a map: limiting velocities at each pressure.
+// Lines in the map of pressures and velocities: a limiting velocity at each pressure.
 #pragma once
 
 #include <optional>
@@ -8,17 +8,19 @@
 
 namespace shearbus::map {
 
-// A velocity for each pressure; empty if the limit lies outside the velocities of the map.
+// A velocity for each pressure. A value is absent if the limit lies outside the velocities of the map.
 using Line = std::vector<std::optional<double>>;
 
-// Returns the share of the imposed slip that the layer has carried: 1 minus the elastic part, h s / (G0 V t).
+// Returns for each node the share of the imposed slip V t that the layer has carried plastically. The rest is elastic,
+// h s / (G0 V t).
 std::vector<double> slip_share(const Map& map, const Observation& seen);
 
-// Returns the velocity at which the layer carries this share of the imposed slip; below it the velocity-driven model is
-// outside its domain. A share of 0 gives the velocity below which the layer sticks although slip is imposed.
+// Returns the velocity jump above which the layer carries more than `share` of the imposed slip. For the share
+// kDomainShare this is the lowest velocity in the domain of the velocity-driven model. A share of 0 gives the velocity
+// below which the layer sticks although slip is imposed.
 Line velocity_of_share(const Map& map, const Observation& seen, double share);
 
-// Returns the lowest velocity jump that has melted the interface by that time.
+// Returns the lowest velocity jump that has melted the interface by the time `time_s`.
 Line velocity_of_melting(const Map& map, double time_s);
 
 }  // namespace shearbus::map

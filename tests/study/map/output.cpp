@@ -42,7 +42,7 @@ std::string nodes_csv(const Map& map) {
   return text;
 }
 
-// Returns the velocity at every pressure; null if it lies outside the map.
+// Returns the line as a JSON array with the velocity at each pressure, or null where it lies outside the map.
 nlohmann::ordered_json json_of(const Line& line) {
   auto values = nlohmann::ordered_json::array();
   for (const auto& value : line) values.push_back(value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json());

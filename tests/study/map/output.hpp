@@ -1,4 +1,5 @@
-// Writes a map: nodes.csv with one row per node and observation, map.json with axes, lines, scene and versions.
+// Writes a map as nodes.csv, with one row per node and time of observation, and map.json, with axes, lines, scene and
+// versions.
 #pragma once
 
 #include <filesystem>
@@ -8,12 +9,13 @@
 
 namespace shearbus::map {
 
-// Share of the imposed slip, the same limit as in the server's outcome of each step.
+// Smallest share of the imposed slip that the layer must carry for the velocity-driven model to be valid. The server
+// marks steps with the same limit.
 inline constexpr double kDomainShare = 0.9;
 
 void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);
 
-// Returns the printed summary.
+// Returns a summary of the map as text for the terminal.
 std::string summary(const Map& map);
 
 }  // namespace shearbus::map

@@ -13,8 +13,8 @@
 namespace shearbus::map {
 namespace {
 
-// Throws unless the drive is "layer_shear". With drive "interface_slip" the steps have the shear rate as an optional
-// column.
+// Throws unless the session is velocity-driven with drive "layer_shear". A session with drive "interface_slip" is
+// recognized by its optional column for the shear rate.
 void require_imposed_shear(const wire::SessionOpened& opened) {
   if (opened.strategy == wire::Strategy::kVelocityDriven &&
       std::ranges::find(opened.optional_columns, Field::kSoftShearRate) == opened.optional_columns.end())

@@ -21,7 +21,7 @@ struct Axes {
   }
 };
 
-// Returns `count` values from `low` to `high` at equal ratios.
+// Returns `count` values from `low` to `high`; neighbouring values have the same ratio.
 std::vector<double> log_spaced(double low, double high, std::size_t count);
 
 // The state of the map at one time; one value per node.
@@ -39,18 +39,19 @@ struct Map {
   std::vector<Observation> observations;
   std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt  [s]; NaN: did not melt
   std::string scene_name;
-  std::string effective_scene;  // TOML
+  std::string effective_scene;  // the scene with all defaults filled in, as TOML
   std::string server_version;
   std::vector<std::string> warnings;
 };
 
 struct SceneText {
-  std::string text;  // TOML
+  std::string text;  // the scene as TOML
   std::string file;  // file name of the text, for messages
 };
 
-// Sweeps the scene up to the last of `times_s`, which are increasing multiples of dt_s. Throws Error for a scene whose
-// layer does not carry the jump.
+// Steps all nodes of the map with the scene up to the last of the times `times_s`, and observes the nodes at each of
+// them. The times must be increasing multiples of dt_s. Throws Error for a scene in which the imposed jump is not
+// carried by the layer, that is, one without the drive "layer_shear".
 Map sweep(const SceneText& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s);
 
 }  // namespace shearbus::map

@@ -9,7 +9,8 @@
 
 namespace shearbus::testing {
 
-// Upper bound of the substeps of a step under a tolerance; a step with several solutions has at most 64.
+// Upper bound of the number of substeps of a step under a tolerance. A step that is divided because it has several
+// solutions has at most 64 substeps.
 inline constexpr int kMostParts = 1 << 22;
 
 // Inputs and answer of one node in one step, projected on the direction of the answer. The struct does not name the
@@ -21,25 +22,25 @@ struct Answered {
   double jump_length = 0.0;  // length of the jump vector; its last digit bounds the accuracy of the projections
   double stress_old = 0.0, stress = 0.0;
   double T0 = 0.0, heat = 0.0;
-  double driven = 0.0;         // change of the jump by the far stresses, DLP (61)                    [m/s]
-  double driven_size = 0.0;    // sum of the magnitudes of both parts of `driven`
-  double per_stress = 0.0;     // decrease of the jump per stress                                  [m/(s Pa)]
-  double plastic_drive = 0.0;  // sqrt(3) h Ep_dot                                                   [m/s]
+  double driven = 0.0;         // change of the velocity jump by the far stresses, DLP (61)  [m/s]
+  double driven_size = 0.0;    // |change by the soft side's stress| + |change by the hard side's stress|  [m/s]
+  double per_stress = 0.0;     // decrease of the velocity jump per interface stress  [m/(s Pa)]
+  double plastic_drive = 0.0;  // slip velocity from the plastic strain rate of the host's zone, sqrt(3) h Ep_dot  [m/s]
   double junction_strain = 0.0;
-  bool sticks = false;  // with a plastic layer: the interface does not slip at the end of the step
+  bool sticks = false;  // the interface does not slip at the end of the step; set only for a plastic layer
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
   bool controlled = false;  // the model has a tolerance and may use any number of substeps
 
   bool divided() const { return (outcome & kSubstepped) != 0; }
-  // Upper bound of the number of substeps. The answer mixes means, sums and end values of them.
+  // Upper bound of the number of substeps. The answer of a step in substeps consists of means, sums and final values.
   int parts() const { return divided() || controlled ? kMostParts : 1; }
   bool in_parts() const { return parts() > 1; }
   double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
 };
 
-// Reads one lane of a rig after a step; rig.trial is then the state before the step. Two components are projected on
-// the direction of the answer.
+// Reads one lane of a rig after a step; rig.trial is then the state before the step. Vectors with two components are
+// projected on the direction of the answered stress or, if the stress is 0, of the slip or of the new jump.
 inline Answered answered(const Rig& rig, int lane, double dt) {
   const TileInputs& in = rig.inputs;
   const TileOutputs& out = rig.outputs;
@@ -85,8 +86,8 @@ inline Answered answered(const Rig& rig, int lane, double dt) {
   return a;
 }
 
-inline constexpr double kProductOfDenormals = 1e-290;  // products of denormal inputs have no relative accuracy
+inline constexpr double kProductOfDenormals = 1e-290;  // absolute tolerance of products of denormal inputs
 
-inline constexpr double kSleeperGrain = 1e-9;  // error of a temperature that was expanded into modes and back  [K]
+inline constexpr double kSleeperGrain = 1e-9;  // error of a sleeping node's temperatures, stored as modes  [K]
 
 }  // namespace shearbus::testing

@@ -8,7 +8,7 @@
 
 namespace shearbus::testing {
 
-// An invariant does not hold.
+// Exception: an invariant does not hold.
 class Broken : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -1,4 +1,4 @@
-// The answer exists and is finite.
+// Check that the answer exists and is finite.
 #pragma once
 
 #include <cmath>

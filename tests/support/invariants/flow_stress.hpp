@@ -1,4 +1,4 @@
-// MODEL.md, what always holds, 2 and 5: complementarity of the layer's flow.
+// Invariants 2 and 5 of MODEL.md, "What always holds": a layer flows only where its stress equals its flow stress.
 #pragma once
 
 #include <cmath>
@@ -17,8 +17,9 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
   return ep;
 }
 
-// The stress of a layer is at most its flow stress, and equal to it where the layer flows; plastic strain does not
-// decrease. Temperatures have an error of `grain` [K] in addition to their last digits.
+// Requires that the stress of a layer is at most its flow stress, and equal to it where the layer flows, and that
+// plastic strain does not decrease. `grain` [K] is an error of the temperatures in addition to that of their last
+// digits.
 inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
@@ -30,9 +31,9 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
-    // The strain increment bounds the rate of the step, or of its last substep, up to the rounding of a difference of
-    // strains. Below the least rate of the law the stress determines strains through hardening alone, up to its last
-    // digits.
+    // `dep` over the step length is an upper bound of the strain rate, also of that in the last of several substeps. It
+    // has the rounding error of a difference of strains. Below the smallest rate at which the flow law depends on the
+    // rate, strain follows from stress through hardening alone, so the last digits of the stress are an error as well.
     const double dep = a.parts() * (ep - ep_old);
     const double T = profile[static_cast<std::size_t>(i)];
     const bool rated = properties_of(soft.flow_law).depends_on_rate;
@@ -46,7 +47,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     require(carried <= most * (1 + 1e-10), "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i,
             carried, most, T, ep);
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
-    // Increments below the resolution of the strain do not show in the limit.
+    // A vertex counts as flowing only if its strain increment is above the rounding error of the strain.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
     if (a.in_parts()) continue;  // the vertex may have flowed in an earlier substep
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;

@@ -9,13 +9,13 @@
 
 namespace shearbus::testing {
 
-// Returns true for a step of second order. Its heat and stress come from two stages, and the answer shows only the
-// second.
+// Returns true for a step of second order, which has two stages. Both contribute to its heat, but the answer contains
+// the stress of the second stage only.
 inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
   return options.time_integrator == TimeIntegrator::kSdirk2 && !(a.outcome & kFirstOrder);
 }
 
-// Requires that the heat which enters is the conducted share `share` of the friction work.
+// Requires that the heat which enters the conducting bodies is the fraction `share` of the friction work.
 inline void require_heat_of_work(const ModelOptions& options, double share, const Answered& a) {
   if (options.strategy == Strategy::kVelocityDriven) {
     if (a.in_parts() || of_two_stages(options, a)) return;

@@ -1,5 +1,5 @@
-// Invariant 2 of MODEL.md, "What always holds", and DLP (61): complementarity of the interface and momentum of the
-// bodies.
+// Invariant 2 of MODEL.md, "What always holds": the interface slips only at its stress limit. Also the momentum balance
+// of the bodies, DLP (61).
 #pragma once
 
 #include <algorithm>
@@ -11,9 +11,11 @@
 
 namespace shearbus::testing {
 
-// Requires that the jump satisfies the momentum balance of the bodies, DLP (61), and the stress the interface's limits.
+// Requires that the velocity jump satisfies the momentum balance of the bodies, DLP (61), and that the stress is within
+// the limits of the interface.
 inline void require_interface_law(const ModelOptions& options, const Answered& a, Figures& figures) {
-  // Substeps may move in both directions, at most by the plastic flow of the host's zone.
+  // In a step of several substeps the jump may rise and fall by the plastic flow of the host's zone; rounding errors
+  // are relative to that as well.
   const double size = a.size() + (a.in_parts() ? a.plastic_drive : 0.0);
   require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * size + kProductOfDenormals,
                "[V] against (61)");
@@ -28,8 +30,8 @@ inline void require_interface_law(const ModelOptions& options, const Answered& a
   if (a.in_parts()) return;  // the stress is a mean of the substeps
   if (options.plastic_layer && !is_resolved(options, a, a.size())) return;
   const Limits limit = interface_limits(options, a, a.size());
-  // A second-order step answers the mean stress of a step in which the limit changes, so only direction and sticking
-  // are checked here. The scalar twin checks the stresses of the stages.
+  // A second-order step answers a mean stress, while the stress limit changes during the step. Then only the direction
+  // of the stress and sticking are checked here; the scalar reference solver checks the stresses of the stages.
   const bool mean = of_two_stages(options, a) && a.outcome == 0 && a.regime != Regime::kStick;
   if (!mean) {
     require(carried <= limit.upper, "s {:.17g} above its limit {:.17g} at T0 {:.17g}", a.stress, limit.upper, a.T0);

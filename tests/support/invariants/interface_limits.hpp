@@ -11,17 +11,19 @@
 
 namespace shearbus::testing {
 
-// Bounds of a strength that softens with temperature, from a temperature 16 ulps hotter and 16 ulps colder. Near
-// melting the strength is not known more accurately.
+// Bounds of a strength that softens with temperature: its values at temperatures 16 ulps above and below the given one.
+// Near melting rounding errors of the temperature make the strength uncertain by this range.
 struct Limits {
   double lower, upper;
 };
 
-// Returns the bounds of the stress that the interface can carry, by friction, yield and junctions.
+// Returns the bounds of the stress that the interface can carry. Friction and the yield strength of the interface, or
+// of its junctions, limit the stress. `size` is the scale of the velocity jumps, of which rounding errors are a
+// fraction.
 inline Limits interface_limits(const ModelOptions& options, const Answered& a, double size) {
   const InterfaceOptions& law = options.interface;
   const Material soft = at_pressure(options.soft, a.pressure);
-  // Junctions harden with the slip, whose error is that of the jumps it is computed from.
+  // Junctions harden with the slip, which has the rounding error of the velocity jumps.
   Limits strength{law.yield_strength, law.yield_strength};
   if (options.junctions) {
     const auto& [fraction, height, metal] = *options.junctions;
@@ -38,18 +40,19 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
           limit(strength.upper, a.T0 * (1 - kDigits)) * (1 + 1e-10)};
 }
 
-// Returns the change of T0 by the heat of the last digit of the jumps [K]: negligible except for bodies of almost no
-// mass.
+// Returns the change of the interface temperature T0 [K] by the friction heat of a rounding error of the velocity jump.
+// It is negligible except for bodies of almost no mass, which have enormous velocity jumps.
 inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
   const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
   return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;
 }
 
-// Returns whether stress and temperature determine the slip. Bodies of almost no mass reach jumps whose last digit
-// melts the interface, or stresses below the change of strength by the last digit of T0; then the slip is not resolved.
+// Returns true if the slip is determined despite rounding errors. It is not determined if a rounding error of the
+// velocity jump changes T0 noticeably, or if a rounding error of T0 changes the strength by a noticeable part of the
+// stress. Both occur for bodies of almost no mass.
 inline bool is_resolved(const ModelOptions& options, const Answered& a, double size) {
-  constexpr double kGrain = 1e-9;  // [K]
-  constexpr double kShare = 1e-3;  // of the stress
+  constexpr double kGrain = 1e-9;  // largest accepted error of T0  [K]
+  constexpr double kShare = 1e-3;  // largest accepted uncertainty of the strength, relative to the stress
   const Limits limit = interface_limits(options, a, size);
   return heat_grain(options, a, size) <= kGrain && limit.upper - limit.lower <= kShare * std::abs(a.stress);
 }

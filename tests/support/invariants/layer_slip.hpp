@@ -1,4 +1,4 @@
-// Slip of a velocity-driven layer, DLP (48).
+// Balance of the slip of a velocity-driven layer, DLP (48).
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,8 @@
 
 namespace shearbus::testing {
 
-// Requires sqrt(3) integral(dep) = w dt - h ds/G0 of a layer that carries all the slip.
+// Requires the slip balance of a layer that carries all the slip: the plastic slip, sqrt(3) integral(dep), is the
+// imposed slip minus the elastic part, h ds / G0.
 inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
   const ModelOptions& options = rig.model.options();
   if (options.drive != Drive::kLayerShear || a.pressure <= 0.0 || a.regime == Regime::kCoulomb) return;
@@ -19,8 +20,9 @@ inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
   const double elastic = h * (a.stress - a.stress_old) / options.soft.shear_modulus;
   const double direction = a.stress != 0.0 ? std::copysign(1.0, a.stress) : std::copysign(1.0, a.slip);
   const double plastic = direction * (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane));
-  // Strains are accurate to their last digits; the flow is as accurate as stress and temperatures are. During substeps
-  // the stress may be larger, and the temperature nearer to melting, than at the end of the step.
+  // The tolerance contains the rounding error of strains, and the change of the flow by rounding errors of stress and
+  // temperature. In a step of several substeps it is larger, because during the step the stress may be larger, and the
+  // temperature nearer to melting, than at the end.
   const double share = a.in_parts() ? 1e-3 : 1e-9;
   const double stress = a.in_parts() ? std::max(std::abs(a.stress), std::abs(a.stress_old)) : a.stress;
   const double resolution = 1e-15 * rig.plastic_slip(lane) +

@@ -12,7 +12,7 @@
 
 namespace shearbus::testing {
 
-// Requires that a temperature below melting stays there. `hottest` is the largest temperature of the state before.
+// Requires that a temperature T below melting stays there. `hottest` is the highest temperature before the step.
 inline void require_solid(double T, double T_melt, double hottest, Figures& figures) {
   require(T < T_melt || T <= hottest * (1 + 1e-15), "T {:.17g} K, melting {:.17g} K, hottest before {:.17g} K", T,
           T_melt, hottest);
@@ -39,10 +39,11 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
     const double T = after[i];
     const int vertex = static_cast<int>(i) - static_cast<int>(interface);
     require(T >= coldest - grain, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", vertex, T, coldest);
-    // The hard body has another melting temperature: the bound is the largest of the state before and T0.
+    // The melting temperature of the soft body does not bound the hard body. The hard body gets its heat through the
+    // interface, so its bound is the highest temperature before the step or the interface temperature T0.
     if (i < interface) {
-      // In substeps T may be higher than at the end of the step; second order extrapolates and overshoots by a few
-      // percent.
+      // During substeps the interface may be hotter than T0, which is the temperature at the end of the step. A step of
+      // second order extrapolates and may exceed the bound by a few percent.
       const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
       const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
       require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,
