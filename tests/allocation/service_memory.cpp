@@ -190,8 +190,9 @@ class Pair {
 
   MemoryStorage disk_;
   std::optional<DurableServer> durable_;
-  ServiceHarness volatile_;
-  ServiceHarness twin_;
+  // Each failed opening is followed by one that succeeds, and reading a scene allocates more often than there may be sessions.
+  ServiceHarness volatile_{1, {.max_sessions = std::size_t{1} << 16}};
+  ServiceHarness twin_{1, {.max_sessions = std::size_t{1} << 16}};
   Tally tally_;
 };
 

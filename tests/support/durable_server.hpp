@@ -21,6 +21,7 @@ struct DurableServer {
         service({.epoch = epoch,
                  .server_version = "test",
                  .max_state_bytes = max_state_bytes,
+                 .max_sessions = std::size_t{1} << 16,
                  .nodes_per_task = 4,
                  .now_ns = [this] { return ++clock; }},
                 pool, &store) {

@@ -198,11 +198,6 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
   }
-  // Repeats the block above with the same random numbers, so it changes nothing.
-  if (Draw aside = draw; aside.chance(0.2)) {
-    adopt_flow_law(soft, random_preston_tonks_wallace(aside));
-    options.time_integrator = TimeIntegrator::kBackwardEuler;
-  }
   return options;
 }
 
