@@ -42,10 +42,10 @@ def list_faults(root, kind, path, schema):
     if len(places) < 5:
         yield f"server/ARCHITECTURE.md: the list of edits of a {kind.lower()} law is missing"
     for place, law in enumerate(laws(root, kind, path)):
-        # The law with a constant coefficient is called "constant" in a scene.
+        # The law with a constant coefficient is called "constant" in a scene; the twin and the draws have only its coefficient.
         word, enumerator = word_of(law), "CONSTANT" if law == "ConstantFriction" else word_of(law).upper()
         file = "coulomb" if law == "ConstantFriction" else word
-        names = (law, word, f"{kind.upper()}_LAW_{enumerator}")
+        names = (law, word, f"{kind.upper()}_LAW_{enumerator}", *(["friction_coefficient"] if law == "ConstantFriction" else []))
         for row in places:
             target = root / row.replace("<law>", file)
             if not target.exists():
