@@ -123,8 +123,8 @@ class Ringing {
 };
 
 // A layer whose interface has the melting temperature from the first step on. By a comparison principle no other
-// history with the same step lengths puts more heat into the layer, so the heat of MoltenLayer bounds the heat by
-// friction of all histories.
+// history with the same steps of backward Euler puts more heat into the layer, so heat() bounds the friction heat of all
+// such histories; for other integrators see share_of_first_step().
 class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);

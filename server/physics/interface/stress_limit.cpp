@@ -84,7 +84,8 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
-  // If slip is at least c/2, this stress would melt the interface; with fast slip it is far below `hi`.
+  // `melting` is the stress that melts the interface if at least half of the frictionless slip c remains. If half of it
+  // does remain, `melting` is an upper bound of the root; with fast slip it is far below `hi`.
   const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
   double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;

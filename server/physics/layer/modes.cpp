@@ -128,9 +128,9 @@ bool HeatKernel::far_face_unfelt(double t) const {
   return thickness * thickness > kUnfelt * diffusivity * t;
 }
 
-// A slab is summed by its lines, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)), rate_m = alpha (m pi / h)^2. Few lines
-// are needed, because at short times, at which there would be many, far_face_unfelt() holds. The sums of 1/rate and
-// 1/rate^2 over all lines are h^2 / 6 alpha and h^4 / 90 alpha^2.
+// The kernel of a slab is the sum over its spectrum, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)) with the rates
+// rate_m = alpha (m pi / h)^2. Few terms are needed: short times, which would need many terms, are left to the formula of
+// the half-space (far_face_unfelt()). The sums of 1/rate and 1/rate^2 over all terms are h^2 / 6 alpha, h^4 / 90 alpha^2.
 double HeatKernel::at(double t) const {
   if (far_face_unfelt(t)) return half_space / std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);

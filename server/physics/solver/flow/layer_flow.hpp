@@ -54,7 +54,8 @@ void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, 
 // is null; `strain_new` may be the array of the old strain.
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
 
-// The same sums as flow_under(); replaces the thresholds by the new strain.
+// The same sums as flow_under(). Overwrites the array of thresholds with the new plastic strain of all vertices; the
+// vertices from `num_rows` on keep their old strain.
 void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain, FlowSum& sum);
 
 }  // namespace shearbus::physics

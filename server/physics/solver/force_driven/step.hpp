@@ -11,7 +11,8 @@
 
 namespace shearbus::physics {
 
-// One backward Euler step of the active lanes; the rest of `trial` is left for the caller.
+// Steps the active lanes by backward Euler, or by the exact decay of the modes. A step with several answers is divided
+// into substeps. The rest of `trial` is left to the caller.
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 
