@@ -371,7 +371,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   std::vector<std::uint8_t> unasked(
       reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes, if the reply does not hold them
   if (!unasked.empty())
-    columns.outputs.emplace_back(shard::AnswerColumn{&physics::TileOutputs::outcome, std::span(unasked)});
+    columns.outputs.emplace_back(
+        shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(unasked)});
   const std::span<const std::uint8_t> outcomes =
       unasked.empty() ? reply->batch.u8(Field::kOutcome) : std::span(unasked);
   std::uint64_t solver_started_ns = 0;
