@@ -126,7 +126,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
-    // Placeholders for the nodes skipped below: at pressure 0 nothing depends on the masses.
+    // Any positive mass will do for the nodes skipped below: at pressure 0 nothing depends on the masses.
     inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
