@@ -329,9 +329,8 @@ using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
 std::optional<Refusal> most_cells(std::string key, int most, int found) {
   if (found <= most) return {};
-  std::string text =
-      text_of(key, " works with at most ", most, " cells, found ", found, ": grade them (layer.grading)");
-  return Refusal{std::move(key), std::move(text)};
+  std::string text = text_of(key, " works with at most ", most, " cells, found ", found);
+  return Refusal{std::move(key), std::move(text), "Take fewer cells that grow with the depth (layer.grading)."};
 }
 
 constexpr std::array<Limit, 7> kLimits = {
@@ -347,34 +346,37 @@ constexpr std::array<Limit, 7> kLimits = {
       if (!o.modes || !(o.modes->longest_time < o.modes->shortest_step)) return {};
       return Refusal{"layer.modes.longest_time_s",
                      text_of("layer.modes.longest_time_s = ", o.modes->longest_time,
-                             " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s")};
+                             " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s"),
+                     "Give a longest_time_s of at least shortest_step_s."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (o.hard.melting_curve == MeltingCurve::kConstant) return {};
       return Refusal{"hard.melting_curve",
-                     "hard.melting_curve changes the strength of a body, and only that of the soft "
-                     "body is computed: give it to [soft]"};
+                     "hard.melting_curve changes the strength of a body, and only that of the soft body is computed",
+                     "Give it to [soft]."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (o.hard.pressure_term == PressureTerm::kLinear) return {};
       return Refusal{"hard.pressure_term",
-                     "hard.pressure_term changes the strength of a body, and only that of the soft "
-                     "body is computed: give it to [soft]"};
+                     "hard.pressure_term changes the strength of a body, and only that of the soft body is computed",
+                     "Give it to [soft]."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       const std::string_view missing = constant_missing_for_options(o.soft);
       if (missing.empty()) return {};
       const std::string key = "soft." + std::string(missing);
-      return Refusal{key, key +
-                              " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
-                              "compression at a pressure: give it, or leave both options at their defaults"};
+      return Refusal{key,
+                     key +
+                         " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                         "compression at a pressure",
+                     "Give it, or leave both options at their defaults."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       const LawFault fault = FrictionLaws::with(
           o.interface.friction_law, [&](auto own) { return decltype(own)::type::fault_of(o.interface, o.soft); });
       if (fault.field.empty()) return {};
       const std::string key = "interface." + std::string(fault.field);
-      return Refusal{key, key + ": " + std::string(fault.text)};
+      return Refusal{key, key + ": " + std::string(fault.text), "Give a value within these bounds."};
     },
 };
 
@@ -449,8 +451,10 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
                               std::span<const Exclusion> exclusions) {
   std::vector<Refusal> found;
   const auto refuse = [&](const Part& named, const Part& other, std::string_view reason) {
-    found.push_back({std::string(named.key), setting_of(named, options) + " does not go with " +
-                                                 setting_of(other, options) + ": " + std::string(reason)});
+    found.push_back(
+        {std::string(named.key),
+         setting_of(named, options) + " does not go with " + setting_of(other, options) + ": " + std::string(reason),
+         "Leave out one of the two."});
   };
   std::vector<const Part*> on;
   for (const Part& part : parts)

@@ -96,8 +96,9 @@ std::span<const Exclusion> exclusions();
 
 // Why a model cannot be made.
 struct Refusal {
-  std::string key;   // key of a scene, for example "layer.inertia"
-  std::string text;  // one sentence that begins with the key
+  std::string key;     // key of a scene, for example "layer.inertia"
+  std::string text;    // one sentence that begins with the key
+  std::string remedy;  // one sentence: what to change
 };
 
 // All reasons why a model with these options cannot be made; empty: it can.
