@@ -10,7 +10,7 @@
 namespace shearbus::server {
 
 struct CapsuleReplay {
-  struct Part {  // a named part of the node's state before the step
+  struct Part {  // a part of the node's state before the step
     std::string name, units;
     std::size_t values = 0;
     std::size_t not_finite = 0;

@@ -59,7 +59,7 @@ inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // larg
 // Footer of every checkpoint, after the HDF5 image.
 struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
-  std::uint64_t generation = 0;              // generation, as in the file name
+  std::uint64_t generation = 0;              // number of the checkpoint, as in its file name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
   std::uint32_t version = kCheckpointVersion;
   std::uint32_t reserved = 0;

@@ -98,7 +98,7 @@ TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
     double sum = ierfc(0.0);
     for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
     EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
-    // The derivatives of the integrals: d(integral) = K(t) dt, d(moment) = t K(t) dt.
+    // The derivatives of the two integrals over time must be K(t) for `integral` and t K(t) for `moment`.
     const double e = 1e-4 * t;
     EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
     EXPECT_NEAR((slab.moment(t + e) - slab.moment(t - e)) / (2 * e * t * slab.at(t)), 1.0, 1e-7) << t;

@@ -15,7 +15,7 @@ namespace shearbus::physics {
 class Bingham {
  public:
   static constexpr std::string_view kName = "bingham", kEquation = "Bingham 1922", kAdds = "viscosity", kWhen = "tests";
-  // A [Pa] and eta [Pa s]
+  // the yield stress A [Pa] and the viscosity eta [Pa s]
   static constexpr std::array kConstants = {&Material::yield_strength, &Material::hardening_modulus};
   static constexpr bool kDependsOnRate = true;
   static constexpr bool kSeparable = false;

@@ -45,7 +45,7 @@ struct StudyCase {
   double end;       // duration of the run  [s]
   std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
   Reference (*reference)(const StudyCase&);
-  double velocity_jump = 100.0;  // [m/s]
+  double velocity_jump = 100.0;  // initial or imposed jump  [m/s]
   double pressure = 11.2e9;      // [Pa]
   double mass = 1.0;             // mass of each side  [kg/m2]
   bool coupled = false;          // the inputs of a step depend on the answers before

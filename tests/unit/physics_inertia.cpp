@@ -29,7 +29,7 @@ TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   for (int n = 1; n * dt < 2.9 * cross; ++n) {
     rig.step(dt);
     const double t = n * dt;
-    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of the final stress
+    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of the stress behind the wave
     if (t < 0.85 * cross) {
       ASSERT_LT(std::abs(rig.stress()), 1e-3 * Z * kElastic) << t;
     }

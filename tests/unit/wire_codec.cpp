@@ -122,10 +122,10 @@ TEST(Codec, WhatIsNoMessageIsMalformed) {
   EXPECT_EQ(code_of("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), Code::kMalformed);
   EXPECT_EQ(code_of("hello"), Code::kMalformed);
   EXPECT_EQ(code_of(std::string(100, '\0')), Code::kMalformed);
-  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // no magic number
+  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // without the magic number
   EXPECT_THAT(refusal<Request>(header_only(fixed32(1, 0x31425354) + field(2, 1))).text,
               HasSubstr("magic 0x31425354, expected 0x31425353"));
-  EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // no body
+  EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // a header without a body
   EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic number as varint, not as fixed32
   EXPECT_EQ(code_of(envelope() + field(kCommitField, std::string()) + varint(50 << 3 | 3)),
             Code::kMalformed);  // start of a group (wire type 3)

@@ -29,8 +29,8 @@ struct Junctions {
 
   // Strength f Y_a / (g sqrt(3)) after a step with the slip velocity `slip`, and its derivative by `slip`.
   struct Value {
-    double strength;  // [Pa]
-    double slope;     // [Pa s/m]
+    double strength;  // strength  [Pa]
+    double slope;     // derivative of the strength by the slip velocity  [Pa s/m]
   };
   Value at(double slip) const {
     const Material& m = options->metal;

@@ -23,10 +23,10 @@ struct StressLimit {
   double pressure = 0.0;  // normal pressure P  [Pa]
   const Material* soft = nullptr;
   Junctions junctions = {};                   // junctions with their state at the node
-  double offset = 0.0;                        // added to the limit                              [Pa]
+  double offset = 0.0;                        // stress added to the limit                       [Pa]
   SearchEffort* effort = nullptr;             // counts evaluations; null: nothing is counted
-  const InterfaceOptions* varying = nullptr;  // a friction law that is not constant, in place of `coulomb`
-  double share = 1.0;                         // factor on the friction of `varying`
+  const InterfaceOptions* varying = nullptr;  // friction law that is not constant; if set, `coulomb` is not used
+  double share = 1.0;                         // factor on the friction of the law in `varying`
 
   struct Value {
     double stress;            // the limit  [Pa]
@@ -66,7 +66,8 @@ struct StressLimit {
     other.varying = nullptr;
     return other;
   }
-  // The limit in a stage of a second-order step: both branches times `factor`, plus `shift`. Not for junctions.
+  // The limit in a stage of a second-order step: both branches (friction and yield) times `factor`, plus `shift`. Not
+  // for junctions.
   StressLimit scaled(double factor, double shift) const {
     StressLimit other = *this;
     other.coulomb *= factor;
@@ -106,7 +107,7 @@ inline StressLimit interface_strength(const InterfaceOptions& options, const Mat
 // Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
 struct FrictionHeating {
   double T_ad;  // interface temperature after a step without friction   [K]
-  double rise;  // beta_T B0                                             [K m2/W]
+  double rise;  // temperature rise per friction power, beta_T B0         [K m2/W]
   double c;     // slip without friction                                 [m/s]
   double b;     // slip lost per stress; 0: imposed slip                 [m/(s Pa)]
 
@@ -117,8 +118,8 @@ struct FrictionHeating {
 // H(a) = s_lim(T0(a), v(a)) - a: positive if the interface can carry more than a  [Pa].
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
-// The zero of H in [0, a_max], where H has at most one; a_max if H has none, because the interface then carries a_max
-// [Pa]. The search starts at `guess`. Returns NaN if it fails.
+// Finds the zero of H in [0, a_max], where H has at most one. Without a zero the result is a_max, because the interface
+// then carries a_max  [Pa]. The search starts at `guess`. Returns NaN if it fails.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
 // The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt; `a` if the

@@ -57,7 +57,7 @@ struct ThermalSoftening {
   }
 
  private:
-  static constexpr double kLeastShare = 1e-300;  // below it T* counts as 0: `power` takes normal numbers only
+  static constexpr double kLeastShare = 1e-300;  // a smaller T* counts as 0: `power` takes normal numbers only
 };
 
 }  // namespace shearbus::physics

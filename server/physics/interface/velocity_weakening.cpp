@@ -11,7 +11,7 @@ namespace {
 constexpr int kMaxIterations = 200;  // largest number of iterations; bisection alone needs about 60
 constexpr double kArrived = 1e-15;   // longest last step, relative to the upper end of the bracket
 
-// The balance h(a) = mu(c - b a) P - a of a step, by the stress a.
+// The balance h(a) = mu(c - b a) P - a of a step, as a function of the stress a.
 struct Balance {
   const VelocityWeakening& law;
   double pressure, c, b;

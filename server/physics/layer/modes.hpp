@@ -47,12 +47,12 @@ struct HeatModes {
   std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured relative error of K
 
-  // Rows of a tile: the start temperature, each mode's share of T0, T0 itself.
+  // Rows of a tile: the start temperature, then each mode's share of T0, then T0 itself.
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
 };
 
-// A step of length dt. The response to the flux of the step itself uses the exact K, because no sum of exponentials
-// approximates K down to t = 0.
+// The operator of a step of length dt. The response to the flux of the step itself uses the exact kernel K, because no
+// sum of exponentials approximates K down to t = 0.
 //   constant flux:             T0 = T_start + sum of decay u + B0 q, u: share of T0 of each mode before the step
 //   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
 struct ModeOperator {

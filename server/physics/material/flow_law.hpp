@@ -22,7 +22,7 @@ namespace shearbus::physics {
 inline constexpr double kSqrt3 = 1.7320508075688772;
 inline constexpr double kMeltingFactor = 0.001;  // the factor in exp(-0.001 T/(T_melt - T)), DLP (15)
 
-// g(P, T) and dg/dT.
+// The softening g(P, T) and its derivative dg/dT.
 struct Softening {
   double g = 0.0;
   double slope = 0.0;
@@ -37,11 +37,11 @@ struct SofteningExcess {
 // N vertices under the loads of their lanes, for the kernel of a law that is not separable.
 template <int N>
 struct LoadedVertices {
-  const double* load;          // load_of(a) of each lane
-  const double* bracket;       // bracket_at(m, P) of each lane
+  const double* load;          // stress of each lane, as load_of(a) gives it
+  const double* bracket;       // part of g that depends on P, bracket_at(m, P), of each lane
   const double* T_melt;        // melting temperature at P           [K]
   alignas(64) double T[N];     // temperature after the step         [K]
-  alignas(64) double rise[N];  // a dT/da: T less T without friction [K]
+  alignas(64) double rise[N];  // temperature rise by friction in the step, equal to a dT/da [K]
 };
 
 // A fault in the constants of a law together, each of which is valid alone. An empty field means no fault.
@@ -52,7 +52,7 @@ struct LawFault {
 
 inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
 inline constexpr double kNoLoad = -1e305;  // the load under which nothing yields, however hot
-// A larger excess is cut to this: the strain is then finite, and beyond that of any host.
+// A larger excess is cut to this value, so that the strain is finite; a host has no strain of that size.
 inline constexpr double kMaxExcess = 300.0;
 
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
@@ -67,7 +67,7 @@ struct FlowLawProperties {
   bool has_wave_return;      // solver/velocity_driven/waves (inertia) can return a stress to the law's flow stress
 };
 
-// The constexpr members that every law declares.
+// The constexpr members that every flow law declares.
 template <class Law>
 concept DeclaresFlowLawProperties = requires {
   typename std::bool_constant<Law::kDependsOnRate>;
@@ -90,14 +90,14 @@ constexpr FlowLawProperties properties_of_law() {
           .has_wave_return = Law::kHasWaveReturn};
 }
 
-// The law as point functions.
+// The functions of a flow law at one point of a layer.
 template <class Law>
 concept FlowLawFunctions = requires(const Material& m, double ep, double dep, double rate, double dt, double P,
                                     double T) {
-  { Law::kName } -> std::convertible_to<std::string_view>;                  // its name in scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;              // its source, for OPTIONS.md
-  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what it adds, for OPTIONS.md
-  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use it, for OPTIONS.md
+  { Law::kName } -> std::convertible_to<std::string_view>;                  // name of the law in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;              // source of the law, for OPTIONS.md
+  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what the law adds, for OPTIONS.md
+  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for OPTIONS.md
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT
@@ -113,7 +113,7 @@ template <class Law>
 concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
     requires(const Law law, const Material& m, double a, double P) {
   { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
-  { Law::unit_of_load(m) } -> std::same_as<double>;   // [Pa]; loads far below it (set_load()) are kNoLoad
+  { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]; far smaller loads are kNoLoad
   { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 

@@ -79,7 +79,7 @@ class JohnsonCook {
   static double ceiling(const Material&) { return std::numeric_limits<double>::infinity(); }
   static bool hardens(const Material&) { return true; }
 
-  // All stresses are in units of A.
+  // The stresses of the kernel are in units of the yield strength A.
   JohnsonCook(const Material& m, double dt)
       : yield_strength_(m.yield_strength),
         B_(m.hardening_modulus / m.yield_strength),
@@ -152,7 +152,7 @@ class JohnsonCook {
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
   static constexpr double kMostLogStrain = 230.0;
-  static constexpr double kNever = 1e3;  // ln of a strain beyond the largest; in place of ln(r0 dt) if C = 0
+  static constexpr double kNever = 1e3;  // replaces ln(r0 dt) if C = 0: no strain is so large, so the rate is ignored
   static constexpr double kLeastStrain = 1e-300;
   static constexpr int kMostIterations = 60;  // largest number of iterations; 2 to 5 are usual
   static constexpr double kConverged = 1e-5;  // longest last step in ln(dep): the next one is below rounding
@@ -178,10 +178,10 @@ class JohnsonCook {
   // The roots of a packet of vertices.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];     // sqrt(3) a / (A g)
-    alignas(64) double x[N];          // ln(dep) of the search
+    alignas(64) double target[N];     // strength that carries the load, in units of A: sqrt(3) a / (A g)
+    alignas(64) double x[N];          // ln(dep), the unknown of the search
     alignas(64) double dep[N];        // the root dep
-    alignas(64) double log_slope[N];  // d ln(u w) / d(dep) at the root
+    alignas(64) double log_slope[N];  // derivative of ln(H) by dep at the root
     alignas(64) double moves[N];      // 1 where the search goes on, else 0
     alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
   };

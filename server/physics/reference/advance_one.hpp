@@ -1,6 +1,6 @@
-// The reference twin of the solvers: the step of one node, scalar, slow and obvious, against which the fast solvers are
-// tested. It shares only the grid and the softening of the materials with the fast solvers; the laws are written here
-// as their papers print them. The heat equation is solved by Eigen's sparse LU, every root by bisection.
+// The reference twin of the solvers: a scalar solver of the step of one node, slow and obvious, against which the fast
+// solvers are tested. It shares only the grid and the softening of the materials with the fast solvers; the laws are
+// written here as their papers print them. The heat equation is solved by Eigen's sparse LU, every root by bisection.
 #pragma once
 
 #include <vector>
@@ -32,7 +32,7 @@ struct NodeInputs {
   double mass_soft = 1.0;
   double mass_hard = 1.0;
   double soft_plastic_strain_rate = 0.0;
-  bool backward_euler = false;  // first order in spite of the options, because the fast solver fell back to it
+  bool backward_euler = false;  // backward Euler in spite of the options, because the fast solver fell back to it
 };
 
 struct NodeOutputs {
@@ -43,7 +43,7 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // error estimate of a step with a tolerance
-  bool first_order = false;     // the options ask for SDIRK2, and the step left its domain
+  bool first_order = false;     // the options ask for SDIRK2, but the step left the range of SDIRK2
   int answers = 1;  // number of stresses that satisfy the step (force-driven; found on a fine scan); with a plastic
                     // layer only the answers between which its rule does not choose
 };

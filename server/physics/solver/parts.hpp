@@ -64,8 +64,8 @@ class Properties {
   std::uint64_t bits_ = 0;
 };
 
-// The row of one property. Where it is a property of laws, `value` is empty, because a scene writes the law's name
-// there, and so are the texts, which the law has.
+// The row of one property. For a property of laws `value` is empty, because a scene gives the name of the law there,
+// and the texts are empty, because the law declares them.
 struct Part {
   Property property{};
   std::string_view key{};    // key of a scene, for example "layer.inertia"
@@ -103,7 +103,7 @@ struct Refusal {
 
 // All reasons why a model with these options cannot be made; empty: it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
-// The same under other rows and exclusions, for tests.
+// Returns the same reasons under other rows and exclusions, for tests.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 

@@ -69,9 +69,9 @@ class TileLayout : public StateList {
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
-  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // number of steps at rest; live modes, 0: awake
-  // Where the layer can flow, while the node sleeps: the temperature of the hottest vertex, and the plastic strain of
-  // the least strained vertex.
+  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; live modes (0: awake)
+  // For a sleeping node whose layer can flow: the temperature of the hottest vertex, and the plastic strain of the
+  // least strained vertex.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
   std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
 

@@ -43,7 +43,7 @@ class StepOperators {
 
   const HeatOperator& heat() const { return *heat_; }
   const ModeOperator& modes() const { return *modes_; }
-  // Operators of dt / 2^k. Thread-safe, without allocation.
+  // The heat operator of a step of length dt / 2^k. Thread-safe, without allocation.
   const HeatOperator& heat_halved(int k) const {
     Shorter<HeatOperator>& shorter = shorter_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.factorise(*bodies_.grid, *bodies_.soft, *bodies_.hard); });
@@ -54,7 +54,7 @@ class StepOperators {
     std::call_once(shorter.made, [&] { shorter.heat.fill(*all_modes_); });
     return shorter.heat;
   }
-  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one list is empty
+  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one is empty
 
   // For a tolerance: the StepOperators of dt/2, dt/4, ... Each is made when a step first needs it; thread-safe.
   using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;

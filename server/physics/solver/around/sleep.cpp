@@ -227,7 +227,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     resting |= 1u << l;
   }
 
-  // 3. Solve the others.
+  // 3. Solve the lanes that are awake.
   const std::uint32_t solved = inputs.active & ~resting;
   if (solved != 0) {
     TileInputs others = inputs;

@@ -12,7 +12,7 @@
 
 namespace shearbus::physics {
 
-// Number of steps at rest before a node sleeps. To solve as many costs about as much as the transformation of the
+// Number of steps at rest before a node sleeps. Solving that many steps costs about as much as transforming the
 // temperatures to amplitudes and back.
 int steps_before_sleep(int num_heat_vertices);
 

@@ -19,7 +19,7 @@ Vector operator*(double a, const Vector& b) {
 double dot(const Vector& a, const Vector& b) {
   return a.first * b.first + a.second * b.second;
 }
-// Exact along an axis, and without overflow.
+// The length of a vector: exact for a vector along an axis, and without overflow.
 double length(const Vector& a) {
   const double largest = std::max(std::abs(a.first), std::abs(a.second));
   if (largest == 0.0) return 0.0;

@@ -10,8 +10,8 @@ namespace shearbus::physics {
 
 // T = T_ad + q B at the vertices that can be the hottest: z = 0 alone if all heat enters there and none leaves there.
 struct Heated {
-  const double* T_ad = nullptr;  // [vertex][lane]; points to the lane's value at z = 0  [K]
-  const double* B = nullptr;     // [vertex], or [vertex][lane] from the lane's value at z = 0  [K m2/W]
+  const double* T_ad = nullptr;  // T without the heat of the step, [vertex][lane] from the lane's z = 0  [K]
+  const double* B = nullptr;     // response B, [vertex], or [vertex][lane] from the lane's z = 0  [K m2/W]
   std::ptrdiff_t stride = 1;     // distance in B from one vertex to the next
   int candidates = 1;            // number of vertices, from z = 0, that can be the hottest
 

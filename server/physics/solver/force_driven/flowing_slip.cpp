@@ -10,7 +10,7 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kAtCeiling = 1e-11;  // relative excess over the ceiling up to which a stress counts as at it
+constexpr double kAtCeiling = 1e-11;  // relative distance from the ceiling up to which a stress counts as equal to it
 constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search, in ulps
 constexpr double kBeyond = 1e-10;     // relative margin of a bound that is not itself an answer
 

@@ -53,7 +53,7 @@ class InterfaceStep {
     return step;
   }
 
-  double junction_strain;  // before the step; from() updates it
+  double junction_strain;  // strain of the junctions before the step; from() updates it
 
  private:
   const Problem& problem_;

@@ -11,7 +11,7 @@ namespace shearbus::physics {
 // Forces of the host on one lane.
 struct Forcing {
   double acceleration;         // of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
-  double mobility;             // acceleration of the jump lost per interface stress: 1/m_soft + 1/m_hard  [m2/kg]
+  double mobility;             // loss of that acceleration per stress of the interface: 1/m_soft + 1/m_hard  [m2/kg]
   double plastic_drive = 0.0;  // sqrt(3) h Ep_dot of the host's soft zone, DLP (64)              [m/s]
 };
 
@@ -29,7 +29,7 @@ struct TrialSlip {
   double jump_free;     // jump after the step without friction, signed               [m/s]
   double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
   double direction;     // the trial direction, +1 or -1
-  double jump_old;      // along the direction                                        [m/s]
+  double jump_old;      // jump before the step, along the direction                   [m/s]
   double drive;         // plastic_drive, along the direction                         [m/s]
   double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 

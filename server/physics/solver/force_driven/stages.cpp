@@ -36,7 +36,7 @@ struct StagedLane {
   StressLimit limit;
   Forcing forcing;
   double direction;  // sign of the jump; without a jump, of the acceleration
-  double jump_old;   // along the direction  [m/s]
+  double jump_old;   // jump before the step, along the direction  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean stress of the step  [Pa]

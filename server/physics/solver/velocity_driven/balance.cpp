@@ -91,8 +91,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = rubbing;
     state.bound = Bound::kCoulomb;
   }
-  // Two more upper ends, which are bounds but not answers: above the first the hottest vertex alone would flow by more
-  // than the whole slip; above the second a vertex would be molten.
+  // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
+  // flow by more than the whole slip; above the second a vertex would be molten.
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
   const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
@@ -119,7 +119,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
 void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
   const double flow = compliance * slip;
   const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
-  // 1. Bracket.
+  // 1. Narrow the bracket.
   if (flow < left) {
     if (lane.a == lane.hi && !lane.hi_seen) {
       lane.at_bound = true;
@@ -188,14 +188,14 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // Vertices that do not yield under more stress than every lane's answer are left out from here on.
+    // Every lane was evaluated above its answer: vertices that did not yield there are left out from here on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
 }
 
-// Newton's last step is accepted without an evaluation. If a vertex begins to flow within that step the flow may be far
-// off, however small the step: such lanes continue. Returns whether there are any.
+// The result of Newton's last step is not evaluated. If a vertex begins to flow within that step, the balance may be
+// far from closed, however small the step. The search of such lanes is resumed; returns whether there are any.
 bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
   bool any = false;
   for (int l = 0; l < kLanes; ++l) {

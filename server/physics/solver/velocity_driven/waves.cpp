@@ -226,7 +226,8 @@ class Waves {
     const double rise = per_stress * step_.response[0];
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
-    // The yield stress if the stress is a, its logarithmic slope d log(stress) / da and its slope d stress / d|t|.
+    // The yield stress at the heat of a stress a, its logarithmic slope d log(stress) / da and its slope d stress /
+    // d|t|.
     struct Carried {
       double stress, log_slope, flow_slope;
     };
@@ -279,7 +280,7 @@ class Waves {
   // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {
     ++answer_.iterations;
-    double stiffness = 0.0;  // ds/d(dv) of the vertex behind cell c
+    double stiffness = 0.0;  // slope ds/d(dv) of the stress behind cell c over the velocity difference
     double excess = 0.0;     // pivot of row c without the term of the vertex before cell c
     double heat = 0.0;       // coupling to dv[0] carried over from the rows behind
     double pushed = 0.0;     // residual carried over from the rows behind
@@ -314,7 +315,7 @@ class Waves {
     double largest = 0.0;
     for (int c = 0; c < num_cells_; ++c) {
       const double size = std::abs(direction_[c]);
-      largest = size <= largest ? largest : size;  // a NaN is the largest
+      largest = size <= largest ? largest : size;  // a NaN counts as the largest
     }
     return largest;
   }
@@ -388,7 +389,7 @@ class Waves {
     double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
     descend(0.0, kGuardedSteps, true);
-    const auto made = [&] { return share * fields_.stress[0]; };  // q of the stress at z = 0
+    const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
