@@ -22,7 +22,7 @@ inline constexpr int kFewestForThreads = 4000;
 // Sums over a mesh are per metre of depth (kPlane) or per radian about the axis x = r = 0 (kAxisymmetric).
 enum class Symmetry { kPlane, kAxisymmetric };
 
-enum class Side { kBottom, kRight, kTop, kLeft };  // j = 0, i = nx, j = ny, i = 0
+enum class Side { kBottom, kRight, kTop, kLeft };  // at j = 0, i = nx, j = ny and i = 0
 
 struct Block {
   int nx = 0;

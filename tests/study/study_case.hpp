@@ -15,7 +15,7 @@ namespace shearbus::study {
 struct Answer {
   std::vector<double> time;         // times of the samples  [s]
   std::vector<double> temperature;  // T0 at these times  [K]
-  double impulse = 0.0;             // sum of |s| dt  [Pa s]
+  double impulse = 0.0;             // sum of |s| dt over the steps  [Pa s]
   double work = 0.0;                // friction work  [J/m2]
 };
 

@@ -168,7 +168,7 @@ TEST(Codec, VerbOfALaterVersionIsUnsupported) {
 TEST(Codec, IdentityIsLeftForTheAnswer) {
   Request request = samples::request("downscale");
   std::string header = encode_header(request);
-  header.back() = static_cast<char>(header.back() ^ 0x40);  // one bit in the body
+  header.back() = static_cast<char>(header.back() ^ 0x40);  // flips one bit in the body
   header += field(200, 1);
   Request found;
   EXPECT_THROW(decode(header_only(header).views(), found), Error);

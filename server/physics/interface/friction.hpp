@@ -32,8 +32,8 @@ struct InterfaceOptions {
 // The friction coefficient mu and its derivatives.
 struct FrictionValue {
   double coefficient;
-  double slope;       // d mu / d T0      [1/K]
-  double slip_slope;  // d mu / d |[v]|   [s/m]
+  double slope;       // derivative of mu by T0         [1/K]
+  double slip_slope;  // derivative of mu by the slip velocity |[v]|   [s/m]
 };
 
 // Friction of one step under a law that depends on slip, not on temperature. The slip under the stress a is c - b a

@@ -100,10 +100,10 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for OPTIONS.md
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
-  { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT
+  { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
   { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // H; separable laws ignore P and T
-  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // dH/d(dep) at ep + dep and dep/dt
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // hardening slope dH/d(dep) at ep + dep
   { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };

@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 
 enum class MeltingCurve { kConstant, kLindemann };  // T_melt is constant, or rises with P
-enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
+enum class PressureTerm { kLinear, kCompressed };   // pressure term of g(P, T): gP P, or gP P / eta^(1/3)
 
 enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
 

@@ -42,7 +42,7 @@ struct TileInputs {
 struct TileOutputs {
   alignas(64) double shear_stress[kLanes];              // shear stress s                   [Pa]
   alignas(64) double sliding_velocity[kLanes];          // sliding velocity [v]             [m/s]
-  alignas(64) double interface_temperature[kLanes];     // T0                               [K]
+  alignas(64) double interface_temperature[kLanes];     // interface temperature T0                   [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];             // heat that entered the conducting bodies in the step   [J/m2]
   alignas(64) double error_estimate[kLanes];            // error of T0, relative as a tolerance; only with one  [1]

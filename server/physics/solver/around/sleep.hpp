@@ -21,7 +21,7 @@ inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
   return layout.resting != TileLayout::kAbsent && tile[layout.resting + kLanes + lane] != 0.0;
 }
 
-// T0 of a lane, asleep or not  [K].
+// Interface temperature T0 of a lane, asleep or not  [K].
 double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
 
 // Growth of the heat in the bodies over a step, also of lanes that are asleep before or after it  [J/m2].

@@ -8,7 +8,8 @@
 
 namespace shearbus::physics {
 
-// T = T_ad + q B at the vertices that can be the hottest: z = 0 alone if all heat enters there and none leaves there.
+// The temperatures T = T_ad + q B of the vertices that can be the hottest: z = 0 alone if all heat enters there and
+// none leaves there.
 struct Heated {
   const double* T_ad = nullptr;  // T without the heat of the step, [vertex][lane] from the lane's z = 0  [K]
   const double* B = nullptr;     // response B, [vertex], or [vertex][lane] from the lane's z = 0  [K m2/W]

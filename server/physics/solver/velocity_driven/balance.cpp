@@ -31,7 +31,7 @@ enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 //   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
 struct Lane {
   double direction = 1.0;         // of the trial stress
-  double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
+  double a_trial = 0.0;           // magnitude of the elastic trial stress, |s_old + G0 dt w / h|  [Pa]
   double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
   double a = 0.0;                 // iterate, then answer                                       [Pa]

@@ -37,7 +37,7 @@ constexpr int kGuardedSteps = 400;      // largest number of Newton steps with l
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
-  double ceiling;   // Y_max / sqrt(3)                                       [Pa]
+  double ceiling;   // largest strength in shear, Y_max / sqrt(3)             [Pa]
   double bracket;   // bracket of g at 0 K: 1 + gP P + 300 hT
   double hT;        // temperature coefficient of g     [1/K]
   double T_melt;    // melting temperature at P         [K]
@@ -203,7 +203,7 @@ class Waves {
     set_trial_stress();
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
-    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // q / s[0]  [m/s]
+    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
     const InterfaceReturn found = return_at_interface(per_stress);
     evaluate_at(per_stress * found.stress);
     held_ = found.held;
