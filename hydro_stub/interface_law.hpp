@@ -52,7 +52,7 @@ struct InterfaceAnswer {
         regime(nodes) {}
 
   std::vector<double> shear_stress;           // stress s that acts during the step  [Pa]
-  std::vector<double> velocity_jump_new;      // [V] at n+1/2, from DLP (61) with this s  [m/s]
+  std::vector<double> velocity_jump_new;      // velocity jump [V] at n+1/2 under this stress, DLP (61)  [m/s]
   std::vector<double> sliding_velocity;       // slip [v] at the interface  [m/s]
   std::vector<double> interface_temperature;  // temperature T0 of the interface at n+1/2  [K]
   std::vector<double> friction_heat;          // heat that entered the soft body in the step  [J/m2]

@@ -27,8 +27,8 @@ struct ContactOptions {
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
   // Shares of the gap that are corrected in one step, so that curved surfaces which slide along each other stay
   // together (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
-  double push_out = 0.2;  // for bodies that overlap
-  double approach = 0.5;  // for bodies that would touch within the step
+  double push_out = 0.2;  // share for bodies that overlap
+  double approach = 0.5;  // share for bodies that would touch within the step
 };
 
 class Contact {

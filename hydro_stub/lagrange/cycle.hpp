@@ -33,7 +33,7 @@ struct Bodies {
       : mesh(std::move(blocks)), velocity(mesh.num_nodes()), density(mesh.num_zones()), energy(mesh.num_zones()) {}
 
   Mesh mesh;
-  std::vector<BodyMaterial> materials;  // one per block
+  std::vector<BodyMaterial> materials;  // material of each block
   std::vector<Vec2> velocity;           // velocity of each node  [m/s]
   std::vector<double> density;          // density of each zone  [kg/m3]
   std::vector<double> energy;           // specific internal energy of each zone  [J/kg]

@@ -50,9 +50,9 @@ struct RouterOptions {
 struct RouterCounters {
   std::uint64_t received = 0;
   std::uint64_t sent = 0;
-  std::uint64_t peer_gone = 0;     // answers to a peer that had disconnected
-  std::uint64_t peer_full = 0;     // answers to a peer that does not read
-  std::uint64_t without_user = 0;  // messages dropped because their peer was never admitted
+  std::uint64_t peer_gone = 0;     // number of answers to a peer that had disconnected
+  std::uint64_t peer_full = 0;     // number of answers to a peer that does not read
+  std::uint64_t without_user = 0;  // number of messages dropped because their peer was never admitted
 };
 
 class Router {

@@ -375,7 +375,7 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       }
       if (samples::frames_of(found).frames == whole.frames) ++unseen;
     }
-    EXPECT_LE(unseen, 2 * 6U) << name;  // no sample has more than two bools, each with 6 such bits
+    EXPECT_LE(unseen, 2 * 6U) << name;  // a sample has at most two bools; 6 flips of a bool change nothing
   }
 }
 

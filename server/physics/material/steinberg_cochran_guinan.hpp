@@ -59,7 +59,7 @@ class SteinbergCochranGuinan {
     const double farthest = m.melting_temperature - coldest;
     if (farthest <= 0.0) return 0.0;
     const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
+    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
     const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kReference);
     if (bracket <= 0.0) return 0.0;
     return m.temperature_coefficient + bracket * melting * c / (x * x);

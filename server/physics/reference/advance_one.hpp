@@ -14,7 +14,7 @@ struct NodeState {
   std::vector<double> hard_temperature;  // temperature in a conducting hard body, outermost first; without a
                                          // temperature profile, the rows of HeatModes before T0      [K]
   std::vector<double> plastic_strain;    // plastic strain at each layer vertex
-  std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
+  std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all work heats z = 0
   std::vector<double> stress_field;      // with inertia: stress at each layer vertex                        [Pa]
   std::vector<double> layer_velocity;    // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
   double shear_stress = 0.0;             // [Pa]

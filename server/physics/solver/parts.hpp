@@ -69,11 +69,11 @@ class Properties {
 struct Part {
   Property property{};
   std::string_view key{};    // key of a scene, for example "layer.inertia"
-  std::string_view value{};  // its value that switches the property on, as a scene writes it: "true"
+  std::string_view value{};  // value of the key that switches the property on, as a scene writes it: "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
   // Switches the part on, with typical values where it needs some, or off. Null: a choice that cannot be switched off.
   void (*set)(ModelOptions&, bool on) = nullptr;
-  Properties goes_with{};       // properties of earlier rows with which it may be on together
+  Properties goes_with{};       // properties of earlier rows with which this property may be on together
   std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
   // Texts of the row on the options page; empty where that page has no row.
   std::string_view equation{};

@@ -48,9 +48,9 @@ class TileLayout : public StateList {
   // `modes`: null with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;    // vertices of the hard body without that at z = 0; 0 if it does not conduct
+  std::size_t num_hard_vertices;    // vertices of the hard body except z = 0; 0 if the hard body does not conduct
   std::size_t num_heat_modes;       // rows instead of a profile: start temperature, each mode's share of T0
-  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes: 1, T0
+  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes 1, that of T0
   std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
   std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
   std::size_t num_velocity_cells;   // cells of a layer with inertia

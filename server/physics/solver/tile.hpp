@@ -45,7 +45,7 @@ struct TileOutputs {
   alignas(64) double interface_temperature[kLanes];     // interface temperature T0                   [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
   alignas(64) double friction_heat[kLanes];             // heat that entered the conducting bodies in the step   [J/m2]
-  alignas(64) double error_estimate[kLanes];            // error of T0, relative as a tolerance; only with one  [1]
+  alignas(64) double error_estimate[kLanes];            // estimated error of T0, as a tolerance measures it         [1]
   alignas(64) double second_shear_stress[kLanes];       // second component of s  [Pa]
   alignas(64) double second_sliding_velocity[kLanes];   // second component of [v]  [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // second component of the new [V]  [m/s]

@@ -15,7 +15,7 @@ namespace {
 constexpr double kStepShare = 0.25;
 // A substep may use a share of the remaining error budget, the largest of three: (its length) / (remaining time) and
 // the following two.
-constexpr double kEarlyShare = 0.05;    // times its length / (time from step start to its end): steps start suddenly
+constexpr double kEarlyShare = 0.05;    // factor on length / (time from step start to its end): steps start suddenly
 constexpr double kRefinedShare = 0.25;  // after the substep was shortened: a later change may be sudden, too
 // The next substep may be twice as long where the error was below this fraction of the budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
@@ -24,7 +24,7 @@ constexpr double kJumpTime = 1e-6;    // time in which an error of the jump goes
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
 constexpr int kMostAttempts = 1024;   // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;    // rough number of substeps of that unchecked rest
+constexpr int kHurriedPieces = 64;    // approximate number of unchecked substeps after kMostAttempts
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -254,10 +254,10 @@ class ControlledStep {
   const double response_;   // B0 of the whole step
   double* const accepted_;  // state after the substeps accepted so far
   double* const half_;      // state after the first half of the next substep
-  double* const fine_;      // state after both halves
+  double* const fine_;      // state after both halves of the next substep
   Progress lanes_[kLanes];
   const int deepest_;
-  std::uint32_t open_;  // lanes that have not reached the end
+  std::uint32_t open_;  // lanes that have not reached the end of the step
   const bool forced_;
 };
 

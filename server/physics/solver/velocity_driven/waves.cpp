@@ -16,7 +16,7 @@ using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;        // longest last Newton step, relative to the unknowns; the next is rounding
-constexpr double kLocallyConverged = 1e-9;  // the same for the return to the yield stress at one vertex
+constexpr double kLocallyConverged = 1e-9;  // longest last step of the return to the yield stress at a vertex, relative
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
 // Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
@@ -48,7 +48,7 @@ struct ReturnRows {
   alignas(64) Row t;           // trial stress                                    [Pa]
   alignas(64) Row T;           // temperature                                     [K]
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
-  alignas(64) Row compliance;  // growth of x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
+  alignas(64) Row compliance;  // growth of the hardening term x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
   alignas(64) Row slope;       // slope of s over the trial stress t
   alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
 };
