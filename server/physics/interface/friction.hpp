@@ -42,8 +42,8 @@ struct FrictionValue {
 struct SlidingFriction {
   double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
   double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
-  // Where less slip strengthens friction, friction may exceed the stress a again above this stress; a sticking state
-  // may then coexist with the sliding state. Infinity: it never does.
+  // Above this stress, `exceeds_again`, friction exceeds the stress a again because less slip strengthens friction; a
+  // sticking state may then coexist with the sliding state. Infinity: this never happens.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
@@ -73,7 +73,7 @@ concept TemperatureDependentFriction =
   { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
 };
 
-// A law whose coefficient depends on slip solves a step by itself.
+// A law whose coefficient depends on slip solves the friction of a step itself.
 template <class Law>
 concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
   // The arguments are the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress a_stick.

@@ -59,7 +59,7 @@ struct StressLimit {
     return varying_friction_of_step(c, b, a_stick);
   }
 
-  // This limit with a constant friction stress.
+  // A copy of this limit with a constant friction stress.
   StressLimit with_friction(double stress) const {
     StressLimit other = *this;
     other.coulomb = stress;

@@ -5,10 +5,10 @@
 //
 // where g is the softening, which is 0 at T_melt and above and which the yield strength of the interface follows too,
 // and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
-// with T, and Y has a closed range of temperatures in which it is positive. Then every balance of the layer has one
-// root and a bracket. The kernels of a separable law, whose H does not depend on P and T, work on logarithms; a law
-// whose rate and temperature are coupled offers an inverse of its own. The concepts below list what a law must offer,
-// one requirement with its comment per line; the compiler names what a new law lacks.
+// with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket. The kernels of a
+// separable law, whose H does not depend on P and T, work on logarithms; a law whose rate and temperature are coupled
+// offers an inverse of its own. The concepts below list what a law must offer, one requirement with its comment per
+// line; the compiler names what a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -117,10 +117,10 @@ concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
   { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 
-// The kernel of a separable law. A vertex flows where
-//   excess = load_of(a) + softening_excess - log_strength
-// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. flow() calls take(lane, dep, slope) with
-// dep and slope = a d(dep)/da, in which heating by a enters through growth = a d(softening_excess)/da.
+// The kernel of a separable law. A vertex flows where excess = load_of(a) + softening_excess - log_strength is positive.
+// Its strain increment dep then solves H(ep + dep, dep/dt) g = sqrt(3) a, and flow() calls take(lane, dep, slope) with
+// slope = a d(dep)/da. Heating by the stress a enters this slope through growth = a d(softening_excess)/da.
+// flow() gets the excess, the growth and the old strain ep of each lane.
 template <class Law>
 concept SeparableFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],

@@ -56,7 +56,7 @@ class JohnsonCook {
     return {1.0 - lost, -m.thermal_exponent * lost / (share * range)};
   }
 
-  // |dg/dT| = m T*^(m-1) / (T_melt - T_ref) rises with T where m > 1 and falls where m < 1.
+  // The slope |dg/dT| = m T*^(m-1) / (T_melt - T_ref) rises with T where m > 1 and falls where m < 1.
   static double steepest_softening(const Material& m, double /*pressure*/, double coldest, double hottest) {
     const double range = m.melting_temperature - m.reference_temperature;
     const double from = m.thermal_exponent < 1.0 ? coldest : hottest;
@@ -210,7 +210,7 @@ class JohnsonCook {
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // The values after the step follow from those before it by series, without another evaluation.
+        // The values after a step of the search follow from those before it by series, without another evaluation.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;

@@ -8,8 +8,8 @@ namespace shearbus::physics {
 
 inline constexpr double kMeltingShare = 0.99;  // share of T_melt above which an interface that yields is called melting
 
-// eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The density of any state at that pressure
-// differs from it in the third order of the compression only.
+// The compression eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The compression of any other
+// state at that pressure differs from it only in the third order of the compression.
 double compression_at(const Material& m, double pressure);
 
 // The material at a pressure: its melting_curve and pressure_term are worked into the constants T_melt and gP.

@@ -27,8 +27,8 @@ constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which the short
 constexpr double kKernelShare = 0.1;   // error of the heat kernel that the modes represent, relative to the tolerance
 constexpr double kLongestTime = 1e-3;  // longest time that the modes represent  [s]; a half-space forgets older heat
 
-// Cells grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length of the short
-// time: every cell is then (g - 1) times as wide as its distance from z = -delta.
+// Makes cells that grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length
+// of the short time: every cell is then (g - 1) times as wide as its distance from z = -delta.
 GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
   const double growth =
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);

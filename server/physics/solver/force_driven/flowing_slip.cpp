@@ -73,8 +73,8 @@ bool FlowingSlip::rigid_holds(double slip) const {
   return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at(rigid_.flux) * (1.0 + kAtCeiling);
 }
 
-// The smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the resolution of
-// T0.
+// Finds the smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the
+// resolution of T0.
 template <class Predicate>
 double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) const {
   const double T_ad = T0(0.0);
@@ -133,7 +133,7 @@ void FlowingSlip::update(double slip) {
     }
     case Phase::kSlip: {
       if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
-      // Where the layer limits the stress the interface does not slip: the answer then has less slip.
+      // If the layer limits the stress, the interface does not slip: the answer then has less slip.
       const double q = search_.at();
       if (layer_holds(q)) {
         high_ = q;
@@ -203,9 +203,9 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat
-//    of the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where
-//    the limit equals the sticking stress.
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The slip
+//    that the flow leaves heats by less than q at the q of the rigid answer, because flow reduces the slip. It heats by
+//    more than q where the limit of the interface equals the sticking stress.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;

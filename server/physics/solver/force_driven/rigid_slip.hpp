@@ -20,7 +20,7 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
           1.0 / inputs.mass_soft[lane] + 1.0 / inputs.mass_hard[lane]};
 }
 
-// The jump without friction and its reduction by a stress, DLP (61). Magnitudes along the trial direction.
+// The velocity jump without friction and its reduction by a stress, DLP (61), in magnitudes along the trial direction.
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
 

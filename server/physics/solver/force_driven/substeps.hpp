@@ -1,6 +1,6 @@
 // The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
-// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each gives its own
-// substep.
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each supplies its own
+// function for a substep.
 #pragma once
 
 #include <cmath>

@@ -16,7 +16,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kConverged = 1e-10;  // longest last Newton step, relative to the stress: a further one is rounding
-// Largest residual before the last Newton step, relative to the trial stress; that step squares it.
+// Largest residual before the last Newton step, relative to the trial stress; the last step squares it.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;     // largest residual of an answer, relative to the stress that the flow relieves
 constexpr double kFarAbove = 100.0;    // ratio of the flow to the trial stress above which Newton works on logarithms
@@ -218,8 +218,9 @@ double heated_share(const Grid& grid, const double* shape) {
   return sum;
 }
 
-// Heat shape for the next step: the distribution of this step's slip. The Taylor-Quinney fraction of the work of the
-// layer's flow becomes heat, and all work of the interface's slip. One lane; a step without slip keeps the shape.
+// Computes the heat shape of one lane for the next step from the distribution of this step's slip. All work of the
+// interface's slip becomes heat, and the Taylor-Quinney fraction of the work of the layer's flow. A step without slip
+// keeps the shape.
 void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
                   double* shape) {
   const Grid& grid = problem.grid;
@@ -240,7 +241,7 @@ struct Answer {
   Regime regime;
 };
 
-// [v] and the regime from the solved balance.
+// Computes the sliding velocity [v] and the regime from the solved balance.
 Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
                  double interface_slip, double T_hottest, double jump, double drive, double dt) {
   const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
@@ -323,7 +324,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
-  // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens && loaded) {

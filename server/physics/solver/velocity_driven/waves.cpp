@@ -185,7 +185,7 @@ class Waves {
     }
   }
 
-  // Stresses and slopes at the iterate, T = T_ad + q B with a given q.
+  // Evaluates stresses and slopes at the iterate, with the temperatures T = T_ad + q B of a given heat flux q.
   void evaluate_at(double flux) {
     --evaluations_left_;
     answer_.flux = flux;
@@ -198,7 +198,7 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // Stresses and slopes at the iterate, at the given q or else at the q that the stress at z = 0 causes.
+  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else that of the stress at z = 0.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
@@ -335,7 +335,7 @@ class Waves {
     return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
   }
 
-  // Slope of the energy (see search()) along the direction, after a part of the step.
+  // Slope of the energy (see search()) along Newton's direction, after a part of the step.
   double slope_after(double part, std::optional<double> flux) {
     for (int c = 0; c < num_cells_; ++c) fields_.velocity[c] = start_[c] + part * direction_[c];
     evaluate(flux);
@@ -358,7 +358,8 @@ class Waves {
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
       double slope = slope_after(1.0, flux);
       if (last) return true;
-      // With heating by the stress the balance is not the gradient of an energy, so a direction need not descend.
+      // With heating by the stress the balance is not the gradient of an energy, so Newton's direction need not
+      // descend.
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;
@@ -400,7 +401,7 @@ class Waves {
     evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
   }
 
-  // Plastic strain and interface slip from the difference between trial stress and stress.
+  // Computes plastic strain and interface slip from the difference between trial stress and stress.
   void finish() {
     for (int i = 0; i <= num_cells_; ++i) {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
