@@ -117,7 +117,7 @@ concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
   { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 
-// The kernel of a separable law. A vertex flows where excess = load_of(a) + softening_excess - log_strength is positive.
+// The kernel of a separable law. A vertex flows if excess = load_of(a) + softening_excess - log_strength is positive.
 // Its strain increment dep then solves H(ep + dep, dep/dt) g = sqrt(3) a, and flow() calls take(lane, dep, slope) with
 // slope = a d(dep)/da. Heating by the stress a enters this slope through growth = a d(softening_excess)/da.
 // flow() gets the excess, the growth and the old strain ep of each lane.

@@ -11,7 +11,7 @@ namespace shearbus::physics::reference {
 
 struct NodeState {
   std::vector<double> temperature;  // temperature at the soft body's heat vertices, z = 0 first [K]
-  // Temperatures in a conducting hard body, outermost first  [K]; in a model with modes, the rows of HeatModes before T0.
+  // Temperatures in a conducting hard body, outermost first  [K]; with modes instead, the rows of HeatModes before T0.
   std::vector<double> hard_temperature;
   std::vector<double> plastic_strain;  // plastic strain at each layer vertex
   std::vector<double> heat_shape;      // share of the work that heats each layer vertex; empty: all work heats z = 0

@@ -10,8 +10,8 @@ namespace shearbus::physics {
 
 // Forces of the host on one lane.
 struct Forcing {
-  double acceleration;         // of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
-  double mobility;             // acceleration of the jump per stress of the interface: 1/m_soft + 1/m_hard  [m2/kg]
+  double acceleration;         // acceleration of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
+  double mobility;             // deceleration of the jump per stress of the interface: 1/m_soft + 1/m_hard  [m2/kg]
   double plastic_drive = 0.0;  // slip velocity due to the host's plastic shear, sqrt(3) h Ep_dot, DLP (64)  [m/s]
 };
 
