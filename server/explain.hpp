@@ -37,7 +37,7 @@ struct Explanation {
   SceneCost everything;               // cost of the scene with all compatible parts switched on
   std::vector<std::string> together;  // names of the parts that `everything` has in addition
 
-  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0 adds a step of so many nodes
+  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of such a step
 };
 
 // Measures every part on this machine, for at most a second. Throws wire::Error if the scene is not valid.
