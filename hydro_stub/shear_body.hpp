@@ -44,7 +44,7 @@ struct ShearBody {
 
   BodyMesh mesh;
   std::vector<double> velocity;      // [zones+1][columns]  [m/s]
-  std::vector<double> stress;        // tau, [zones][columns]  [Pa]
+  std::vector<double> stress;        // shear stress tau, [zones][columns]  [Pa]
   std::vector<double> far_velocity;  // velocity of the undisturbed body behind a transmitting end  [m/s]
   std::vector<double> far_impulse;   // impulse of the far end on the body since the start  [Pa s]
   std::vector<double> far_work;      // work of the far end on the body since the start  [J/m2]

@@ -20,12 +20,12 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;            // mu, or its value without slip and below the reference temperature
+  double friction_coefficient = 0.0;            // coefficient mu, or its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
   FrictionLaw friction_law{};                   // friction law: the law of the coefficient mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
   double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
-  double friction_reference_temperature = 0.0;  // T_ref of thermal softening   [K]
+  double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
   double friction_softening_exponent = 0.0;     // m of thermal softening, at least 1
 };
 

@@ -17,7 +17,7 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  // mu P of constant friction; infinity: no friction limit  [Pa]
+  // Friction limit mu P of constant friction; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
   double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
   double pressure = 0.0;  // normal pressure P  [Pa]
@@ -136,7 +136,7 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
 struct SlipSearch {
   double stress;  // the zero; without a zero the smaller of a_max and the limit   [Pa]
   bool found;
-  bool several;  // H has other zeros in [0, a_max]
+  bool several;  // the spare strength H has other zeros in [0, a_max]
 };
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 

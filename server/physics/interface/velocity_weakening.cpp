@@ -52,7 +52,7 @@ double sliding_stress(const VelocityWeakening& law, double pressure, double c, d
   if (c <= 0.0) return at_rest;
   const Balance h{law, pressure, c, b};
   const double turn = h.turn();
-  if (h.value(turn) > 0.0) return at_rest;  // h has no zero while the interface slips
+  if (h.value(turn) > 0.0) return at_rest;  // the balance has no zero while the interface slips
   return zero_between(h, 0.0, turn, 0.0, false);
 }
 

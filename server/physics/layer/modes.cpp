@@ -12,7 +12,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // at a larger h^2 / (alpha t) the first image source, exp(-h^2 / (alpha t)), is 0
+constexpr double kUnfelt = 160.0;    // above this h^2 / (alpha t) the first image source, exp(-h^2 / (alpha t)), is 0
 constexpr double kSpent = 40.0;      // exp(-x) is below rounding for larger x
 constexpr double kPanelRatio = 8.0;  // ratio of mu = sqrt(rate) between the two ends of a panel of the spectrum
 constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum

@@ -15,7 +15,7 @@ namespace shearbus::physics {
 struct ModesOptions {
   double accuracy = 1e-6;        // largest relative error of K from shortest_step to longest_time
   double shortest_step = 1e-10;  // shortest step of the host  [s]
-  double longest_time = 1e-4;    // K is accurate up to this time  [s]
+  double longest_time = 1e-4;    // the modes represent the kernel K up to this time  [s]
 };
 
 // The heat kernel K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image
@@ -31,7 +31,7 @@ struct HeatKernel {
   double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
   double diffusivity;   // alpha  [m2/s]
-  double half_space;    // K(t) sqrt(t) of a half-space: sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
+  double half_space;    // factor of the half-space kernel, K(t) sqrt(t) = sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
 // The modes that represent the heat kernel: K(t) = sum of weight exp(-rate t), all weights positive, for times from

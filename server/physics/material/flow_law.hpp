@@ -58,12 +58,12 @@ inline constexpr double kMaxExcess = 300.0;
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
 // a default: a law that does not declare all of them does not compile.
 struct FlowLawProperties {
-  bool depends_on_rate;      // H rises with dep/dt
-  bool separable;            // H does not depend on P and T: Y is a product H(ep, dep/dt) g(P, T)
+  bool depends_on_rate;      // the strength H rises with the strain rate dep/dt
+  bool separable;            // H is independent of P and T, so that Y is a product H(ep, dep/dt) g(P, T)
   bool first_order_in_time;  // the stress follows the mean rate of a step, so that the step is of first order
-  bool vanishes_at_melting;  // g is 0 at T_melt and above
-  bool has_pressure_term;    // g contains gP P, so that Material::pressure_term has an effect
-  bool has_ceiling;          // for some constants H has a largest value (Y_max)
+  bool vanishes_at_melting;  // the softening g is 0 at T_melt and above
+  bool has_pressure_term;    // the softening g contains gP P, so that Material::pressure_term has an effect
+  bool has_ceiling;          // for some constants the strength H has a largest value (Y_max)
   bool has_wave_return;      // solver/velocity_driven/waves (inertia) can return a stress to the law's flow stress
 };
 
@@ -102,7 +102,7 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
-  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // H; separable laws ignore P and T
+  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // strength H; separable laws ignore P and T
   { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // hardening slope dH/d(dep) at ep + dep
   { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
@@ -127,7 +127,7 @@ concept SeparableFlowKernel = FlowKernel<Law> &&
              const double* strain, void (*take)(int lane, double dep, double slope)) {
   { law.log_strength(ep) } -> std::same_as<double>;                               // logarithm of H at rate 0
   { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // part of the excess due to g
-  law.flow(packet, packet, strain, take);                                         // from excess, growth and ep
+  law.flow(packet, packet, strain, take);                                         // arguments: excess, growth, ep
 };
 
 // The kernel of a law that couples rate and temperature. A vertex flows where load_of(a) > strength_at_rest.
@@ -136,7 +136,7 @@ concept CoupledFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const LoadedVertices<1>& vertices,
              const double (&packet)[1], const double* strain, void (*take)(int lane, double dep, double slope)) {
   { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) in the units of load_of
-  law.flow(vertices, packet, strain, take);                                  // from loads, excess and ep
+  law.flow(vertices, packet, strain, take);                                  // arguments: loads, excess, ep
 };
 
 template <class Law>

@@ -82,7 +82,7 @@ std::span<const MaterialField> material_fields();
 
 struct CatalogEntry {
   std::string_view name;
-  std::string_view source;  // where every number comes from
+  std::string_view source;  // source of every number of the material
   Material material;
 };
 std::span<const CatalogEntry> catalog();

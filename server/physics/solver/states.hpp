@@ -16,7 +16,7 @@ namespace shearbus::physics {
 
 struct State {
   const char* name;    // name of the checkpoint column
-  const char* unit;    // in the notation of UDUNITS
+  const char* unit;    // unit in the notation of UDUNITS
   std::size_t offset;  // offset in the tile of the state's values, [width][kLanes]
   std::size_t width;   // number of values per node
 };

@@ -25,7 +25,7 @@ struct TileInputs {
   const double* stress_before = nullptr;            // stress before the step, [kLanes]; null: committed stress  [Pa]
   SearchEffort* effort = nullptr;                   // counters to add to; null: none
   std::uint32_t active = 0;                         // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};    // [V]; force-driven: at n-1/2      [m/s]
+  alignas(64) double velocity_jump[kLanes] = {};    // jump [V]; force-driven: at n-1/2      [m/s]
   alignas(64) double pressure[kLanes] = {};         // P, compression positive          [Pa]
   alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the soft zone (interface_slip)  [1/s]
   alignas(64) double stress_soft[kLanes] = {};      // far stress on the soft side      [Pa]

@@ -16,7 +16,7 @@ constexpr double kStepShare = 0.25;
 // A substep may use a share of the remaining error budget, the largest of three: (its length) / (remaining time) and
 // the following two.
 constexpr double kEarlyShare = 0.05;    // factor on length / (time from step start to its end): steps start suddenly
-constexpr double kRefinedShare = 0.25;  // after the substep was shortened: a later change may be sudden, too
+constexpr double kRefinedShare = 0.25;  // least share of a shortened substep: a later change may be sudden, too
 // The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 

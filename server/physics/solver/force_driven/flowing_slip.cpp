@@ -133,7 +133,7 @@ void FlowingSlip::update(double slip) {
     }
     case Phase::kSlip: {
       if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
-      // If the layer limits the stress, the interface does not slip: the answer then has less slip.
+      // If the layer carries less than the interface at the flux found, the answer has a smaller flux and less slip.
       const double q = search_.at();
       if (layer_holds(q)) {
         high_ = q;

@@ -18,7 +18,7 @@ struct FlowingStart {
   double first_weight;    // length of z that the first vertex represents                                 [m]
   double first_strain;    // plastic strain of the first vertex
   Heated layer;           // temperatures of the layer
-  double heat_partition;  // beta_T; 1 where the hard body conducts too
+  double heat_partition;  // share of the friction heat for the soft body, beta_T; 1 if the hard body conducts, too
   double dt;
   Forcing forcing;
   LaneStep before;  // stress, jump_new and sticks of the last step

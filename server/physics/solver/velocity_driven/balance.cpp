@@ -30,7 +30,7 @@ enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 // The balance of one lane in magnitudes along the trial direction:
 //   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
 struct Lane {
-  double direction = 1.0;         // of the trial stress
+  double direction = 1.0;         // direction of the trial stress, 1 or -1
   double a_trial = 0.0;           // magnitude of the elastic trial stress, |s_old + G0 dt w / h|  [Pa]
   double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
@@ -38,7 +38,7 @@ struct Lane {
   Bound bound = Bound::kElastic;  // which bound `hi` is, as long as hi_seen is false
   int hottest = 0;                // vertex that reaches Y_max first
   bool loaded = false;            // the trial stress is not 0
-  bool hi_seen = false;           // F has been evaluated at `hi` and is not negative there
+  bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
   bool done = false;
   bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
   bool at_bound = false;       // the answer is `hi`, held by `bound`

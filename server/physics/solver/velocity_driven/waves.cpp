@@ -215,7 +215,7 @@ class Waves {
   struct InterfaceReturn {
     double stress;  // magnitude of the stress at z = 0  [Pa]
     double slope;   // d stress / d|t|, t the trial stress
-    bool held;      // mu P holds the stress
+    bool held;      // the friction limit mu P holds the stress
   };
 
   // The return to the yield stress at z = 0, with the heat of the stress itself: finds the magnitude a = R(|t|) at the
@@ -426,7 +426,7 @@ class Waves {
   ReturnLaw law_;
   WaveAnswer answer_;
   int evaluations_left_;
-  bool held_ = false;             // mu P holds the stress at z = 0
+  bool held_ = false;             // the friction limit mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
   double flux_slope_ = 0.0;       // slope of q over the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
