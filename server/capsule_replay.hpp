@@ -14,7 +14,7 @@ struct CapsuleReplay {
     std::string name, units;
     std::size_t values = 0;
     std::size_t not_finite = 0;
-    double lowest = 0.0, highest = 0.0;  // bounds of the finite values
+    double lowest = 0.0, highest = 0.0;  // smallest and largest finite value of the part
   };
   struct Column {
     std::string name;

@@ -209,7 +209,7 @@ class Reader {
       const toml::node& item = *items->get(i);
       const Place at{item.source().begin.line, item.source().begin.column};
       if (!read_number(item, field, fmt::format("{}[{}]", name, i), number, at, name)) {
-        to.GetReflection()->ClearField(&to, &field);  // no second fault for its length
+        to.GetReflection()->ClearField(&to, &field);  // an incomplete list counts as absent; its length is no fault
         return;
       }
       to.GetReflection()->AddDouble(&to, &field, number);

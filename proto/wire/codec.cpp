@@ -30,7 +30,7 @@ struct Payload {
   }
 };
 
-// Encodes the fields that precede the payload in the header of a request and of a reply.
+// Lists the fields that precede the payload in the header of a request and of a reply.
 template <typename Message>
 void envelope_fields(auto&& v, Message& m) {
   v(2, "protocol_major", m.protocol_major);

@@ -26,7 +26,7 @@ namespace shearbus::wire {
 struct Quantity {
   std::string name;         // dataset
   std::string units;        // UDUNITS text
-  std::string long_name;    // one line
+  std::string long_name;    // description in one line
   bool is_regime = false;   // regimes: stored as uint8 with an enum of their names, not as float64
   bool is_outcome = false;  // outcomes: stored as uint8 whose bits are those of Outcome, not as float64
 };
@@ -49,7 +49,7 @@ class HistoryWriter {
   // difference of two times; either all rows have it or none.
   void begin_row(double time_s, std::optional<double> dt_s = std::nullopt);
   void set(std::size_t quantity, std::span<const double> values);        // `quantity`: index into `quantities`
-  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // the same for a regime or an outcome
+  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // sets a regime or an outcome
   void end_row();                                                        // throws unless every quantity was set
 
   // Writes a dataset of one dimension and any length, such as one mass per node.

@@ -313,7 +313,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // in any epoch: the request has run
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // the kept reply is sent in any epoch
   check_epoch(request, &member);
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
   if (!member.shard)

@@ -70,7 +70,7 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
         const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
         EXPECT_LE(modes.error, accuracy);
         double worst = 0.0;
-        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // at 10 us the heat has reached the far face
+        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // the last: the heat has reached the far face
           for (int steps : {1, 3, 10}) {
             const double rise = rise_after(options, t, steps);
             worst = std::max(worst, std::abs(rise / (flux_of(options) * modes.kernel.integral(t)) - 1.0));

@@ -14,8 +14,8 @@ namespace shearbus::study {
 // Results of a run: the interface temperature T0 at some times, and sums over all steps.
 struct Answer {
   std::vector<double> time;         // times of the samples  [s]
-  std::vector<double> temperature;  // T0 at these times  [K]
-  double impulse = 0.0;             // sum of |s| dt  [Pa s]
+  std::vector<double> temperature;  // interface temperature T0 at these times  [K]
+  double impulse = 0.0;             // sum of |s| dt over the steps  [Pa s]
   double work = 0.0;                // friction work  [J/m2]
 };
 

@@ -22,7 +22,7 @@ TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   const double Z = impedance(coarse.soft);
   Rig rig(coarse, 1);
   rig.set_all(0.0, kPressure);
-  rig.step(1e-12);  // at rest and in contact
+  rig.step(1e-12);  // the first step: at rest and in contact
   rig.set_all(kElastic, kPressure);
   const double dt = 4e-12;
   double arrived = 0.0;

@@ -168,7 +168,7 @@ TEST(Codec, VerbOfALaterVersionIsUnsupported) {
 TEST(Codec, IdentityIsLeftForTheAnswer) {
   Request request = samples::request("downscale");
   std::string header = encode_header(request);
-  header.back() = static_cast<char>(header.back() ^ 0x40);  // one bit in the body
+  header.back() = static_cast<char>(header.back() ^ 0x40);  // flips one bit in the body
   header += field(200, 1);
   Request found;
   EXPECT_THROW(decode(header_only(header).views(), found), Error);
@@ -375,7 +375,7 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       }
       if (samples::frames_of(found).frames == whole.frames) ++unseen;
     }
-    EXPECT_LE(unseen, 2 * 6U) << name;  // no sample has more than two bools, each with 6 such bits
+    EXPECT_LE(unseen, 2 * 6U) << name;  // a sample has at most two bools; 6 flips of a bool change nothing
   }
 }
 

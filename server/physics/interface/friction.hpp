@@ -20,20 +20,20 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;            // mu, or its value without slip and below the reference temperature
+  double friction_coefficient = 0.0;            // coefficient mu, or its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
   FrictionLaw friction_law{};                   // friction law: the law of the coefficient mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
   double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
-  double friction_reference_temperature = 0.0;  // T_ref of thermal softening   [K]
+  double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
   double friction_softening_exponent = 0.0;     // m of thermal softening, at least 1
 };
 
 // The friction coefficient mu and its derivatives.
 struct FrictionValue {
   double coefficient;
-  double slope;       // d mu / d T0      [1/K]
-  double slip_slope;  // d mu / d |[v]|   [s/m]
+  double slope;       // derivative of mu by T0         [1/K]
+  double slip_slope;  // derivative of mu by the slip velocity |[v]|   [s/m]
 };
 
 // Friction of one step under a law that depends on slip, not on temperature. The slip under the stress a is c - b a
@@ -42,8 +42,8 @@ struct FrictionValue {
 struct SlidingFriction {
   double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
   double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
-  // Where less slip strengthens friction, friction may exceed the stress a again above this stress; a sticking state
-  // may then coexist with the sliding state. Infinity: it never does.
+  // Above this stress, `exceeds_again`, friction exceeds the stress a again because less slip strengthens friction; a
+  // sticking state may then coexist with the sliding state. Infinity: this never happens.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
@@ -73,7 +73,7 @@ concept TemperatureDependentFriction =
   { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
 };
 
-// A law whose coefficient depends on slip solves a step by itself.
+// A law whose coefficient depends on slip solves the friction of a step itself.
 template <class Law>
 concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
   // The arguments are the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress a_stick.

@@ -23,7 +23,7 @@ struct Junctions {
 
   const JunctionOptions* options = nullptr;  // null: no junctions, the bodies touch everywhere
   double strain_old = 0.0;                   // plastic strain ep_a before the step
-  double strain_per_slip = 0.0;              // dt / (sqrt(3) d)  [s/m]
+  double strain_per_slip = 0.0;              // strain of the junctions per slip velocity, dt / (sqrt(3) d)  [s/m]
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }
 

@@ -157,9 +157,9 @@ double carried_where(const StressLimit& limit, const FrictionHeating& heating, d
   return slip_stress(limit, {T0, 0.0, heating.c, heating.b}, std::numeric_limits<double>::infinity(), a);
 }
 
-// Iterates a -> s_lim(T0(a)), which rises with a above the stress of greatest heating: from a start with H > 0 (H < 0)
-// the iteration climbs to the next zero above (falls to the next zero below) and cannot jump over it. It ends at
-// `begin` or `end`, or short of the zero after too many iterations.
+// Iterates a -> s_lim(T0(a)), which rises with a above the stress of greatest heating. From a start with spare strength
+// H > 0 the iteration climbs to the next zero of H, with H < 0 it falls to the next zero below; it cannot jump over a
+// zero. It ends at `begin` or `end`, or short of the zero after too many iterations.
 double approach_zero(const StressLimit& limit, const FrictionHeating& heating, double a, double begin, double end) {
   for (int iteration = 0; iteration < kMaxSearchIterations; ++iteration) {
     const double next = std::clamp(carried_where(limit, heating, a), begin, end);
@@ -175,7 +175,7 @@ double approach_zero(const StressLimit& limit, const FrictionHeating& heating, d
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
   const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   const double spare_end = spare_strength(limit, heating, end);
-  // 1. Up to the stress of greatest heating the function H falls, so it has at most one zero there.
+  // 1. Up to the stress of greatest heating the spare strength H falls, so it has at most one zero there.
   const double peak = heating.b > 0.0 && heating.c > 0.0 ? std::min(end, 0.5 * heating.c / heating.b) : end;
   if (peak == end && spare_end > 0.0) return {end, false, false};
   if (spare_strength(limit, heating, peak) <= 0.0) {
@@ -192,7 +192,8 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     return found ? SlipSearch{a, true, false} : SlipSearch{end, false, false};
   }
   const double last = approach_zero(limit, heating, end, peak, end);
-  // 3. The iteration may be too slow to arrive where two zeros nearly coincide. H changes sign up to `last`: bisect.
+  // 3. The iteration may be too slow to arrive where two zeros of H nearly coincide. H changes sign up to `last`:
+  // bisect.
   double hi = last;
   while (spare_strength(limit, heating, a) > kArrived * a) {
     const double mid = 0.5 * (a + hi);

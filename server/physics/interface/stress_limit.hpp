@@ -17,7 +17,7 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  // mu P of constant friction; infinity: no friction limit  [Pa]
+  // Friction limit mu P of constant friction; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
   double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
   double pressure = 0.0;  // normal pressure P  [Pa]
@@ -30,9 +30,9 @@ struct StressLimit {
 
   struct Value {
     double stress;            // the limit  [Pa]
-    double slope;             // d stress / d T0  [Pa/K]
+    double slope;             // derivative of the limit by T0  [Pa/K]
     bool is_coulomb;          // the friction branch is the limit
-    double slip_slope = 0.0;  // d stress / d slip  [Pa s/m]
+    double slip_slope = 0.0;  // derivative of the limit by the slip velocity  [Pa s/m]
   };
   Value at(double temperature, double slip = 0.0) const {
     const Softening soften = softening(*soft, pressure, temperature);
@@ -59,7 +59,7 @@ struct StressLimit {
     return varying_friction_of_step(c, b, a_stick);
   }
 
-  // This limit with a constant friction stress.
+  // A copy of this limit with a constant friction stress.
   StressLimit with_friction(double stress) const {
     StressLimit other = *this;
     other.coulomb = stress;
@@ -115,26 +115,28 @@ struct FrictionHeating {
   double temperature(double a) const { return T_ad + rise * (a * slip(a)); }
 };
 
-// H(a) = s_lim(T0(a), v(a)) - a: positive if the interface can carry more than a  [Pa].
+// The spare strength H(a) = s_lim(T0(a), v(a)) - a of the interface: positive if the interface can carry more than a
+// [Pa].
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
-// Finds the zero of H in [0, a_max], where H has at most one. Without a zero the result is a_max, because the interface
-// then carries a_max  [Pa]. The search starts at `guess`. Returns NaN if it fails.
+// Finds the zero of the spare strength H in [0, a_max], where H has at most one. Without a zero the result is a_max,
+// because the interface then carries a_max  [Pa]. The search starts at `guess`. Returns NaN if it fails.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
 // The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt; `a` if the
 // interface was molten before. Needed because one ulp of temperature can exceed the distance to melting.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
-// Whether H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0| (2 b a - c) < 1.
-// Sufficient, not necessary. Junctions make H fall faster: less slip hardens them less.
+// Whether the spare strength H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0|
+// (2 b a - c) < 1. Sufficient, not necessary. Junctions make H fall faster: less slip hardens them less.
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
-// The smallest zero of H in [0, a_max], which is the answer with the most slip, for any number of zeros.
+// The smallest zero of the spare strength H in [0, a_max], which is the answer with the most slip, for any number of
+// zeros.
 struct SlipSearch {
   double stress;  // the zero; without a zero the smaller of a_max and the limit   [Pa]
   bool found;
-  bool several;  // H has other zeros in [0, a_max]
+  bool several;  // the spare strength H has other zeros in [0, a_max]
 };
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 

@@ -44,7 +44,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
       projection.push_back(mode(i, k) * root[i] * scale);
-      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 the part in the soft body
+      const double length = grid.weight[static_cast<std::size_t>(i)];  // z = 0: only its length in the soft body
       if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
       if (k == 0) heat += grid.capacity(i, soft, hard);
     }

@@ -19,7 +19,7 @@ struct HeatBasis {
   // Factor of each mode in a backward Euler step of dt: 1 / (1 + rate dt).
   std::vector<double> decay(double dt) const;
 
-  // T_i = sum over modes of amplitude_k shape_ki, where the largest |shape_ki| of a mode is 1.
+  // The temperature of vertex i is the sum over modes k of amplitude_k shape_ki; the largest |shape_ki| of a mode is 1.
   std::vector<double> rate;          // decay rates  [1/s], ascending; the first is 0: the mean temperature is conserved
   std::vector<double> shape;         // value of each mode at each vertex, [mode][vertex]
   std::vector<double> projection;    // [mode][vertex]: amplitude_k = sum over vertices of projection_ki T_i

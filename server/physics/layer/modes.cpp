@@ -12,7 +12,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // at a larger h^2 / (alpha t) the first image source, exp(-h^2 / (alpha t)), is 0
+constexpr double kUnfelt = 160.0;    // above this h^2 / (alpha t) the first image source, exp(-h^2 / (alpha t)), is 0
 constexpr double kSpent = 40.0;      // exp(-x) is below rounding for larger x
 constexpr double kPanelRatio = 8.0;  // ratio of mu = sqrt(rate) between the two ends of a panel of the spectrum
 constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum
@@ -25,7 +25,7 @@ struct Lines {
   std::vector<double> weight;
 };
 
-// Nodes and weights of the Gauss rule whose orthogonal polynomials have this three-term recurrence (Golub, Welsch
+// Nodes and weights of the Gauss rule whose orthogonal polynomials have the given three-term recurrence (Golub, Welsch
 // 1969).
 struct Rule {
   Eigen::VectorXd node, weight;
@@ -36,7 +36,7 @@ Rule rule_from_recurrence(const Eigen::VectorXd& centre, const Eigen::VectorXd& 
   return {solver.eigenvalues(), mass * solver.eigenvectors().row(0).transpose().array().square().matrix()};
 }
 
-// Gauss-Legendre on [-1, 1].
+// The Gauss-Legendre rule with n nodes on [-1, 1].
 Rule legendre(int n) {
   Eigen::VectorXd off(n - 1);
   for (int i = 1; i < n; ++i) off[i - 1] = i / std::sqrt(4.0 * i * i - 1.0);

@@ -5,10 +5,10 @@
 //
 // where g is the softening, which is 0 at T_melt and above and which the yield strength of the interface follows too,
 // and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
-// with T, and Y has a closed range of temperatures in which it is positive. Then every balance of the layer has one
-// root and a bracket. The kernels of a separable law, whose H does not depend on P and T, work on logarithms; a law
-// whose rate and temperature are coupled offers an inverse of its own. The concepts below list what a law must offer,
-// one requirement with its comment per line; the compiler names what a new law lacks.
+// with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket. The kernels of a
+// separable law, whose H does not depend on P and T, work on logarithms; a law whose rate and temperature are coupled
+// offers an inverse of its own. The concepts below list what a law must offer, one requirement with its comment per
+// line; the compiler names what a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -58,12 +58,12 @@ inline constexpr double kMaxExcess = 300.0;
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
 // a default: a law that does not declare all of them does not compile.
 struct FlowLawProperties {
-  bool depends_on_rate;      // H rises with dep/dt
-  bool separable;            // H does not depend on P and T: Y is a product H(ep, dep/dt) g(P, T)
+  bool depends_on_rate;      // the strength H rises with the strain rate dep/dt
+  bool separable;            // H is independent of P and T, so that Y is a product H(ep, dep/dt) g(P, T)
   bool first_order_in_time;  // the stress follows the mean rate of a step, so that the step is of first order
-  bool vanishes_at_melting;  // g is 0 at T_melt and above
-  bool has_pressure_term;    // g contains gP P, so that Material::pressure_term has an effect
-  bool has_ceiling;          // for some constants H has a largest value (Y_max)
+  bool vanishes_at_melting;  // the softening g is 0 at T_melt and above
+  bool has_pressure_term;    // the softening g contains gP P, so that Material::pressure_term has an effect
+  bool has_ceiling;          // for some constants the strength H has a largest value (Y_max)
   bool has_wave_return;      // solver/velocity_driven/waves (inertia) can return a stress to the law's flow stress
 };
 
@@ -100,10 +100,10 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for OPTIONS.md
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
-  { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT
+  { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
-  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // H; separable laws ignore P and T
-  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // dH/d(dep) at ep + dep and dep/dt
+  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // strength H; separable laws ignore P and T
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // hardening slope dH/d(dep) at ep + dep
   { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };
@@ -117,17 +117,17 @@ concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
   { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 
-// The kernel of a separable law. A vertex flows where
-//   excess = load_of(a) + softening_excess - log_strength
-// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. flow() calls take(lane, dep, slope) with
-// dep and slope = a d(dep)/da, in which heating by a enters through growth = a d(softening_excess)/da.
+// The kernel of a separable law. A vertex flows if excess = load_of(a) + softening_excess - log_strength is positive.
+// Its strain increment dep then solves H(ep + dep, dep/dt) g = sqrt(3) a, and flow() calls take(lane, dep, slope) with
+// slope = a d(dep)/da. Heating by the stress a enters this slope through growth = a d(softening_excess)/da.
+// flow() gets the excess, the growth and the old strain ep of each lane.
 template <class Law>
 concept SeparableFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],
              const double* strain, void (*take)(int lane, double dep, double slope)) {
   { law.log_strength(ep) } -> std::same_as<double>;                               // logarithm of H at rate 0
   { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // part of the excess due to g
-  law.flow(packet, packet, strain, take);                                         // from excess, growth and ep
+  law.flow(packet, packet, strain, take);                                         // arguments: excess, growth, ep
 };
 
 // The kernel of a law that couples rate and temperature. A vertex flows where load_of(a) > strength_at_rest.
@@ -136,7 +136,7 @@ concept CoupledFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const LoadedVertices<1>& vertices,
              const double (&packet)[1], const double* strain, void (*take)(int lane, double dep, double slope)) {
   { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) in the units of load_of
-  law.flow(vertices, packet, strain, take);                                  // from loads, excess and ep
+  law.flow(vertices, packet, strain, take);                                  // arguments: loads, excess, ep
 };
 
 template <class Law>

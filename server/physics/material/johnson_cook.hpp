@@ -56,7 +56,7 @@ class JohnsonCook {
     return {1.0 - lost, -m.thermal_exponent * lost / (share * range)};
   }
 
-  // |dg/dT| = m T*^(m-1) / (T_melt - T_ref) rises with T where m > 1 and falls where m < 1.
+  // The slope |dg/dT| = m T*^(m-1) / (T_melt - T_ref) rises with T where m > 1 and falls where m < 1.
   static double steepest_softening(const Material& m, double /*pressure*/, double coldest, double hottest) {
     const double range = m.melting_temperature - m.reference_temperature;
     const double from = m.thermal_exponent < 1.0 ? coldest : hottest;
@@ -186,9 +186,10 @@ class JohnsonCook {
     alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
   };
 
-  // Halley's method on u w - target, u = 1 + B (ep + dep)^n, w = 1 + C (x - ln(r0 dt)), lane by lane: a lane that has
-  // converged keeps its root while its neighbours go on. The last step leaves an error of the order of its cube; dep
-  // after a step is dep before it times the series of exp(-step).
+  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and w = 1 + C (x
+  // - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its neighbours go
+  // on. The last step leaves an error of the order of its cube; dep after a step is dep before it times the series of
+  // exp(-step).
   template <int N>
   [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
@@ -201,15 +202,15 @@ class JohnsonCook {
         const double share = dep / strain;
         const double p = B_ * power(strain, n_);
         const double u = 1.0 + p, w = 1.0 + C_ * (x - log_slow_);
-        const double u_1 = n_ * p * share;                    // du/dx
-        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // d2u/dx2
+        const double u_1 = n_ * p * share;                    // derivative of u by x
+        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // second derivative of u by x
         const double f = u * w - roots.target[l];
         const double f_1 = u_1 * w + u * C_;
         const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // The values after the step follow from those before it by series, without another evaluation.
+        // The values after a step of the search follow from those before it by series, without another evaluation.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;

@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 
 enum class MeltingCurve { kConstant, kLindemann };  // T_melt is constant, or rises with P
-enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
+enum class PressureTerm { kLinear, kCompressed };   // pressure term of g(P, T): gP P, or gP P / eta^(1/3)
 
 enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
 
@@ -82,7 +82,7 @@ std::span<const MaterialField> material_fields();
 
 struct CatalogEntry {
   std::string_view name;
-  std::string_view source;  // where every number comes from
+  std::string_view source;  // source of every number of the material
   Material material;
 };
 std::span<const CatalogEntry> catalog();

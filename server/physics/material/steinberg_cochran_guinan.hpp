@@ -59,7 +59,7 @@ class SteinbergCochranGuinan {
     const double farthest = m.melting_temperature - coldest;
     if (farthest <= 0.0) return 0.0;
     const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
+    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
     const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kReference);
     if (bracket <= 0.0) return 0.0;
     return m.temperature_coefficient + bracket * melting * c / (x * x);
@@ -90,7 +90,7 @@ class SteinbergCochranGuinan {
 
   double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
   static double unit_of_load(const Material& m) { return m.yield_strength; }
-  // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g.
+  // Returns 1 + gP P + 300 hT; minus hT T it is the bracket of g.
   static double bracket_at(const Material& m, double pressure) {
     return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
   }

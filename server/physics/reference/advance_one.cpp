@@ -24,7 +24,7 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
     return options.friction_coefficient.value_or(std::numeric_limits<double>::infinity());
   const InterfaceOptions& law = options.interface;
   const double mu = law.friction_coefficient;
-  if (law.friction_law == FrictionLaws::place<VelocityWeakening>()) {  // DLP (3)
+  if (law.friction_law == FrictionLaws::place<VelocityWeakening>()) {  // velocity-weakening friction, DLP (3)
     const double fast = law.friction_coefficient_fast;
     return fast + (mu - fast) * std::exp(-law.velocity_decay * std::max(0.0, slip));
   }

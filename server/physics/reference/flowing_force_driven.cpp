@@ -112,7 +112,7 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   };
   for (std::size_t i = 0; i + 1 < fluxes.size(); ++i) {
     double lo = fluxes[i], hi = fluxes[i + 1];
-    if (at_interface(lo) != at_interface(hi)) {  // where the two limits are equal the layer takes the rest of the slip
+    if (at_interface(lo) != at_interface(hi)) {  // where both limits are equal, the layer takes the rest of the slip
       const bool from_interface = at_interface(lo);
       const double both = bisect([&](double x) { return at_interface(x) == from_interface ? -1.0 : 1.0; }, lo, hi);
       if (balance(both) <= 0.0) add(both);

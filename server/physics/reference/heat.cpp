@@ -41,7 +41,7 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 namespace {
 
 // State rows of a model without a temperature profile: the start temperature, one row per mode of HeatModes, and T0.
-// The response of T0 to the flux of the step is the exact integral of the kernel K.
+// The response of T0 to the flux of the step is the exact integral of the heat kernel.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;

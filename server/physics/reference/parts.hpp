@@ -38,7 +38,7 @@ struct Heat {
 };
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old);
 // The second stage of SDIRK2, from the temperatures at the end of the first stage.
-inline constexpr double kGamma = 0.29289321881345254;  // 1 - 1/sqrt(2)
+inline constexpr double kGamma = 0.29289321881345254;  // coefficient gamma of SDIRK2, 1 - 1/sqrt(2)
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
 // Whether the temperatures of a second-order step stay between the coldest old temperature and melting.

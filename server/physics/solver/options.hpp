@@ -28,7 +28,7 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: it gets 1 - beta_T of the heat
+  std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: the body gets 1 - beta_T of the heat
   double initial_temperature = 300.0;    // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
   std::optional<ModesOptions> modes;  // force-driven with one conducting body: heat by modes, which replace the cells

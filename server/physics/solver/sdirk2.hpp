@@ -14,8 +14,8 @@
 
 namespace shearbus::physics::sdirk2 {
 
-inline constexpr double kDiagonal = 0.29289321881345254;     // gamma = 1 - 1/sqrt(2)
-inline constexpr double kExtrapolation = 2.414213562373095;  // r = (1 - gamma) / gamma = 1 + sqrt(2)
+inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma = 1 - 1/sqrt(2)
+inline constexpr double kExtrapolation = 2.414213562373095;  // factor of the extrapolation, r = (1 - gamma) / gamma
 inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in a mean; second: kDiagonal
 
 // Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T`: T1 on

@@ -54,7 +54,7 @@ class StepOperators {
     std::call_once(shorter.made, [&] { shorter.heat.fill(*all_modes_); });
     return shorter.heat;
   }
-  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one is empty
+  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one list is empty
 
   // For a tolerance: the StepOperators of dt/2, dt/4, ... Each is made when a step first needs it; thread-safe.
   using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;

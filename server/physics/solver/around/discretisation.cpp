@@ -18,17 +18,17 @@ namespace {
 constexpr double kGrowthInsulated = 7.0;
 constexpr double kGrowthHalfSpace = 20.0;
 constexpr double kMostGrowth = 1.0;  // largest (ratio - 1)
-// The first cells resolve the diffusion length of this time, and therefore the skin in which the flow localises near
+// The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
 // melting.
-constexpr double kShortTime = 1e-11;          // that time  [s]; falls as tolerance^3 below kShortTimeTolerance
-constexpr double kShortestTime = 1e-14;       // lower limit of that time  [s]
-constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which that time falls
+constexpr double kShortTime = 1e-11;          // short time  [s]; falls as tolerance^3 below kShortTimeTolerance
+constexpr double kShortestTime = 1e-14;       // lower limit of the short time  [s]
+constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which the short time falls
 
 constexpr double kKernelShare = 0.1;   // error of the heat kernel that the modes represent, relative to the tolerance
 constexpr double kLongestTime = 1e-3;  // longest time that the modes represent  [s]; a half-space forgets older heat
 
-// Cells grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length of the short
-// time: every cell is then (g - 1) times as wide as its distance from z = -delta.
+// Makes cells that grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length
+// of the short time: every cell is then (g - 1) times as wide as its distance from z = -delta.
 GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
   const double growth =
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);

@@ -8,7 +8,7 @@
 
 namespace shearbus::physics {
 
-// Returns the sentence, for the user. `modes`: number of modes.
+// Returns the description for the user, as one sentence. `modes`: number of modes.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 
 }  // namespace shearbus::physics

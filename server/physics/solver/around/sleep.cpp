@@ -21,10 +21,10 @@ int living(const TileLayout& layout, const double* tile, int lane) {
 }
 
 // The strength at the temperature of the hottest vertex and the strain of the least strained vertex is a lower bound of
-// the layer's strength. It holds as long as the lane sleeps: without a source diffusion only levels the temperature,
-// and without flow the strain is constant.
+// the layer's strength. This bound holds as long as the lane sleeps: without a source diffusion only levels the
+// temperature, and without flow the strain is constant.
 struct WeakestVertex {
-  double temperature;  // of the hottest vertex         [K]
+  double temperature;  // temperature of the hottest vertex         [K]
   double strain;       // plastic strain of the least strained vertex
 };
 

@@ -15,16 +15,16 @@ namespace {
 constexpr double kStepShare = 0.25;
 // A substep may use a share of the remaining error budget, the largest of three: (its length) / (remaining time) and
 // the following two.
-constexpr double kEarlyShare = 0.05;    // times its length / (time from step start to its end): steps start suddenly
-constexpr double kRefinedShare = 0.25;  // after the substep was shortened: a later change may be sudden, too
-// The next substep may be twice as long where the error was below this fraction of the budget of the substep.
+constexpr double kEarlyShare = 0.05;    // factor on length / (time from step start to its end): steps start suddenly
+constexpr double kRefinedShare = 0.25;  // least share of a shortened substep: a later change may be sudden, too
+// The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
 constexpr double kJumpTime = 1e-6;    // time in which an error of the jump goes on heating  [s]
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
 constexpr int kMostAttempts = 1024;   // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;    // rough number of substeps of that unchecked rest
+constexpr int kHurriedPieces = 64;    // approximate number of unchecked substeps after kMostAttempts
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -186,7 +186,7 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // An error above the budget raises the remaining budget to that error.
+    // An error above the allowed error raises the remaining budget to the error.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -196,10 +196,10 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step
-  // relative to T_melt less the initial temperature. The largest of three errors: of T0 (diffusion damps it), of the
-  // heat released, and of the new jump of the host, which continues to heat. `of_rest`: length of the substep relative
-  // to the rest of the step.
+  // Estimates the error of a substep from one substep against two halves, as an error of T0 at the end of the step
+  // relative to T_melt less the initial temperature. It is the largest of three errors: that of T0, which diffusion
+  // damps, that of the heat released, and that of the host's new velocity jump, which goes on heating. `of_rest`:
+  // length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();
@@ -229,7 +229,7 @@ class ControlledStep {
     trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
     outputs_.error_estimate[l] = lanes_[l].estimate;
     outputs_.shear_stress[l] = sum.stress;
-    // The mean slip could oppose the stress where the slip reverses; friction does no negative work.
+    // The mean slip could oppose the mean stress where the slip reverses; friction does no negative work.
     outputs_.sliding_velocity[l] = sum.stress * sum.slip < 0.0 ? 0.0 : sum.slip;
     outputs_.interface_temperature[l] = sum.T0;
     outputs_.velocity_jump_new[l] = sum.jump_new;
@@ -254,10 +254,10 @@ class ControlledStep {
   const double response_;   // B0 of the whole step
   double* const accepted_;  // state after the substeps accepted so far
   double* const half_;      // state after the first half of the next substep
-  double* const fine_;      // state after both halves
+  double* const fine_;      // state after both halves of the next substep
   Progress lanes_[kLanes];
   const int deepest_;
-  std::uint32_t open_;  // lanes that have not reached the end
+  std::uint32_t open_;  // lanes that have not reached the end of the step
   const bool forced_;
 };
 

@@ -153,7 +153,7 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
 
 namespace {
 
-// dep of one vertex at the given temperature T, without its slope.
+// The plastic strain increment dep of one vertex at the given temperature T, without its slope.
 template <class Law>
 double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
   double dep = 0.0;

@@ -46,16 +46,16 @@ void set_load(const Material& soft, double pressure, double a, double flux, int 
 // Writes the yield threshold of each vertex: the part of its yield condition that is the same for all loads of a step.
 void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold);
 
-// The integral of dep over the layer and its slope under one load. Only the first `num_rows` vertices are summed: the
-// caller knows that the others do not yield.
+// Computes the integral of dep over the layer and its slope under one load. Only the first `num_rows` vertices are
+// summed: the caller knows that the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
-// The integral of dep over the layer of one lane, without thresholds. Writes the new strain to `strain_new` unless that
-// is null; `strain_new` may be the array of the old strain.
+// Returns the integral of dep over the layer of one lane, without thresholds. Writes the new strain to `strain_new`
+// unless that is null; `strain_new` may be the array of the old strain.
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
 
-// The same sums as flow_under(). Overwrites the array of thresholds with the new plastic strain of all vertices; the
-// vertices from `num_rows` on keep their old strain.
+// Computes the same sums as flow_under(). Overwrites the array of thresholds with the new plastic strain of all
+// vertices; the vertices from `num_rows` on keep their old strain.
 void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain, FlowSum& sum);
 
 }  // namespace shearbus::physics

@@ -18,7 +18,7 @@ struct FlowingStart {
   double first_weight;    // length of z that the first vertex represents                                 [m]
   double first_strain;    // plastic strain of the first vertex
   Heated layer;           // temperatures of the layer
-  double heat_partition;  // beta_T; 1 where the hard body conducts too
+  double heat_partition;  // share of the friction heat for the soft body, beta_T; 1 if the hard body conducts, too
   double dt;
   Forcing forcing;
   LaneStep before;  // stress, jump_new and sticks of the last step
@@ -33,7 +33,7 @@ class FlowingSlip {
   // Load of the layer to evaluate next (stress magnitude and heat flux); once done, the load of the answer.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void update(double slip);  // takes the flow integral(dep) under that load   [m]
+  void update(double slip);  // takes integral(dep) under the load of stress() and flux()   [m]
 
   struct Answer {
     LaneStep step;
@@ -67,8 +67,8 @@ class FlowingSlip {
 
   FlowingStart start_{};
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
-  FrictionHeating stopping_{};  // heat of a lane that sticks at the end of the step
-  FrictionHeating slipping_{};  // heat of a lane that slips at the end of the step
+  FrictionHeating stopping_{};  // heating of a lane that sticks at the end of the step
+  FrictionHeating slipping_{};  // heating of a lane that slips at the end of the step
   LaneStep rigid_{};            // the answer of a layer that does not flow
   double compliance_ = 0.0;     // stress that relieves integral(dep) = 1 m: sqrt(3) / (dt per_stress)   [Pa/m]
   RootSearch search_;

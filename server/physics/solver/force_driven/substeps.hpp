@@ -1,6 +1,6 @@
 // The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
-// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each gives its own
-// substep.
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each supplies its own
+// function for a substep.
 #pragma once
 
 #include <cmath>
@@ -39,7 +39,7 @@ struct LaneStart {
   LaneStep before;      // stress, jump_new and sticks of the last step
   int num_rows;         // number of rows of temperatures or modes, [row][lane]
   const double* T_old;  // temperatures or modes before the step
-  double* T;            // the same after conduction over the whole step; after substeps: their new values
+  double* T;            // temperatures or modes after conduction over the whole step, or after the substeps
 };
 
 // Makes equal substeps from the old temperatures. `substep(from)` makes the substep that follows the LaneStep `from`,

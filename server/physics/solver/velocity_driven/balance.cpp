@@ -16,7 +16,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kConverged = 1e-10;  // longest last Newton step, relative to the stress: a further one is rounding
-// Largest residual before the last Newton step, relative to the trial stress; that step squares it.
+// Largest residual before the last Newton step, relative to the trial stress; the last step squares it.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;     // largest residual of an answer, relative to the stress that the flow relieves
 constexpr double kFarAbove = 100.0;    // ratio of the flow to the trial stress above which Newton works on logarithms
@@ -30,15 +30,15 @@ enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 // The balance of one lane in magnitudes along the trial direction:
 //   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
 struct Lane {
-  double direction = 1.0;         // of the trial stress
-  double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
+  double direction = 1.0;         // direction of the trial stress, 1 or -1
+  double a_trial = 0.0;           // magnitude of the elastic trial stress, |s_old + G0 dt w / h|  [Pa]
   double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
   double a = 0.0;                 // iterate, then answer                                       [Pa]
   Bound bound = Bound::kElastic;  // which bound `hi` is, as long as hi_seen is false
   int hottest = 0;                // vertex that reaches Y_max first
   bool loaded = false;            // the trial stress is not 0
-  bool hi_seen = false;           // F has been evaluated at `hi` and is not negative there
+  bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
   bool done = false;
   bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
   bool at_bound = false;       // the answer is `hi`, held by `bound`
@@ -218,8 +218,9 @@ double heated_share(const Grid& grid, const double* shape) {
   return sum;
 }
 
-// Heat shape for the next step: the distribution of this step's slip. The Taylor-Quinney fraction of the work of the
-// layer's flow becomes heat, and all work of the interface's slip. One lane; a step without slip keeps the shape.
+// Computes the heat shape of one lane for the next step from the distribution of this step's slip. All work of the
+// interface's slip becomes heat, and the Taylor-Quinney fraction of the work of the layer's flow. A step without slip
+// keeps the shape.
 void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
                   double* shape) {
   const Grid& grid = problem.grid;
@@ -240,7 +241,7 @@ struct Answer {
   Regime regime;
 };
 
-// [v] and the regime from the solved balance.
+// Computes the sliding velocity [v] and the regime from the solved balance.
 Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
                  double interface_slip, double T_hottest, double jump, double drive, double dt) {
   const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
@@ -323,7 +324,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
-  // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens && loaded) {
