@@ -16,11 +16,11 @@
  *
  * Every function that may fail returns a code: SHEARBUS_OK (0) or the code of the fault, and fills the caller's status
  * (which may be NULL) with what was expected and found, and with what to do. A call that fails changes no state of the
- * server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or may not have run.
- * The same call with the same values is then the same request: it is not run a second time, and its answer is kept.
+ * server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or may not have
+ * run. The same call with the same values is then the same request: it is not run a second time, and its answer is kept.
  *
- * No call throws, aborts, prints, or blocks beyond its deadline. A session belongs to one thread at a time; sessions are
- * independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the next
+ * No call throws, aborts, prints, or blocks beyond its deadline. A session belongs to one thread at a time; sessions
+ * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the next
  * call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so each
  * struct starts from its _INIT. Members that are zero have their default.
  *
