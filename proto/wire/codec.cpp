@@ -1,6 +1,7 @@
 #include "proto/wire/codec.hpp"
 
 #include <fmt/format.h>
+#define XXH_INLINE_ALL  // client libraries need no libxxhash
 #include <xxhash.h>
 
 #include <algorithm>
