@@ -43,7 +43,7 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
     try {
       return stand(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
     } catch (const Error& fault) {
-      // EPOCH means that the server was restarted between the two requests.
+      // EPOCH means that the server was restarted between asking for the session's position and claiming it.
       const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
       if (!again) throw;
     }
@@ -82,7 +82,8 @@ Received Session::Impl::exchange(wire::Request request) {
     last_sequence = request.sequence;
     return received;
   } catch (const Error& fault) {
-    // After a refusal of class 4xx the server may still run a copy of the request that is on its way.
+    // Codes 4xx mean "not now": after such a refusal the server may still run a second copy of the request that is on
+    // its way.
     const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
     if (fault.status().code == Code::kUnknownOutcome || not_now)
       in_doubt = InDoubt{request.request_id, request.epoch};

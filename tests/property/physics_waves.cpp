@@ -17,8 +17,8 @@ namespace {
 constexpr double kTiny = 1e-280;
 // Residuals are relative to the largest stress or velocity of the node, but at least to these values, because a layer
 // close to melting carries a stress that is smaller by many decades.
-constexpr double kLeastStress = 1e6;      // [Pa]
-constexpr double kLeastVelocity = 1e-20;  // [m/s]
+constexpr double kLeastStress = 1e6;      // least scale of the stresses  [Pa]
+constexpr double kLeastVelocity = 1e-20;  // least scale of the velocities  [m/s]
 
 // Relative tolerance of the stress limit of a vertex: 1e-9, and the change that an ulp of its temperature causes.
 double limit_tolerance(const Material& soft, double pressure, double T) {

@@ -1,4 +1,4 @@
-// The energy ledger (MODEL.md, "Energy ledger"): which balances close to rounding, and bounds of the residuals of the
+// The energy ledger (METHODS.md, "Energy ledger"): which balances close to rounding, and bounds of the residuals of the
 // others.
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 
 namespace shearbus::physics {
 
-inline constexpr double kExponentialRange = 700.0;  // a larger |x| is cut to this: results stay normal numbers
+inline constexpr double kExponentialRange = 700.0;  // largest |x| of exp; cut to it, exp(x) is a normal number
 
 namespace detail {
 
@@ -99,7 +99,7 @@ struct ErrorFunction {
   double slope;
 };
 inline ErrorFunction error_function(double x) {
-  constexpr double kOneFromHere = 6.0;  // 1 - erf(6) = 2e-17
+  constexpr double kOneFromHere = 6.0;  // from this x on erf(x) counts as 1: 1 - erf(6) = 2e-17
   constexpr double kTwoOverSqrtPi = 1.1283791670955126;
   constexpr double kSeries[] = {
       1.2874076321735601,      -0.0081369785904441237,  -0.14926996452895938,   0.10743648309461562,

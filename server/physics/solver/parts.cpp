@@ -35,13 +35,13 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
   return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
 }
 
-// Sets that several rows name.
+// Sets of properties that several rows use.
 constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// Properties that do not change the balance of one step at a given temperature, or that every solver of this balance
-// handles. They go with parts that need no more than that balance.
+// Properties that leave the balance of one step at a given temperature unchanged, and properties that every solver of
+// this balance handles. They go with each part that needs no more than this balance.
 constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
@@ -256,7 +256,7 @@ constexpr std::array kExclusions = {
     Exclusion{kConductingHardBody, kFixedHeatShare, "the hard body conducts or takes a fixed share"},
     Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
     Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
-    // Heat released inside the layer: by the model's own flow, between bodies that both conduct.
+    // Plastic-work heating: the model must compute the flow that heats, and both bodies must conduct.
     Exclusion{kPlasticHeating, kForceDriven,
               "it heats where the velocity-driven layer flows; the plastic work of a force-driven layer heats nothing"},
     Exclusion{kPlasticHeating, kInterfaceSlip,
@@ -265,7 +265,7 @@ constexpr std::array kExclusions = {
     Exclusion{kPlasticHeating, kFixedHeatShare,
               "the fixed share of the hard body is that of heat released at z = 0, not inside the layer: give the "
               "table [hard_layer]"},
-    // Waves in the layer: the layer carries the jump, and no other part needs its stress to be one number.
+    // Inertia: the jump must cross the layer, and no other part may need the stress to be one number.
     Exclusion{kInertia, kForceDriven,
               "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
               "them, which would then count twice"},
@@ -290,7 +290,7 @@ constexpr std::array kExclusions = {
               "could be solved for first"},
     Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
               "it changes a pressure term that the law does not have"},
-    // Second order: no quantity may come from the step before or from the length of the step.
+    // Second order in time: no quantity may come from the step before or from the length of the step.
     Exclusion{kSecondOrder, kPlasticHeating,
               "where the work becomes heat is taken from the step before, which is first order"},
     Exclusion{kSecondOrder, kPlasticLayer, "its slip and flow share one balance per step"},
@@ -298,7 +298,7 @@ constexpr std::array kExclusions = {
     Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
     Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
     Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},
-    // Modes keep the interface temperature of one body and no profile.
+    // Modes: they hold the interface temperature of one body and no profile.
     Exclusion{kModes, kVelocityDriven,
               "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
     Exclusion{kModes, kPlasticLayer, "modes keep no temperature inside the layer, and a plastic layer flows by it"},

@@ -25,7 +25,7 @@ struct WaveStep {
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
   double heat_share;       // fraction of the friction power that enters the conducting bodies
-  double coulomb;          // mu P; infinity: no such limit                [Pa]
+  double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
 };
 
 // One node's fields, a value per vertex or cell.
