@@ -27,6 +27,10 @@ constexpr int kLocalSteps = 60;         // largest number of iterations of a ret
 constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
 constexpr int kGuardedSteps = 400;      // largest number of Newton steps with line search at one flux
+constexpr double kBalanced = 1e-6;      // largest accepted residual of the guarded search, relative to the stresses
+constexpr double kLeastStress =
+    1e6;                       // a smaller stress is judged as this one: close to melting all stresses vanish [Pa]
+constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of a velocity
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
@@ -154,8 +158,10 @@ class Waves {
   }
 
   WaveAnswer advance(int newton_steps) {
-    if (!descend({}, newton_steps, false)) search();
-    answer_.found = evaluations_left_ > 0;
+    if (!descend({}, newton_steps, false)) {
+      search();
+      answer_.found = evaluations_left_ > 0 && balanced();
+    }
     finish();
     return answer_;
   }
@@ -378,7 +384,7 @@ class Waves {
     return false;
   }
 
-  // The search that cannot fail. At a given q the step minimises the convex energy
+  // The guarded search. At a given q the step minimises the convex energy
   //   E(v) = sum over cells of rho width/2 (v - v_old)^2
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
@@ -399,6 +405,23 @@ class Waves {
       (made() > flux ? lo : hi) = flux;
     }
     evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
+  }
+
+  // Whether the balance of momentum holds in every cell. Far outside physics (steps of microseconds over cells of
+  // nanometres) Newton's steps may still zigzag when their number runs out.
+  bool balanced() const {
+    double v = std::abs(step_.jump);
+    double s = std::abs(fields_.stress[num_cells_]);
+    for (int c = 0; c < num_cells_; ++c) {
+      v = std::max(v, std::abs(fields_.velocity[c]));
+      s = std::max(s, std::abs(fields_.stress[c]));
+    }
+    const double ulp = std::numeric_limits<double>::epsilon() * v;
+    for (int c = 0; c < num_cells_; ++c) {
+      const double accepted = kBalanced * (s + kLeastStress + inertia(c) * v) + kUlps * ulp * (gain(c) + gain(c + 1));
+      if (!(std::abs(residual(c)) <= accepted)) return false;
+    }
+    return true;
   }
 
   // Computes plastic strain and interface slip from the difference between trial stress and stress.

@@ -44,11 +44,12 @@ struct WaveAnswer {
   double interface_slip = 0.0;  // slip velocity v[-1], signed            [m/s]
   int iterations = 0;           // number of Newton steps
   bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
-  bool found = true;            // false: the search stopped early, the fields mean nothing
+  bool found = true;            // false: the guarded search ended without balance, and the fields mean nothing
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
-// follows, which cannot fail but may be long: it stops after `evaluations` of the balance, and `found` is then false.
+// follows, which descends from any start but may be long: `found` is false where momentum does not balance when its
+// Newton steps or its `evaluations` of the balance run out.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
