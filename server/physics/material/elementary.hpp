@@ -110,8 +110,15 @@ inline ErrorFunction error_function(double x) {
   const bool is_one = !(x < kOneFromHere);
   const double within = is_one ? kOneFromHere : x;
   const double u = (11.0 / 6.0 * within - 2.5) / (within + 2.5);
-  double q = kSeries[18];
-  for (int i = 17; i >= 0; --i) q = q * u + kSeries[i];
+  // Grouped by powers of u^4, so that products can overlap and the loops over lanes that call this have no inner loop.
+  const double u2 = u * u;
+  const double u4 = u2 * u2;
+  const double u8 = u4 * u4;
+  const auto four = [&](int i) {
+    return (kSeries[i] + u * kSeries[i + 1]) + u2 * (kSeries[i + 2] + u * kSeries[i + 3]);
+  };
+  const double high = (four(8) + u4 * four(12)) + u8 * ((kSeries[16] + u * kSeries[17]) + u2 * kSeries[18]);
+  const double q = (four(0) + u4 * four(4)) + u8 * high;
   const double bell = exponential(-within * within);
   return {is_one ? 1.0 : 1.0 - bell * q / (1.0 + 2.0 * within), kTwoOverSqrtPi * bell};
 }
