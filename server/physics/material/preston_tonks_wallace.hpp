@@ -17,12 +17,12 @@
 //   5. tau is multiplied by 1 + 1e-9 min(ln r, 0). Where erf is 1 to its last digit and hardening has saturated, the
 //      printed law has one stress for many rates; this keeps rate and strain functions of the stress.
 //
-// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse has a
-// closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest rate and 1,
-// by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by bisection where
-// a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed from tau_y up,
-// tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing. The loops over lanes have no
-// branches, so that the compiler vectorises them.
+// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
+// has a closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest
+// rate and 1, by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by
+// bisection where a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed
+// from tau_y up, tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing. The loops over lanes
+// have no branches, so that the compiler vectorises them.
 #pragma once
 
 #include <algorithm>
