@@ -43,7 +43,7 @@ SHEARBUS_WIDE void flow(const FlowProblem& problem, const FlowLoad& load, std::p
     const double* strain = problem.strain + i * kLanes;
     const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
-    alignas(64) double growth[kLanes] = {};  // d(softening excess) / d log(a)
+    alignas(64) double growth[kLanes] = {};  // derivative of the softening excess by ln(a)
     [[maybe_unused]] LoadedVertices<kLanes> vertices{load.load, load.bracket, load.T_melt, {}, {}};
     if constexpr (!Law::kSeparable) {
       load_vertices<Law, kSpread>(problem, load, i, vertices);
