@@ -88,7 +88,7 @@ const StepResult& advance(Session& session, const Batch& request, const wire::Hi
 void replay(const Options& options, wire::HistoryReader& history, HistoryInput& input, Session& session,
             wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", history.steps(), options.progress);
-  Batch request = session.request(input.optional_columns());
+  Batch request = session.request(input.optional_columns(), input.form());
   const std::vector<ReplyColumn> columns = reply_columns(session.opened());
   input.prepare(request);
   for (std::size_t step = 0; step < history.steps(); ++step) {

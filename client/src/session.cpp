@@ -166,7 +166,8 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
                                  .mode = mode,
                                  .commit_previous = options.commit_previous,
                                  .wanted = wanted,
-                                 .policy = options.policy};
+                                 .policy = options.policy,
+                                 .absent_nodes = options.absent_nodes};
   request.batch = view_of(columns);
   return request;
 }
@@ -184,10 +185,11 @@ const StepResult& Session::Impl::step(const Batch& columns, const StepOptions& o
   return exchange_step(step_request(columns, options, mode));
 }
 
-Batch Session::Impl::columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
+Batch Session::Impl::columns(std::span<const Field> optional_columns, Form form, bool with_node_ids,
+                             std::size_t count) const {
   std::vector<Field> fields;
   if (with_node_ids) fields.push_back(Field::kNodeId);
-  for (const Field field : opened.required_columns) fields.push_back(field);
+  for (const Field field : wire::columns_in(form, opened.required_columns)) fields.push_back(field);
   for (const Field field : optional_columns) fields.push_back(field);
   return Batch::of(fields, count, opened.tangential_components);
 }
@@ -208,12 +210,13 @@ Session::~Session() {
   impl_->connection->say(request);
 }
 
-Batch Session::request(std::span<const Field> optional_columns) const {
-  return impl_->columns(optional_columns, false, impl_->node_ids.size());
+Batch Session::request(std::span<const Field> optional_columns, Form form) const {
+  return impl_->columns(optional_columns, form, false, impl_->node_ids.size());
 }
 
-Batch Session::request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns) const {
-  Batch batch = impl_->columns(optional_columns, true, node_ids.size());
+Batch Session::request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns,
+                           Form form) const {
+  Batch batch = impl_->columns(optional_columns, form, true, node_ids.size());
   std::copy(node_ids.begin(), node_ids.end(), batch.u64(Field::kNodeId).begin());
   return batch;
 }

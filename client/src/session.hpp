@@ -83,7 +83,7 @@ struct Session::Impl {
   wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const;
   const StepResult& exchange_step(wire::Request request);
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
-  Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const;
+  Batch columns(std::span<const Field> optional_columns, Form form, bool with_node_ids, std::size_t count) const;
 
  private:
   void resynchronise();

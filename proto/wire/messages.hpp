@@ -32,6 +32,7 @@ enum Outcome : std::uint8_t {
 };
 
 enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
+enum class AbsentNodes { kKeep = 0, kOpen = 1 };  // what a step does to the nodes that it does not name
 enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified means kAccept
 
 struct Hello {
@@ -72,6 +73,7 @@ struct Downscale {
   bool commit_previous = false;
   std::vector<Field> wanted;  // columns of the reply; empty: all default columns
   Policy policy = Policy::kUnspecified;
+  AbsentNodes absent_nodes = AbsentNodes::kKeep;
 
   static void fields(auto&& v, auto& m) {
     v(1, "dt_s", m.dt_s);
@@ -82,6 +84,7 @@ struct Downscale {
     v(6, "commit_previous", m.commit_previous);
     v(7, "wanted", at_most(kMaxColumns, m.wanted));
     v(8, "policy", m.policy);
+    v(11, "absent_nodes", m.absent_nodes);
   }
 };
 struct Commit {

@@ -192,7 +192,7 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark", "domains"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark", "domains", "stick_form", "absent_nodes"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -367,7 +367,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
   reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   auto& upscale = reply->body.emplace<wire::Upscale>();
-  shard::StepColumns columns = step_columns(request.batch, reply->batch);
+  shard::StepColumns columns = step_columns(request.batch, reply->batch, step.dt_s);
   std::vector<std::uint8_t> unasked(
       reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes, if the reply does not hold them
   if (!unasked.empty())
@@ -408,10 +408,11 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.conversation.complete(request.sequence, arrival.hash, reply);
 
   ++member.totals.requests;
-  member.totals.node_steps += num_rows;
+  const std::size_t stepped = shard.stepped_nodes(rows);
+  member.totals.node_steps += stepped;
   member.totals.solver_ns += upscale.solver_ns;
   member.totals.asleep_node_steps += count.asleep;
-  metrics_.node_steps += num_rows;
+  metrics_.node_steps += stepped;
   metrics_.solver_ns += upscale.solver_ns;
   times_.solver.add(upscale.solver_ns);
 }

@@ -67,6 +67,15 @@ std::string join_names(const std::array<std::span<const Field>, N>& lists) {
   return names;
 }
 
+// Remedy that names the columns of a step in each of its forms.
+std::string needed_columns(const wire::StrategyColumns& columns) {
+  std::string text = "A step of this scene needs " + join_names(std::array{columns.required});
+  if (columns.stick.empty()) return text + ".";
+  const std::vector<Field> stick = wire::columns_in(wire::Form::kStick, columns.required);
+  return text + " (far-field form), or " + join_names(std::array{std::span<const Field>(stick)}) +
+         " (stick form); all rows of a request have one form.";
+}
+
 bool contains(std::span<const Field> list, Field field) {
   return std::find(list.begin(), list.end(), field) != list.end();
 }
@@ -89,23 +98,40 @@ void check_condition(Field field, const physics::ModelOptions& options, const ch
     refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);
 }
 
+// The form of the request. Refuses columns of both forms in one request.
+wire::Form form_of(const wire::Batch& batch, const wire::StrategyColumns& columns) {
+  const auto first_of = [&](std::span<const Field> fields) {
+    return std::ranges::find_if(fields, [&](Field field) { return batch.has(field); });
+  };
+  const auto stick = first_of(columns.stick);
+  if (stick == columns.stick.end()) return wire::Form::kFarField;
+  if (const auto far_field = first_of(wire::kFarFieldColumns); far_field != std::end(wire::kFarFieldColumns))
+    refuse(Code::kShape, wire::name(*far_field),
+           fmt::format("columns {} and {} are of different forms of a request", wire::name(*stick),
+                       wire::name(*far_field)),
+           needed_columns(columns));
+  return wire::Form::kStick;
+}
+
 void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions& options) {
   const wire::StrategyColumns& columns = wire::columns_of(strategy_of(options));
   check_components(batch, static_cast<std::uint32_t>(options.tangential_components));
-  for (const Field field : columns.required) {
+  const std::vector<Field> required = wire::columns_in(form_of(batch, columns), columns.required);
+  for (const Field field : required) {
     if (!batch.has(field))
       refuse(Code::kShape, wire::name(field), fmt::format("column {} is missing", wire::name(field)),
-             "A step of this scene needs " + join_names(std::array{columns.required}) + ".");
+             needed_columns(columns));
     if (options.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
       refuse(Code::kShape, wire::name(field), fmt::format("component 1 of column {} is missing", wire::name(field)),
              "The scene has tangential_components = 2: send both components of every tangential column.");
   }
   for (const wire::Column& column : batch.columns()) {
-    if (column.field != Field::kNodeId && !contains(columns.required, column.field) &&
+    if (column.field != Field::kNodeId && !contains(required, column.field) &&
         !contains(columns.optional, column.field))
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
-             "Send " + join_names(std::array{columns.required, columns.optional}) + " and nothing else.");
+             "Send " + join_names(std::array{std::span<const Field>(required), columns.optional}) +
+                 " and nothing else.");
     check_condition(column.field, options, wire::name(column.field));
   }
 }
@@ -231,6 +257,9 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
   std::vector<std::uint64_t> ids;
   for (std::size_t row = 0; row < outcomes.size(); ++row)
     if ((outcomes[row] & wire::kFailed) != 0) ids.push_back(row_ids[row]);
+  if (ids.empty())
+    refuse(Code::kStepFailed, "downscale.absent_nodes", "a node that the step does not name has no answer to it",
+           "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which such nodes keep their states.");
   const std::uint64_t first = ids.front();
   const std::size_t failed = ids.size();
   refuse(Code::kStepFailed, "downscale.policy",
@@ -270,6 +299,7 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   check_times(step, options);
   check_columns_of_step(batch, options);
   shard::Rows rows = locate_rows(batch, nodes);
+  rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen;
   const auto row_ids = batch.u64(Field::kNodeId);
   for (const wire::ColumnRow& row : wire::column_rows())
     for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)

@@ -61,7 +61,7 @@ class Shard {
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
-  // trial. Nodes outside of `rows` and nodes without an answer keep their states. Throws nothing.
+  // trial. Nodes outside of the step and nodes without an answer keep their states. Throws nothing.
   StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
   // attempt() computes a step without changing any state of the shard. The step starts from the trial states if
@@ -71,6 +71,11 @@ class Shard {
   Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                   bool from_trial);
   void adopt(const Attempt& attempt);
+
+  // Number of nodes that a step of these rows includes.
+  std::size_t stepped_nodes(const Rows& rows) const {
+    return rows.all || rows.others_are_open ? nodes_.size() : rows.slots.size();
+  }
 
   bool has_trial() const { return has_trial_; }
   void commit();    // replaces the committed states by the trial states
@@ -123,6 +128,7 @@ class Shard {
   void check_states(const States& states, std::size_t nodes) const;
   void put_states(const States& states, bool of_trial);
   struct StepOf;
+  StepOf step_of(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) const;
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
   template <typename From, typename To>
   StepCount step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from, const To& to);

@@ -33,6 +33,7 @@ using OutputColumn = std::variant<AnswerColumn<double, double>, AnswerColumn<phy
 
 struct StepColumns {
   std::vector<InputColumn> inputs;
+  std::vector<double> converted;  // values of input columns that the request has in another form
   std::vector<OutputColumn> outputs;
 
   bool has_ledger() const {

@@ -110,6 +110,8 @@ inline std::vector<std::pair<std::string, Request>> requests() {
                 .commit_previous = true,
                 .wanted = {Field::kShearStress, Field::kOutcome}},
       step_columns(3));
+  add("downscale_absent_nodes_open",
+      Downscale{.dt_s = 1e-9, .mode = Mode::kAdvance, .absent_nodes = AbsentNodes::kOpen}, step_columns(2));
   add("commit", Commit{});
   add("rollback", Rollback{});
   add("close_session", CloseSession{.reason = "done"});

@@ -61,6 +61,7 @@ TEST(Names, OfEveryEnumAreThoseOfTheSchema) {
   add<Element>(ours);
   add<Mode>(ours);
   add<Outcome>(ours);
+  add<AbsentNodes>(ours);
   add<Policy>(ours);
   add<Regime>(ours);
   add<Strategy>(ours);

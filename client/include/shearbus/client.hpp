@@ -32,10 +32,12 @@
 
 namespace shearbus {
 
+using wire::AbsentNodes;
 using wire::Batch;
 using wire::Code;
 using wire::Error;
 using wire::Field;
+using wire::Form;
 using wire::Policy;
 using wire::Status;
 using wire::TransferId;
@@ -74,6 +76,9 @@ struct StepOptions {
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
+  // Effect of a request_for() on the other nodes of the session. kOpen: they are stepped with P = 0, jump 0 and no
+  // forces, so that they cool; the result has no rows of them.
+  AbsentNodes absent_nodes = AbsentNodes::kKeep;
 };
 
 // The reply to a step. A column has one value per row of the request, in the order of the request, and is valid until
@@ -114,10 +119,12 @@ class Session {
   ~Session();  // closes a session that is still open, without waiting for the reply
 
   // The required columns of a step of all nodes, with rows in the order of node_ids(), zeroed, and the given optional
-  // columns.
-  Batch request(std::span<const Field> optional_columns = {}) const;
-  // The required columns of a step of some nodes, with rows in the order of `node_ids`, and the given optional columns.
-  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
+  // columns. A force-driven request has one of two forms: stresses and masses of both half zones (kFarField), or stick
+  // stress and impedance (kStick).
+  Batch request(std::span<const Field> optional_columns = {}, Form form = Form::kFarField) const;
+  // The same for a step of some nodes, with rows in the order of `node_ids`.
+  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
+                    Form form = Form::kFarField) const;
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the result
   const StepResult& trial(const Batch& request, const StepOptions& step);    // steps; commit() or rollback() follows
