@@ -33,7 +33,8 @@ struct Service {
                 .context = embedded ? embedded->context() : nullptr,
                 .server_key = server.server_key,
                 .secret_key = server.secret_key,
-                .name = "shearbus-replay"}) {}
+                .name = "shearbus-replay",
+                .check_closure = CheckClosure::kOff}) {}  // a history is no host: it does not react to the answers
   std::optional<server::Embedded> embedded;
   Client client;
 };

@@ -74,7 +74,7 @@ wire::Request Session::Impl::next_request() const {
   return request;
 }
 
-Received Session::Impl::exchange(wire::Request request) {
+Received Session::Impl::exchange(wire::Request&& request) {
   if (request.request_id == 0) request.request_id = connection->next_request_id();
   try {
     Received received = call(request);
@@ -97,6 +97,7 @@ void Session::Impl::adopt_position(Received& where) {
   auto& resumed = body_of<wire::SessionResumed>(where);
   last_sequence = resumed.last_sequence;
   offers = std::move(resumed.offers);
+  if (closure) closure->forget();
   const auto nodes = std::as_const(where.reply.batch).u64(Field::kNodeId);
   node_ids.assign(nodes.begin(), nodes.end());
 }
@@ -112,6 +113,7 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
   std::vector<std::uint64_t> gone(nodes.begin(), nodes.end());
   std::ranges::sort(gone);
   std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
+  if (closure) closure->forget();
 }
 
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
@@ -157,7 +159,15 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   epoch = request.epoch = where.reply.epoch;
 }
 
-wire::Request Session::Impl::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const {
+void Session::Impl::check_closure() {
+  const ClientOptions& options = connection->options();
+  if (options.check_closure != CheckClosure::kOff && opened.strategy == wire::Strategy::kForceDriven)
+    closure.emplace(options.check_closure, options.warn);
+}
+
+wire::Request Session::Impl::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+  if (closure) closure->compare(columns, node_ids, options);
+  step_options = options;
   wire::Request request = next_request();
   request.body = wire::Downscale{.dt_s = options.dt_s,
                                  .time_s = options.time_s,
@@ -173,8 +183,11 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
 }
 
 const StepResult& Session::Impl::exchange_step(wire::Request request) {
-  Received received = exchange(std::move(request));
-  body_of<wire::Upscale>(received);
+  Received received = exchange(std::move(request));  // leaves the request as it was sent
+  const auto& upscale = body_of<wire::Upscale>(received);
+  if (closure) 
+    closure->answered(request.batch, received.reply.batch, upscale, step_options,
+                      std::get<wire::Downscale>(request.body).mode);
   result.payload_frame_ = std::move(received.payload_frame);
   result.reply_ = std::move(received.reply);
   result.round_trip_ = received.round_trip;
@@ -248,11 +261,13 @@ const StepResult& Session::finish_trial() {
 
 std::uint64_t Session::commit() {
   Received received = impl_->exchange<wire::Committed>(wire::Commit{});
+  if (impl_->closure) impl_->closure->committed();
   return body_of<wire::Committed>(received).state_version;
 }
 
 std::uint64_t Session::rollback() {
   Received received = impl_->exchange<wire::RolledBack>(wire::Rollback{});
+  if (impl_->closure) impl_->closure->rolled_back();
   return body_of<wire::RolledBack>(received).state_version;
 }
 
@@ -261,6 +276,7 @@ std::uint64_t Session::rollback_to(const std::string& mark) {
   const std::uint64_t version = body_of<wire::RolledBack>(received).state_version;
   const auto nodes = std::as_const(received.reply.batch).u64(Field::kNodeId);
   impl_->node_ids.assign(nodes.begin(), nodes.end());
+  if (impl_->closure) impl_->closure->forget();
   return version;
 }
 
@@ -272,6 +288,7 @@ wire::Marked Session::mark(const std::string& name) {
 void Session::register_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature_k) {
   impl_->exchange<wire::NodesChanged>(wire::RegisterNodes{}, named_nodes(node_ids, initial_temperature_k));
   impl_->node_ids.insert(impl_->node_ids.end(), node_ids.begin(), node_ids.end());
+  if (impl_->closure) impl_->closure->forget();
 }
 
 void Session::retire_nodes(std::span<const std::uint64_t> node_ids) {
@@ -290,6 +307,7 @@ std::vector<std::uint64_t> Session::accept_nodes(const TransferId& transfer) {
   const Received received = impl_->exchange<wire::NodesChanged>(wire::AcceptNodes{.transfer_id = transfer});
   const auto accepted = received.reply.batch.u64(Field::kNodeId);
   impl_->node_ids.insert(impl_->node_ids.end(), accepted.begin(), accepted.end());
+  if (impl_->closure) impl_->closure->forget();
   return {accepted.begin(), accepted.end()};
 }
 

@@ -54,6 +54,8 @@ struct OpenSession {
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: the session is in no domain
+  bool check_closure = false;
+  std::uint64_t idle_limit_s = 0;  // 0: none
 
   static void fields(auto&& v, auto& m) {
     v(1, "scene", scene_text(m.scene));
@@ -61,6 +63,8 @@ struct OpenSession {
     v(3, "resume_token", m.resume_token);
     v(4, "domain", m.domain);
     v(5, "scene_file", m.scene_file);
+    v(6, "check_closure", m.check_closure);
+    v(7, "idle_limit_s", m.idle_limit_s);
   }
 };
 struct Downscale {
@@ -272,6 +276,11 @@ struct Upscale {
   std::uint64_t solver_ns = 0;
   std::uint64_t service_ns = 0;
   std::uint64_t flagged_nodes = 0;
+  // Only of sessions that check closure.
+  double largest_closure_m_per_s = 0.0;
+  std::uint64_t closure_node = 0;
+  double layer_time_s = 0.0;
+  std::vector<std::string> warnings;  // each begins with the name of the field or column that it is about
 
   static void fields(auto&& v, auto& m) {
     v(1, "nodes", m.nodes);
@@ -279,6 +288,10 @@ struct Upscale {
     v(3, "solver_ns", m.solver_ns);
     v(4, "service_ns", m.service_ns);
     v(5, "flagged_nodes", m.flagged_nodes);
+    v(6, "largest_closure_m_per_s", m.largest_closure_m_per_s);
+    v(7, "closure_node", m.closure_node);
+    v(8, "layer_time_s", m.layer_time_s);
+    v(9, "warnings", m.warnings);
   }
 };
 struct Committed {
@@ -376,6 +389,8 @@ struct SessionInfo {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+  std::string domain;
+  std::uint64_t idle_limit_s = 0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "session_id", m.session_id);
@@ -391,6 +406,8 @@ struct SessionInfo {
     v(11, "requests", m.requests);
     v(12, "node_steps", m.node_steps);
     v(13, "solver_ns", m.solver_ns);
+    v(15, "domain", m.domain);
+    v(16, "idle_limit_s", m.idle_limit_s);
   }
 };
 struct Inspected {

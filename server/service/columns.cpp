@@ -174,6 +174,8 @@ shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, 
   ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
 #include "proto/wire/columns.inc"
 #undef ROW
+  for (std::uint32_t component = 0; component < 2; ++component)
+    if (reply.has(Field::kClosure, component)) columns.closure[component] = reply.f64(Field::kClosure, component);
   for (const LedgerRow& row : kLedger)
     if (reply.has(row.field)) columns.outputs.emplace_back(shard::LedgerColumn{row.term, reply.f64(row.field)});
   return columns;

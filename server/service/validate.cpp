@@ -101,11 +101,12 @@ void check_condition(Field field, const physics::ModelOptions& options, const ch
 // The form of the request. Refuses columns of both forms in one request.
 wire::Form form_of(const wire::Batch& batch, const wire::StrategyColumns& columns) {
   const auto first_of = [&](std::span<const Field> fields) {
-    return std::ranges::find_if(fields, [&](Field field) { return batch.has(field); });
+    const auto found = std::ranges::find_if(fields, [&](Field field) { return batch.has(field); });
+    return found == fields.end() ? nullptr : &*found;
   };
-  const auto stick = first_of(columns.stick);
-  if (stick == columns.stick.end()) return wire::Form::kFarField;
-  if (const auto far_field = first_of(wire::kFarFieldColumns); far_field != std::end(wire::kFarFieldColumns))
+  const Field* stick = first_of(columns.stick);
+  if (stick == nullptr) return wire::Form::kFarField;
+  if (const Field* far_field = first_of(wire::kFarFieldColumns); far_field != nullptr)
     refuse(Code::kShape, wire::name(*far_field),
            fmt::format("columns {} and {} are of different forms of a request", wire::name(*stick),
                        wire::name(*far_field)),
@@ -311,7 +312,8 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options) {
+std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
+                                bool check_closure) {
   const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
   const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
   if (step.wanted.empty()) return {all.begin(), all.end()};
@@ -323,10 +325,48 @@ std::vector<Field> check_wanted(const wire::Downscale& step, const physics::Mode
                          wire::name(field)),
              "Choose from " + join_names(std::array{all, on_request}) + ".");
     check_condition(field, options, "wanted");
+    if (field == Field::kClosure && !check_closure)
+      refuse(Code::kUnsupported, "wanted", fmt::format("{} is of sessions that check closure", wire::name(field)),
+             "Leave it out, or open the session with open_session.check_closure.");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }
   return step.wanted;
+}
+
+std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch) {
+  constexpr double kLongStep = 1e-6;    // [s]
+  constexpr double kLowPressure = 1e3;  // [Pa]
+  constexpr double kLargeChange = 1e3;  // change of the jump in one step  [m/s]
+  std::vector<std::string> warnings;
+  if (step.dt_s > kLongStep)
+    warnings.push_back(fmt::format("dt_s: the first step is {} s long; a step of a shock is rarely longer than {} s. "
+                                   "Is dt_s in seconds?",
+                                   step.dt_s, kLongStep));
+  const auto pressure = batch.f64(Field::kPressure);
+  if (const auto low = std::ranges::find_if(pressure, [&](double p) { return p > 0.0 && p < kLowPressure; });
+      low != pressure.end())
+    warnings.push_back(fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and below {} Pa. Is the "
+                                   "pressure in pascal?",
+                                   low - pressure.begin(), *low, kLowPressure));
+  const bool sticks = batch.has(Field::kImpedance);
+  const auto jump = batch.f64(Field::kVelocityJump), impedance = batch.f64(Field::kImpedance),
+             stick = batch.f64(Field::kStickStress), soft = batch.f64(Field::kStressSoft),
+             hard = batch.f64(Field::kStressHard), mass_soft = batch.f64(Field::kMassSoft),
+             mass_hard = batch.f64(Field::kMassHard);
+  for (std::size_t row = 0; row < jump.size(); ++row) {
+    const double change = sticks ? stick[row] / impedance[row] - jump[row]
+                                 : step.dt_s * (soft[row] / mass_soft[row] + hard[row] / mass_hard[row]);
+    const double to_stick = std::abs(jump[row] + change);
+    if (std::abs(change) <= kLargeChange && to_stick <= kLargeChange) continue;
+    warnings.push_back(fmt::format("{}: without friction the jump of row {} changes from {} to {} m/s in the first step. "
+                                   "Are stresses in pascal and {}?",
+                                   wire::name(sticks ? Field::kStickStress : Field::kMassSoft), row, jump[row],
+                                   jump[row] + change,
+                                   sticks ? "the impedance in Pa s/m" : "masses per area in kg/m2"));
+    break;
+  }
+  return warnings;
 }
 
 }  // namespace shearbus::service

@@ -27,6 +27,10 @@ void TileStates::begin_exchange(double* tile) const {
   std::fill_n(tile + host_time, kLanes, kUnknown);
 }
 
+bool checks_closure(const States& states) {
+  return std::ranges::find(states.columns, TileStates::kAnsweredJump, &StateColumn::name) != states.columns.end();
+}
+
 Closure& Closure::operator+=(const Closure& other) {
   if (other.largest > largest || (other.largest == largest && other.row < row)) {
     largest = other.largest;

@@ -9,6 +9,7 @@
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/states.hpp"
 #include "server/physics/solver/tile.hpp"
+#include "server/shard/states.hpp"
 
 namespace shearbus::shard {
 
@@ -33,6 +34,9 @@ class TileStates : public physics::TileLayout {
   // The initial states of the exchange, all lanes.
   void begin_exchange(double* tile) const;
 };
+
+// Whether states are of a shard that checks closure.
+bool checks_closure(const States& states);
 
 // The exchange of one step: what the host brought, compared with what its nodes were answered before.
 struct Closure {

@@ -4,6 +4,8 @@
 #include <functional>
 #include <mutex>
 
+#include "server/physics/solver/step_operators.hpp"
+
 namespace shearbus::shard {
 
 using physics::kLanes;
@@ -49,23 +51,20 @@ const double* values_of(const LedgerColumn& column, const physics::TileOutputs&,
 
 }  // namespace
 
-std::uint64_t Shard::bytes_of_state(const physics::Model& model) {
-  return sizeof(double) * model.layout().doubles / kLanes;
-}
-
-std::uint64_t Shard::bytes_per_node(const physics::Model& model) {
+std::uint64_t Shard::bytes_per_node(const physics::Model& model, bool check_closure) {
   // Memory of a node in NodeTable, touched_ and row_of_slot_.
   constexpr std::uint64_t kLists = NodeTable::kBytesPerNode + 2 * sizeof(std::uint32_t);
-  return 2 * bytes_of_state(model) + kLists;
+  return 2 * sizeof(double) * TileStates(model, check_closure).doubles / kLanes + kLists;
 }
 
-std::uint64_t Shard::bytes_for(const physics::Model& model, std::size_t nodes) {
-  return tiles_for(nodes) * (kLanes * bytes_per_node(model));
+std::uint64_t Shard::bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure) {
+  return tiles_for(nodes) * (kLanes * bytes_per_node(model, check_closure));
 }
 
 Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
              TaskPool& pool, const ShardOptions& options)
     : model_(std::move(model)),
+      layout_(model_, options.check_closure),
       pool_(pool),
       options_(options),
       tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {
@@ -74,7 +73,7 @@ Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std:
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
   return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() +
-         which * model_.layout().doubles;
+         which * layout_.doubles;
 }
 
 NodeGlance Shard::glance(std::size_t slot) const {
@@ -86,8 +85,15 @@ NodeGlance Shard::glance(std::size_t slot) const {
           .regime = static_cast<std::uint8_t>(lane[layout.regime])};
 }
 
+double Shard::layer_time(std::uint32_t slot) const {
+  const std::uint32_t tile = tile_of(slot);
+  const bool in_trial = std::binary_search(touched_.begin(), touched_.end(), tile);
+  const double* states = buffer(tile, in_trial ? 1U - committed_[tile] : committed_[tile]);
+  return states[layout_.layer_time + slot % kLanes];
+}
+
 std::span<const double> Shard::committed_tile(std::size_t slot) const {
-  return {committed(slot / kLanes), model_.layout().doubles};
+  return {committed(slot / kLanes), layout_.doubles};
 }
 
 std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
@@ -178,7 +184,7 @@ StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators,
 Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                               bool from_trial) {
   const StepOf step = step_of(rows, operators, columns);
-  const std::size_t doubles = model_.layout().doubles;
+  const std::size_t doubles = layout_.doubles;
   Attempt attempt;
   attempt.tiles_.reserve(std::max(num_tiles(), rows.slots.size()));
   attempt.states_ = make_states(std::min(num_tiles(), step.num_nodes) * doubles);
@@ -194,7 +200,7 @@ Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& op
 
 void Shard::adopt(const Attempt& attempt) {
   rollback();
-  const std::size_t doubles = model_.layout().doubles;
+  const std::size_t doubles = layout_.doubles;
   for (std::size_t i = 0; i < attempt.tiles_.size(); ++i) {
     const std::uint32_t tile = attempt.tiles_[i];
     touched_.push_back(tile);
@@ -225,7 +231,16 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   if (step.has_ledger) model_.record_energy(step.operators, in, out, from, to, ledger);
   for (const OutputColumn& column : step.columns.outputs)
     std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), lanes, answer.values); }, column);
-  return count_of(out, in.active);
+  StepCount count = count_of(out, in.active);
+  if (layout_.check_closure()) {
+    double difference[2][kLanes];
+    count.closure = exchange(layout_, {step.operators.dt(), step.columns.host_time}, in, out, lanes.named, lanes.open,
+                             lanes.row, from, to, difference);
+    for (int component = 0; component < 2; ++component)
+      if (const std::span<double> column = step.columns.closure[component]; !column.empty())
+        scatter(difference[component], lanes, column);
+  }
+  return count;
 }
 
 StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active) {
@@ -242,6 +257,7 @@ StepCount& StepCount::operator+=(const StepCount& other) {
   flagged += other.flagged;
   failed += other.failed;
   asleep += other.asleep;
+  closure += other.closure;
   return *this;
 }
 

@@ -8,7 +8,7 @@
 //   result.shear_stress_pa(); ...
 //
 // Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
-// kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
+// kUnreachable, kClosure (ClientOptions::check_closure), kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
 // included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
 // values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
 // server refuses a different call with kSequenceReused if the lost request has run; the session then continues
@@ -21,6 +21,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -42,6 +43,12 @@ using wire::Policy;
 using wire::Status;
 using wire::TransferId;
 
+// The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump that
+// its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that explains
+// the difference; the server also warns of doubtful times and units. kError compares every step and throws kClosure
+// before it is sent. For hosts whose jump has other changes too, as where an interface turns: kOff.
+enum class CheckClosure { kOff, kWarn, kError };
+
 struct ClientOptions {
   std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
   void* context = nullptr;               // libzmq context to use; required for inproc; null: a context of its own
@@ -51,6 +58,8 @@ struct ClientOptions {
   std::chrono::milliseconds connect_deadline{5'000};  // deadline of connecting and the first exchange
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
+  CheckClosure check_closure = CheckClosure::kWarn;
+  std::function<void(const std::string&)> warn;  // receives warnings of steps; empty: standard error, a line each
 };
 
 // A new pair of CURVE keys, each of 40 characters.
@@ -65,6 +74,7 @@ struct OpenOptions {
   // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
   // sessions. A session outside of any domain (empty) must be opened with at least one node.
   std::string domain;
+  std::uint64_t idle_limit_s = 0;  // the server closes the session after so long without a request; 0: never
 };
 
 struct StepOptions {
