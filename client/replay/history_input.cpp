@@ -82,12 +82,13 @@ void HistoryInput::choose_jump(bool closed_loop) {
   }
   closed_loop_ = closed_loop || !recorded;
   if (closed_loop_ && form_ == Form::kStick)
-    throw Error({.code = Code::kInvalidValue,
-                 .text = "a closed loop needs far-field stresses: /stick_stress contains the jump that the host had, so "
-                         "no other jump can be the next input",
-                 .remedy = recorded ? "Leave --closed-loop out: the history has /velocity_jump."
-                                    : "Record /velocity_jump, or /stress_soft, /stress_hard, /mass_soft and /mass_hard.",
-                 .field = "stick_stress"});
+    throw Error(
+        {.code = Code::kInvalidValue,
+         .text = "a closed loop needs far-field stresses: /stick_stress contains the jump that the host had, so "
+                 "no other jump can be the next input",
+         .remedy = recorded ? "Leave --closed-loop out: the history has /velocity_jump."
+                            : "Record /velocity_jump, or /stress_soft, /stress_hard, /mass_soft and /mass_hard.",
+         .field = "stick_stress"});
   if (!closed_loop_) {
     require_rows(Field::kVelocityJump);
     jump_origin_ = "as recorded in /velocity_jump";

@@ -71,7 +71,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     trial_.node_ids.assign(ids.begin(), ids.end());
     for (std::size_t c = 0; c < components; ++c) {
       const std::span<closure::Row> rows = std::span(trial_.rows).subspan(c * jump.size(), jump.size());
-      const auto put = [&](const Batch& batch, Field field, std::size_t component, double closure::Row::* member) {
+      const auto put = [&](const Batch& batch, Field field, std::size_t component, double closure::Row::*member) {
         const auto values = column(batch, field, component);
         for (std::size_t row = 0; row < values.size(); ++row) rows[row].*member = values[row];
       };
@@ -134,7 +134,8 @@ std::string ClosureCheck::difference(const Kept& last, const Batch& request, std
   if (last.node_ids.empty() != !request.has(Field::kNodeId)) return {};  // all nodes after some, or some after all
   match(last, request.u64(Field::kNodeId));
   const std::size_t rows_before = last.failed.size();
-  const std::size_t components = std::min(components_of(request), last.rows.size() / std::max<std::size_t>(rows_before, 1));
+  const std::size_t components =
+      std::min(components_of(request), last.rows.size() / std::max<std::size_t>(rows_before, 1));
   const auto row_at = [&](std::size_t component, const auto& rows) {
     closure::Row row = last.rows[component * rows_before + rows.first];
     row.now = column(request, Field::kVelocityJump, component)[rows.second];
@@ -169,12 +170,12 @@ std::string ClosureCheck::difference(const Kept& last, const Batch& request, std
       rows.push_back(row_at(c, matched_[i]));
   std::vector<std::string> mistakes;
   if (last.has_stress)
-    mistakes = last.sticks ? closure::stick_mistakes(rows)
-                           : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});
+    mistakes =
+        last.sticks ? closure::stick_mistakes(rows) : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});
   return fmt::format(
-      "closure: the host brings a jump of {:.9g} m/s for node {}; its last step was answered with {:.9g} m/s, and a host "
-      "that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by {:.3g} m/s). "
-      "{}",
+      "closure: the host brings a jump of {:.9g} m/s for node {}; its last step was answered with {:.9g} m/s, and a "
+      "host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
+      "{:.3g} m/s). {}",
       worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference(),
       mistakes.empty() ? "No single mistake in signs, sides, masses or dt_s explains it."
                        : fmt::format("One change explains it: {}.", fmt::join(mistakes, "; or: ")));

@@ -52,9 +52,9 @@ class ClosureCheck {
   bool done_ = false;  // warned, or all steps watched
   std::uint64_t steps_ = 0;
   Kept last_, trial_;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> index_;          // ids and rows of the last step, sorted
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> matched_;        // row of the last step, row now
-  std::vector<std::string> warned_;                                     // fields that the server has warned about
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> index_;    // ids and rows of the last step, sorted
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> matched_;  // row of the last step, row now
+  std::vector<std::string> warned_;                               // fields that the server has warned about
 };
 
 }  // namespace shearbus

@@ -9,8 +9,8 @@ namespace {
 constexpr double kRelative = 1e-6;  // accepted difference, relative to the jump
 constexpr double kAbsolute = 1e-6;  // and in addition to that  [m/s]
 
-// A host with one mistake: factors of the terms of the far-field balance. `crossed`: each stress acts on the mass of the
-// other side.
+// A host with one mistake: factors of the terms of the far-field balance. `crossed`: each stress acts on the mass of
+// the other side.
 struct FarField {
   const char* text;
   double jump = 1.0, soft = 1.0, hard = 1.0;  // old jump, far stresses
@@ -28,17 +28,28 @@ constexpr FarField kFarField[] = {
     {.text = "stress_soft has the wrong sign", .soft = -1.0},
     {.text = "stress_hard has the wrong sign", .hard = -1.0},
     {.text = "stress_soft and stress_hard both have the wrong sign", .soft = -1.0, .hard = -1.0},
-    {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard", .soft = -1.0, .hard = -1.0, .to_soft = -1.0,
+    {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard",
+     .soft = -1.0,
+     .hard = -1.0,
+     .to_soft = -1.0,
      .to_hard = -1.0},
     {.text = "the two sides of the stresses, or of the masses, are swapped", .crossed = true},
-    {.text = "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
-     .to_soft = -1.0, .to_hard = -1.0},
+    {.text =
+         "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
+     .to_soft = -1.0,
+     .to_hard = -1.0},
     {.text = "the answered stress is applied to the soft body only", .to_hard = 0.0},
     {.text = "the answered stress is applied to the hard body only", .to_soft = 0.0},
     {.text = "the answered stress is not applied", .to_soft = 0.0, .to_hard = 0.0},
-    {.text = "both masses must be twice those sent, or dt_s half of that sent", .soft = 0.5, .hard = 0.5, .to_soft = 0.5,
+    {.text = "both masses must be twice those sent, or dt_s half of that sent",
+     .soft = 0.5,
+     .hard = 0.5,
+     .to_soft = 0.5,
      .to_hard = 0.5},
-    {.text = "both masses must be half of those sent, or dt_s twice that sent", .soft = 2.0, .hard = 2.0, .to_soft = 2.0,
+    {.text = "both masses must be half of those sent, or dt_s twice that sent",
+     .soft = 2.0,
+     .hard = 2.0,
+     .to_soft = 2.0,
      .to_hard = 2.0},
     {.text = "mass_soft must be twice that sent", .soft = 0.5, .to_soft = 0.5},
     {.text = "mass_soft must be half of that sent", .soft = 2.0, .to_soft = 2.0},
@@ -60,7 +71,8 @@ constexpr Stick kStick[] = {
     {.text = "stick_stress has the wrong sign", .stick = -1.0},
     {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard", .stick = -1.0, .answer = -1.0},
     {.text = "stick_stress lacks the part of the old jump, impedance times velocity_jump", .add_jump = 1.0},
-    {.text = "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
+    {.text =
+         "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
      .answer = -1.0},
     {.text = "the answered stress is not applied", .answer = 0.0},
     {.text = "impedance must be twice that sent, or the answered stress is applied to one side only", .answer = 0.5},
@@ -69,8 +81,7 @@ constexpr Stick kStick[] = {
 
 template <typename NewJump>
 bool explains(std::span<const Row> rows, const NewJump& new_jump) {
-  return std::ranges::all_of(
-      rows, [&](const Row& row) { return std::abs(row.now - new_jump(row)) <= tolerance(row); });
+  return std::ranges::all_of(rows, [&](const Row& row) { return std::abs(row.now - new_jump(row)) <= tolerance(row); });
 }
 
 // Whether the lengths differ by more than rounding.
@@ -95,11 +106,10 @@ std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Tim
   } others[] = {
       {times.now, "the velocities advance by the dt_s of this step, not by that of the last one"},
       {times.before, "the velocities advance by the dt_s of the step before the last one"},
-      {0.5 * (times.last + times.now), "dt_s is the step of the positions before; the velocities advance by the mean of "
-                                       "the steps of the positions before and after"},
+      {0.5 * (times.last + times.now),
+       "dt_s is the step of the positions before; the velocities advance by the mean of the steps before and after"},
       {times.before > 0.0 ? 0.5 * (times.before + times.last) : 0.0,
-       "dt_s is the step of the positions after; the velocities advance by the mean "
-                                          "of the steps of the positions before and after"},
+       "dt_s is the step of the positions after; the velocities advance by the mean of the steps before and after"},
   };
   for (const auto& [dt, text] : others) {
     if (!(dt > 0.0) || !differ(dt, times.last)) continue;

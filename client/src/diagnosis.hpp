@@ -37,8 +37,8 @@ struct Times {
 // The largest accepted difference of the jumps  [m/s].
 double tolerance(const Row& row);
 
-// The mistakes, each of which alone explains all rows; empty if there is none. Mistakes that have the same effect on the
-// balance are one text.
+// The mistakes, each of which alone explains all rows; empty if there is none. Mistakes that have the same effect on
+// the balance are one text.
 std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Times& times);
 std::vector<std::string> stick_mistakes(std::span<const Row> rows);
 

@@ -185,7 +185,7 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
 const StepResult& Session::Impl::exchange_step(wire::Request request) {
   Received received = exchange(std::move(request));  // leaves the request as it was sent
   const auto& upscale = body_of<wire::Upscale>(received);
-  if (closure) 
+  if (closure)
     closure->answered(request.batch, received.reply.batch, upscale, step_options,
                       std::get<wire::Downscale>(request.body).mode);
   result.payload_frame_ = std::move(received.payload_frame);

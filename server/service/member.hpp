@@ -23,8 +23,8 @@ struct Service::Member {
   std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
-  std::uint64_t idle_limit_s = 0;  // 0: none
-  std::string closed_because;      // reason of a closed session; empty: none given
+  std::uint64_t idle_limit_s = 0;       // 0: none
+  std::string closed_because;           // reason of a closed session; empty: none given
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 

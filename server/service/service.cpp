@@ -192,7 +192,7 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",    "mark",
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",  "mark",
                           "domains",         "stick_form",   "absent_nodes", "closure", "idle_limit"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
@@ -271,8 +271,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   return reply;
 }
 
-std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model,
-                                                  const std::vector<std::uint64_t>& node_ids,
+std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
                                                   bool check_closure) const {
   const std::vector<double> temperatures(node_ids.size(), model.options().initial_temperature);
   return std::make_unique<shard::Shard>(
@@ -410,6 +409,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
     if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, false});
   }
   const std::uint64_t ended_ns = options_.now_ns();
+  member.last_request_ns = ended_ns;  // a client is not idle while it waits
   if (step.mode == wire::Mode::kAdvance) shard.commit();
   if (shard.check_closure()) report_closure(member, step, request.batch, rows, count.closure, upscale);
   upscale.nodes = num_rows;
@@ -445,8 +445,8 @@ void Service::report_closure(const Member& member, const wire::Downscale& step, 
   constexpr std::uint64_t kWatched = 101;  // commits after which times are not compared any more
   if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
   upscale.warnings.push_back(fmt::format(
-      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: the layers are stepped "
-      "for another time than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
+      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
+      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
       "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
       "impedance",
       closure.host_time_step, node_of(closure.time_row), step.dt_s, upscale.closure_node, upscale.layer_time_s,
@@ -454,9 +454,9 @@ void Service::report_closure(const Member& member, const wire::Downscale& step, 
 } catch (const std::exception&) {
 }
 
-// The request that closes a session is an operator's, so it is journaled, and a recovery closes the session again. After
-// a recovery the time without a request counts from the recovery.
-void Service::close_idle_sessions() {
+// The request that closes a session is an operator's, so it is journaled, and a recovery closes the session again.
+// After a recovery the time without a request counts from the recovery.
+void Service::close_idle_sessions() noexcept try {
   std::vector<wire::Request> closings;
   for (const auto& [id, member] : members_) {
     if (!member->shard || member->idle_limit_s == 0) continue;
@@ -472,10 +472,12 @@ void Service::close_idle_sessions() {
     const std::span<const std::byte> frame = std::as_bytes(std::span(header));
     handle(Frames(&frame, 1), {.identity = "the server", .is_operator = true});
   }
+} catch (const std::exception&) {  // no memory: later
 }
 
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
                             wire::Reply& reply) {
+  std::string because = printable(close.reason);
   keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
   ++totals.requests;  // counts close_session itself
@@ -483,7 +485,7 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));
   closed_.push_back(member.id);
-  member.closed_because = printable(close.reason);
+  member.closed_because = std::move(because);
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();

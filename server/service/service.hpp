@@ -77,7 +77,7 @@ class Service : private store::Recovery {
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
   // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
-  void close_idle_sessions();
+  void close_idle_sessions() noexcept;
 
   // Refuses every later request with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }

@@ -129,10 +129,10 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
   for (const wire::Column& column : batch.columns()) {
     if (column.field != Field::kNodeId && !contains(required, column.field) &&
         !contains(columns.optional, column.field))
-      refuse(Code::kShape, wire::name(column.field),
-             fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
-             "Send " + join_names(std::array{std::span<const Field>(required), columns.optional}) +
-                 " and nothing else.");
+      refuse(
+          Code::kShape, wire::name(column.field),
+          fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
+          "Send " + join_names(std::array{std::span<const Field>(required), columns.optional}) + " and nothing else.");
     check_condition(column.field, options, wire::name(column.field));
   }
 }
@@ -312,8 +312,7 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
-                                bool check_closure) {
+std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options, bool check_closure) {
   const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
   const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
   if (step.wanted.empty()) return {all.begin(), all.end()};
@@ -340,15 +339,17 @@ std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::
   constexpr double kLargeChange = 1e3;  // change of the jump in one step  [m/s]
   std::vector<std::string> warnings;
   if (step.dt_s > kLongStep)
-    warnings.push_back(fmt::format("dt_s: the first step is {} s long; a step of a shock is rarely longer than {} s. "
-                                   "Is dt_s in seconds?",
-                                   step.dt_s, kLongStep));
+    warnings.push_back(
+        fmt::format("dt_s: the first step is {} s long; a step of a shock is rarely longer than {} s. "
+                    "Is dt_s in seconds?",
+                    step.dt_s, kLongStep));
   const auto pressure = batch.f64(Field::kPressure);
   if (const auto low = std::ranges::find_if(pressure, [&](double p) { return p > 0.0 && p < kLowPressure; });
       low != pressure.end())
-    warnings.push_back(fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and below {} Pa. Is the "
-                                   "pressure in pascal?",
-                                   low - pressure.begin(), *low, kLowPressure));
+    warnings.push_back(
+        fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and below {} Pa. Is the "
+                    "pressure in pascal?",
+                    low - pressure.begin(), *low, kLowPressure));
   const bool sticks = batch.has(Field::kImpedance);
   const auto jump = batch.f64(Field::kVelocityJump), impedance = batch.f64(Field::kImpedance),
              stick = batch.f64(Field::kStickStress), soft = batch.f64(Field::kStressSoft),
@@ -359,11 +360,11 @@ std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::
                                  : step.dt_s * (soft[row] / mass_soft[row] + hard[row] / mass_hard[row]);
     const double to_stick = std::abs(jump[row] + change);
     if (std::abs(change) <= kLargeChange && to_stick <= kLargeChange) continue;
-    warnings.push_back(fmt::format("{}: without friction the jump of row {} changes from {} to {} m/s in the first step. "
-                                   "Are stresses in pascal and {}?",
-                                   wire::name(sticks ? Field::kStickStress : Field::kMassSoft), row, jump[row],
-                                   jump[row] + change,
-                                   sticks ? "the impedance in Pa s/m" : "masses per area in kg/m2"));
+    warnings.push_back(
+        fmt::format("{}: without friction the jump of row {} changes from {} to {} m/s in the first step. "
+                    "Are stresses in pascal and {}?",
+                    wire::name(sticks ? Field::kStickStress : Field::kMassSoft), row, jump[row], jump[row] + change,
+                    sticks ? "the impedance in Pa s/m" : "masses per area in kg/m2"));
     break;
   }
   return warnings;

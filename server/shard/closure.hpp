@@ -40,11 +40,11 @@ bool checks_closure(const States& states);
 
 // The exchange of one step: what the host brought, compared with what its nodes were answered before.
 struct Closure {
-  double largest = -1.0;         // largest difference of the jumps; below 0: no node had an answered jump  [m/s]
-  std::uint32_t row = 0;         // its row; of equal differences the first one
-  std::uint64_t timed = 0;       // number of rows whose last step had a time
-  std::uint64_t agree = 0;       // number of those rows whose time grew by the length of the step
-  double host_time_step = 0.0;   // growth of the host's time in one of the other rows, the first one  [s]
+  double largest = -1.0;                // largest difference of the jumps; below 0: no node had an answered jump  [m/s]
+  std::uint32_t row = 0;                // its row; of equal differences the first one
+  std::uint64_t timed = 0;              // number of rows whose last step had a time
+  std::uint64_t agree = 0;              // number of those rows whose time grew by the length of the step
+  double host_time_step = 0.0;          // growth of the host's time in one of the other rows, the first one  [s]
   std::uint32_t time_row = 0xffffffff;  // that row
 
   Closure& operator+=(const Closure& other);

@@ -72,8 +72,7 @@ Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std:
 }
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
-  return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() +
-         which * layout_.doubles;
+  return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() + which * layout_.doubles;
 }
 
 NodeGlance Shard::glance(std::size_t slot) const {

@@ -50,9 +50,7 @@ std::vector<test::HalfSpaceState> sample(const std::vector<test::HalfSpaceState>
 class StickLaw : public hydro::InterfaceLaw {
  public:
   StickLaw(const std::string& scene, const std::vector<std::uint64_t>& nodes)
-      : client_({.endpoint = server_.endpoint(),
-                 .context = server_.context(),
-                 .check_closure = CheckClosure::kError}),
+      : client_({.endpoint = server_.endpoint(), .context = server_.context(), .check_closure = CheckClosure::kError}),
         session_(client_.open(scene, "scene", nodes)),
         request_(session_.request({}, Form::kStick)) {}
 

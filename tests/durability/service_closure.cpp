@@ -31,15 +31,17 @@ wire::Request opening(std::uint64_t idle_limit_s = 0) {
   return request;
 }
 
-// The requests of a host that does not apply the answers, and whose time grows by 2 dt; with trials, subsets and a mark.
+// The requests of a host that does not apply the answers and whose time grows by 2 dt. They include trials, subsets and
+// a mark.
 wire::Request request_at(std::uint64_t sequence) {
   const int number = static_cast<int>(sequence);
   if (sequence == 4) return ServiceHarness::in_session(wire::Mark{.name = "dump"}, sequence);
   if (sequence == 9) return ServiceHarness::in_session(wire::Rollback{.to_mark = "dump"}, sequence);
   const bool some = sequence % 3 == 2;
   const auto ids = some ? std::span(kNodes).subspan(2, 5) : std::span(kNodes);
-  wire::Request request = ServiceHarness::step(sequence, support::step_columns(Strategy::kForceDriven, ids, number, some),
-                                               sequence % 5 == 3 ? wire::Mode::kTrial : wire::Mode::kAdvance);
+  wire::Request request =
+      ServiceHarness::step(sequence, support::step_columns(Strategy::kForceDriven, ids, number, some),
+                           sequence % 5 == 3 ? wire::Mode::kTrial : wire::Mode::kAdvance);
   auto& step = std::get<wire::Downscale>(request.body);
   step.time_s = 2e-9 * static_cast<double>(sequence);
   step.wanted = {Field::kShearStress, Field::kVelocityJumpNew, Field::kClosure};

@@ -22,8 +22,8 @@ using testing::StartsWith;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(5);
 
-// Two rows of plates, one pair for each node, that far stresses of their own accelerate. The methods that send and apply
-// are those of a host without a mistake.
+// Two rows of plates, one pair for each node, that far stresses of their own accelerate. The methods that send and
+// apply are those of a host without a mistake.
 struct Host {
   std::vector<double> v_soft = {100.0, 40.0, 0.5, -60.0, 20.0}, v_hard = {0.0, 5.0, 0.0, 10.0, -3.0};
   double dt = 1e-9, time = 0.0;
@@ -207,9 +207,9 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
   };
   const Mistake mistakes[] = {
       {.name = "none", .named = nullptr},
-      {.name = "dt of the layer is not that of the momentum", .named = nullptr, .dt_sent = [](const Host& h, int) {
-         return 2.0 * h.dt;
-       }},
+      {.name = "dt of the layer is not that of the momentum",
+       .named = nullptr,
+       .dt_sent = [](const Host& h, int) { return 2.0 * h.dt; }},
       {.name = "stick stress of the wrong sign",
        .named = "stick_stress has the wrong sign",
        .in_request = times(Field::kStickStress, -1.0)},
@@ -260,9 +260,7 @@ TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
     session.trial(request, {.dt_s = 3.0 * host.dt});
     session.rollback();
     step([&]() -> const StepResult& { return session.trial(request, {.dt_s = host.dt}); });
-    step([&]() -> const StepResult& {
-      return session.trial(request, {.dt_s = host.dt, .commit_previous = true});
-    });
+    step([&]() -> const StepResult& { return session.trial(request, {.dt_s = host.dt, .commit_previous = true}); });
     session.commit();
   }
   host = marked;
@@ -322,8 +320,7 @@ TEST(ClientClosure, WatchesTheFirstHundredStepsAndPassesOnWhatTheServerSaysOnce)
   Batch request = session.request();
   for (int step = 0; step < 110; ++step) {
     host.ask(request);
-    const StepResult& result =
-        session.advance(request, {.dt_s = host.dt, .time_s = 2.0 * (host.time + host.dt)});
+    const StepResult& result = session.advance(request, {.dt_s = host.dt, .time_s = 2.0 * (host.time + host.dt)});
     host.apply(result.shear_stress_pa());
     if (step == 104) host.v_soft[0] += 1.0;
   }

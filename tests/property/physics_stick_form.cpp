@@ -46,8 +46,7 @@ void convert(const Rig& far_field, double dt, Rig& stick) {
   stick.inputs = {};
   stick.inputs.active = in.active;
   std::copy_n(in.soft_plastic_strain_rate, kLanes, stick.inputs.soft_plastic_strain_rate);
-  for (const shard::InputColumn& column : columns.inputs)
-    std::ranges::copy(column.values, stick.inputs.*column.member);
+  for (const shard::InputColumn& column : columns.inputs) std::ranges::copy(column.values, stick.inputs.*column.member);
 }
 
 // Number of tangential components, and whether the scenes have a tolerance.
@@ -81,11 +80,10 @@ TEST_P(PhysicsStickForm, HasTheAnswerOfTheFarFieldForm) {
           continue;
         }
         const double Z = impedance_of(in, dt, l);
-        const double speed =
-            std::hypot(in.velocity_jump[l], in.second_velocity_jump[l]) +
-            dt * (std::hypot(in.stress_soft[l], in.second_stress_soft[l]) / in.mass_soft[l] +
-                  std::hypot(in.stress_hard[l], in.second_stress_hard[l]) / in.mass_hard[l]) +
-            1e-6;
+        const double speed = std::hypot(in.velocity_jump[l], in.second_velocity_jump[l]) +
+                             dt * (std::hypot(in.stress_soft[l], in.second_stress_soft[l]) / in.mass_soft[l] +
+                                   std::hypot(in.stress_hard[l], in.second_stress_hard[l]) / in.mass_hard[l]) +
+                             1e-6;
         const double stress = std::hypot(want.shear_stress[l], want.second_shear_stress[l]);
         const double T0 = want.interface_temperature[l];
         const double to_melting =
@@ -120,8 +118,7 @@ TEST_P(PhysicsStickForm, HasTheAnswerOfTheFarFieldForm) {
   EXPECT_GT(std::min({open, sticking, sliding, flowing}), 20);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, PhysicsStickForm,
-                         ::testing::Values(Case{1, false}, Case{2, false}, Case{1, true}),
+INSTANTIATE_TEST_SUITE_P(Scenes, PhysicsStickForm, ::testing::Values(Case{1, false}, Case{2, false}, Case{1, true}),
                          [](const ::testing::TestParamInfo<Case>& scenes) {
                            return std::string(scenes.param.first == 2 ? "TwoComponents" : "OneComponent") +
                                   (scenes.param.second ? "WithTolerance" : "");

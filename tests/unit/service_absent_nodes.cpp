@@ -56,9 +56,8 @@ class AbsentNodes : public testing::TestWithParam<Strategy> {
   // The answer of all nodes to one more step, which shows their states.
   std::vector<std::byte> probe(ServiceHarness& harness, std::uint64_t sequence, std::uint8_t session,
                                std::span<const std::uint64_t> nodes) const {
-    const Answer answer =
-        harness.ask(ServiceHarness::step(sequence, support::step_columns(GetParam(), nodes, 99), wire::Mode::kAdvance,
-                                         session));
+    const Answer answer = harness.ask(
+        ServiceHarness::step(sequence, support::step_columns(GetParam(), nodes, 99), wire::Mode::kAdvance, session));
     EXPECT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
     return answer.payload();
   }
@@ -109,15 +108,18 @@ TEST_P(AbsentNodes, KeepIsTheDefaultAndDoesNotCool) {
   ServiceHarness harness;
   for (const std::uint8_t session : {1, 2}) {
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
-    ASSERT_TRUE(harness.ask(ServiceHarness::step(1, support::step_columns(GetParam(), kNodes, 1),
-                                                 wire::Mode::kAdvance, session)).reply.status.ok());
+    ASSERT_TRUE(
+        harness
+            .ask(ServiceHarness::step(1, support::step_columns(GetParam(), kNodes, 1), wire::Mode::kAdvance, session))
+            .reply.status.ok());
   }
   const std::vector<std::uint64_t> first = {kNodes[0]};
   for (std::uint64_t sequence = 2; sequence <= 5; ++sequence) {
     const wire::Batch batch = support::step_columns(GetParam(), first, 1, true);
     for (const std::uint8_t session : {1, 2})
-      ASSERT_TRUE(harness.ask(step_of(sequence, wire::Batch::over(batch.columns(), batch.bytes()), session,
-                                      session == 1 ? wire::AbsentNodes::kKeep : wire::AbsentNodes::kOpen))
+      ASSERT_TRUE(harness
+                      .ask(step_of(sequence, wire::Batch::over(batch.columns(), batch.bytes()), session,
+                                   session == 1 ? wire::AbsentNodes::kKeep : wire::AbsentNodes::kOpen))
                       .reply.status.ok());
   }
   const auto temperatures = [&](std::uint8_t session) {
@@ -141,8 +143,9 @@ TEST_P(AbsentNodes, ATrialOfOpenNodesIsRolledBackWithTheOthers) {
   for (const std::uint8_t session : {1, 2})
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
   const auto step = [&](std::uint64_t sequence, std::uint8_t session, int number, wire::Mode mode) {
-    const Answer answer = harness.ask(step_of(sequence, support::step_columns(GetParam(), named_in(number), number, true),
-                                              session, wire::AbsentNodes::kOpen, mode));
+    const Answer answer =
+        harness.ask(step_of(sequence, support::step_columns(GetParam(), named_in(number), number, true), session,
+                            wire::AbsentNodes::kOpen, mode));
     ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
   };
   step(1, 1, 1, wire::Mode::kAdvance);
@@ -159,8 +162,8 @@ TEST_P(AbsentNodes, AStepWithoutRowsOpensAllNodes) {
   ServiceHarness harness;
   for (const std::uint8_t session : {1, 2})
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
-  const Answer none = harness.ask(step_of(1, support::step_columns(GetParam(), {}, 1, true), 1,
-                                          wire::AbsentNodes::kOpen));
+  const Answer none =
+      harness.ask(step_of(1, support::step_columns(GetParam(), {}, 1, true), 1, wire::AbsentNodes::kOpen));
   ASSERT_TRUE(none.reply.status.ok()) << describe(none.reply.status);
   wire::Batch all = support::step_columns(GetParam(), kNodes, 1);
   for (const wire::Column& column : all.columns())

@@ -153,14 +153,12 @@ TEST(Closure, MovesWithItsNodeAndNeedsTheSameCheckOnBothSides) {
   ASSERT_TRUE(harness.ask(opening(scene_of(1), false, 3, none, "run")).reply.status.ok());
   Host host{.nodes = four};
   host.apply(harness.ask(step_of(1, host.request(1))));
-  wire::Request offer =
-      ServiceHarness::in_session(wire::OfferNodes{.transfer_id = ServiceHarness::id(9)}, 2);
+  wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{.transfer_id = ServiceHarness::id(9)}, 2);
   offer.batch = wire::Batch::of(std::array{Field::kNodeId}, 1);
   offer.batch.u64(Field::kNodeId)[0] = four[2];
   ASSERT_TRUE(harness.ask(offer).reply.status.ok());
   const auto accept = [&](std::uint8_t session) {
-    return harness.ask(
-        ServiceHarness::in_session(wire::AcceptNodes{.transfer_id = ServiceHarness::id(9)}, 1, session));
+    return harness.ask(ServiceHarness::in_session(wire::AcceptNodes{.transfer_id = ServiceHarness::id(9)}, 1, session));
   };
   const Answer refused = accept(3);
   EXPECT_EQ(refused.code(), Code::kOtherScene);

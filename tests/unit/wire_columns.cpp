@@ -96,8 +96,8 @@ TEST(Columns, OfAStrategyAreThoseItsRowsSay) {
 TEST(Columns, OfTheStickFormReplaceThoseOfTheFarField) {
   const auto required = columns_of(Strategy::kForceDriven).required;
   EXPECT_THAT(columns_in(Form::kFarField, required), ::testing::ElementsAreArray(required));
-  EXPECT_THAT(columns_in(Form::kStick, required), ElementsAre(Field::kVelocityJump, Field::kPressure,
-                                                              Field::kStickStress, Field::kImpedance));
+  EXPECT_THAT(columns_in(Form::kStick, required),
+              ElementsAre(Field::kVelocityJump, Field::kPressure, Field::kStickStress, Field::kImpedance));
   EXPECT_TRUE(std::ranges::equal(columns_of(Strategy::kForceDriven).stick, kStickColumns));
   EXPECT_TRUE(columns_of(Strategy::kVelocityDriven).stick.empty());
 }

@@ -8,11 +8,11 @@
 //   result.shear_stress_pa(); ...
 //
 // Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
-// kUnreachable, kClosure (ClientOptions::check_closure), kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
-// included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
-// values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
-// server refuses a different call with kSequenceReused if the lost request has run; the session then continues
-// after the lost request.
+// kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
+// included: the step may or may not have run), kUnexpectedReply or kClosure (ClientOptions::check_closure). After
+// kUnknownOutcome the same call with the same values is the same request: if the request has run, the server does not
+// run it again and sends the kept reply. The server refuses a different call with kSequenceReused if the lost request
+// has run; the session then continues after the lost request.
 //
 // The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
 // their deadline and then continue. They throw kEpoch if the server was restored with older states.
@@ -43,10 +43,10 @@ using wire::Policy;
 using wire::Status;
 using wire::TransferId;
 
-// The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump that
-// its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that explains
-// the difference; the server also warns of doubtful times and units. kError compares every step and throws kClosure
-// before it is sent. For hosts whose jump has other changes too, as where an interface turns: kOff.
+// The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump
+// that its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that
+// explains the difference; the server also warns of doubtful times and units. kError compares every step and throws
+// kClosure before it is sent. kOff is for hosts whose jump has other changes, too, as where an interface turns.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
