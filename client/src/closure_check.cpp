@@ -47,7 +47,7 @@ void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> 
 }
 
 void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale,
-                            const StepOptions& step, wire::Mode mode) {
+                            const StepOptions& step, wire::Mode mode) noexcept try {
   for (const std::string& warning : upscale.warnings) {
     const std::string field = warning.substr(0, warning.find(':'));
     if (mode_ == CheckClosure::kOff || std::ranges::find(warned_, field) != warned_.end()) continue;
@@ -90,6 +90,8 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     for (std::size_t row = 0; row < outcome.size(); ++row) trial_.failed[row] = (outcome[row] & wire::kFailed) != 0;
   }
   if (mode == wire::Mode::kAdvance) committed();
+} catch (const std::exception&) {
+  forget();
 }
 
 void ClosureCheck::committed() {

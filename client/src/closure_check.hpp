@@ -23,9 +23,10 @@ class ClosureCheck {
   // Compares the jumps of a request with the answers that it continues from. Called before the request is sent; throws
   // Error{kClosure} in mode kError.
   void compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step);
-  // Keeps a request and its answer, and passes on the server's warnings, one for each field that they are about.
+  // Keeps a request and its answer, and passes on the server's warnings, one for each field that they are about. The step
+  // has run, so nothing is thrown: without memory the check skips the next step.
   void answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale, const StepOptions& step,
-                wire::Mode mode);
+                wire::Mode mode) noexcept;
   void committed();    // the trial is the last step now
   void rolled_back();  // there is no trial any more
   void forget();       // the nodes or their states are others now
