@@ -89,6 +89,9 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
     wire::Status status = fault.status();
     status.remedy = "Open again with the same arguments: it is the same session, opened once.";
     throw Error(std::move(status));
+  } catch (...) {
+    connection_->opening_in_doubt = std::move(request);
+    throw;
   }
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionOpened>(received));

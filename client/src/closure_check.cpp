@@ -13,10 +13,6 @@ namespace {
 
 constexpr std::size_t kRowsDiagnosed = 256;  // rows that a mistake must explain; more would not distinguish better
 
-void print(const std::string& warning) {
-  fmt::print(stderr, "shearbus: warning: {}\n", warning);
-}
-
 std::span<const double> column(const Batch& batch, Field field, std::size_t component = 0) {
   return batch.f64(field, static_cast<std::uint32_t>(component));
 }
@@ -27,8 +23,15 @@ std::size_t components_of(const Batch& request) {
 
 }  // namespace
 
-ClosureCheck::ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> warn)
-    : mode_(mode), warn_(warn ? std::move(warn) : print) {}
+ClosureCheck::ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log)
+    : mode_(mode), log_(std::move(log)) {}
+
+void ClosureCheck::warn(const std::string& warning) const {
+  if (log_)
+    log_("warning: " + warning);
+  else
+    fmt::print(stderr, "shearbus: warning: {}\n", warning);
+}
 
 void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step) {
   if (!watches()) return;
@@ -42,7 +45,7 @@ void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> 
                  .remedy = "The step was not sent. Correct the host, or set ClientOptions::check_closure to kWarn.",
                  .field = wire::name(Field::kVelocityJump)});
   done_ = true;
-  warn_(found);
+  warn(found);
   last_ = trial_ = {};
 }
 
@@ -52,7 +55,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     const std::string field = warning.substr(0, warning.find(':'));
     if (mode_ == CheckClosure::kOff || std::ranges::find(warned_, field) != warned_.end()) continue;
     warned_.push_back(field);
-    warn_(warning);
+    warn(warning);
   }
   if (!watches()) return;
   if (step.commit_previous) committed();

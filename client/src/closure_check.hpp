@@ -16,15 +16,15 @@ namespace shearbus {
 
 class ClosureCheck {
  public:
-  // `warn` receives each warning. kError: a difference throws, in every step; else the first kStepsWatched steps are
-  // compared.
-  ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> warn);
+  // `log` receives each warning; empty: standard error. kError: a difference throws, in every step; else the first
+  // kStepsWatched steps are compared.
+  ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log);
 
   // Compares the jumps of a request with the answers that it continues from. Called before the request is sent; throws
   // Error{kClosure} in mode kError.
   void compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step);
-  // Keeps a request and its answer, and passes on the server's warnings, one for each field that they are about. The step
-  // has run, so nothing is thrown: without memory the check skips the next step.
+  // Keeps a request and its answer, and passes on the server's warnings, one for each field that they are about. The
+  // step has run, so nothing is thrown: without memory the check skips the next step.
   void answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale, const StepOptions& step,
                 wire::Mode mode) noexcept;
   void committed();    // the trial is the last step now
@@ -44,12 +44,13 @@ class ClosureCheck {
     std::vector<bool> failed;             // rows without an answer
   };
 
+  void warn(const std::string& warning) const;
   bool watches() const { return mode_ != CheckClosure::kOff && !(mode_ == CheckClosure::kWarn && done_); }
   std::string difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids, double dt);
   void match(const Kept& last, std::span<const std::uint64_t> now);
 
   CheckClosure mode_;
-  std::function<void(const std::string&)> warn_;
+  std::function<void(const std::string&)> log_;
   bool done_ = false;  // warned, or all steps watched
   std::uint64_t steps_ = 0;
   Kept last_, trial_;

@@ -20,7 +20,7 @@ constexpr std::array kRows = {
 #include "proto/wire/columns.inc"
 };
 
-// The fields of the rows for which a test is true.
+// Returns the fields of those column rows for which `test` is true.
 template <typename Test>
 struct Selection {
   static constexpr std::size_t kCount = std::count_if(kRows.begin(), kRows.end(), Test{});

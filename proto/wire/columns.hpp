@@ -22,7 +22,7 @@ enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2
 
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 
-// The use of a column in the steps of a strategy.
+// How requests and replies of a strategy use a column.
 enum class Use : std::uint8_t {
   kNone,
   kRequired,   // every request has the column

@@ -75,7 +75,7 @@ struct Downscale {
   std::uint32_t attempt = 0;
   Mode mode = Mode::kAdvance;
   bool commit_previous = false;
-  std::vector<Field> wanted;  // columns of the reply; empty: all default columns
+  std::vector<Field> wanted;  // columns of the reply; empty: the default columns
   Policy policy = Policy::kUnspecified;
   AbsentNodes absent_nodes = AbsentNodes::kKeep;
 
@@ -97,7 +97,7 @@ struct Commit {
 };
 struct Rollback {
   static constexpr BodyRow kBody = {20, "rollback"};
-  std::string to_mark;  // empty: drop the standing trial
+  std::string to_mark;  // name of a mark; empty: only drops the trial that waits for commit or rollback
 
   static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
 };
@@ -234,8 +234,8 @@ struct SessionOpened {
   std::uint32_t tangential_components = 1;
   std::vector<Field> required_columns;    // required columns of a step; node_id is always allowed
   std::vector<Field> optional_columns;    // optional columns of a step
-  std::vector<Field> reply_columns;       // default columns of a reply
-  std::vector<Field> columns_on_request;  // columns that a request must ask for
+  std::vector<Field> reply_columns;       // columns of a reply that names no `wanted`
+  std::vector<Field> columns_on_request;  // columns of a reply only if `wanted` names them
   std::string scene_name;
 
   static void fields(auto&& v, auto& m) {
@@ -349,7 +349,7 @@ struct Histogram {
     v(4, "sum_ns", m.sum_ns);
   }
 };
-inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // counts[i] counts durations below this times 2^i
+inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // bucket i counts durations below this times 2^i
 struct Refusals {
   std::uint32_t code = 0;
   std::uint64_t count = 0;

@@ -45,7 +45,7 @@ static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
 // ---- columns and members of a tile ----
 
-// The tile member of the second tangential component is named `second_` and the name of the first component's member.
+// Members of a tile for the second tangential component have the first component's name with the prefix `second_`.
 #define SECOND_Scalar(rows, enumerator, quantity)
 #define SECOND_Tangential(rows, enumerator, quantity) rows(enumerator, 1, second_##quantity)
 
@@ -71,7 +71,7 @@ constexpr LedgerRow kLedger[] = {
 #include "proto/wire/columns.inc"
 };
 
-// Adds the answer column to `columns` if the reply has a column of this field and component.
+// If the reply has a column of this field and component, adds it to `columns` with the tile member that fills it.
 template <typename Lane>
 void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
                 std::vector<shard::OutputColumn>& columns) {

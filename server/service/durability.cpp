@@ -24,7 +24,7 @@ std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-// A reply and the bytes that its columns point into.
+// A decoded reply, together with the bytes that its columns point into.
 struct HeldReply {
   std::vector<std::byte> payload;
   wire::Reply reply;
@@ -96,7 +96,7 @@ void Service::recover() {
   replaying_ = false;
   epoch_ = options_.epoch;
   times_ = {};
-  metrics_.node_steps = metrics_.solver_ns = 0;  // the server that ran the requests first has counted them
+  metrics_.node_steps = metrics_.solver_ns = 0;  // these steps were counted by the server that first ran the requests
 }
 
 void Service::clear() {
@@ -229,7 +229,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
   if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // claims are counted anew after every start of the server
+    if (request.epoch != epoch_)  // the numbering of claims starts again with every start of the server
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});

@@ -13,9 +13,9 @@ struct Service::Member {
   wire::SessionId id{};
   std::string identity;              // identity that opened the session; only it and operators may use it
   wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
-  std::uint64_t claim = 0;           // number of the last granted claim; 0: none
-  std::uint64_t claimant = 0;        // random number of the client that has this claim
-  std::uint64_t epoch = 0;           // epoch that the requests must name since the last claim; 0: the server's
+  std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
+  std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
+  std::uint64_t epoch = 0;           // epoch that requests must name since the last claim; 0: the server's epoch
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null after the session has been closed
   std::string domain;                   // name of the session's domain; empty: none

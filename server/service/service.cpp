@@ -318,7 +318,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // in any epoch, because the request has run
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // the kept reply is sent in any epoch
   check_epoch(request, &member);
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession,
@@ -379,7 +379,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const std::uint64_t version_before = shard.state_version() + (step.commit_previous ? 1 : 0);
   if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
   std::vector<std::uint8_t> unasked(
-      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes, if the reply does not hold them
+      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // receives the outcomes if the reply has no column for them
   if (!unasked.empty())
     columns.outputs.emplace_back(
         shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(unasked)});
@@ -398,7 +398,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   }
   keep(arrival, member.id, &member);
 
-  // 2. Change the states. Nothing fails from here to complete(), so states, sequence and kept reply stay consistent.
+  // 2. Change the states. Nothing can fail from here to complete(), so states, sequence and kept reply stay consistent.
   if (step.commit_previous) shard.commit();
   if (attempt) {
     shard.adopt(*attempt);

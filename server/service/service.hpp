@@ -163,7 +163,7 @@ class Service : private store::Recovery {
   shard::TaskPool& pool_;
   store::Store* store_;
   std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that ran the request first
-  std::uint64_t claims_ = 0;  // number of granted claims; claim i has the epoch epoch_ + i
+  std::uint64_t claims_ = 0;  // number of granted claims (resume_session); claim i has the epoch epoch_ + i
   bool replaying_ = false;    // whether requests of the journal are run again, for recovery
   bool kept_ = false;         // the present request is in the journal and has not run
   bool failed_ = false;
@@ -176,7 +176,7 @@ class Service : private store::Recovery {
   std::map<wire::TransferId, store::TransferImage> transfers_;  // offered nodes, which no session owns
   wire::ServerStatus metrics_;
   Metrics times_;
-  struct Current {  // the present request
+  struct Current {  // the request that is being answered
     std::size_t verb = 0;
     std::uint64_t started_ns = 0;
   } current_;

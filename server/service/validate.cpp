@@ -91,8 +91,8 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
                              : "Send it with component 0 only.");
 }
 
-// Refuses a column of the model's strategy that this model does not have; `named_in` is the field
-// that the fault names.
+// Refuses a column that the model's strategy has but this model does not; `named_in` is the field of the request that
+// the refusal names as at fault.
 void check_condition(Field field, const physics::ModelOptions& options, const char* named_in) {
   if (const ColumnCondition* unmet = unmet_condition(field, options))
     refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);

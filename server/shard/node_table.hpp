@@ -59,7 +59,7 @@ class NodeTable {
  private:
   // A sorted table instead of a hash table: clients choose the ids, and no choice of ids makes a binary search slow.
   std::vector<std::uint64_t> ids_;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // id and row
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // id and row of each node, by ascending id
   std::vector<std::uint32_t> slots_;                            // slot of each row; empty: slot = row
 };
 

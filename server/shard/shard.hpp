@@ -155,13 +155,13 @@ class Shard {
   // tiles it needs.
   std::size_t tiles_per_block_;
   std::vector<Block> blocks_;
-  std::vector<std::uint8_t> committed_;  // for each tile, the number (0 or 1) of the buffer with the committed states
-  std::vector<std::uint32_t> touched_;   // numbers of the tiles that the trial changed, ascending
+  std::vector<std::uint8_t> committed_;     // number (0 or 1) of the buffer with the committed states, for each tile
+  std::vector<std::uint32_t> touched_;      // numbers of the tiles that the trial changed, ascending
   std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
-  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // most recently used first
+  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // last used first
 };
 
 class Shard::Attempt {

@@ -15,7 +15,7 @@ namespace shearbus::shard {
 // One state of the nodes: `width` values per node, [node][width].
 struct StateColumn {
   std::string name;   // name with unit: "temperature_k"
-  std::string units;  // "K"
+  std::string units;  // unit: "K"
   std::size_t width = 0;
   std::vector<double> values;
 };

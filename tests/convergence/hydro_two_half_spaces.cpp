@@ -185,9 +185,9 @@ TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
     EXPECT_NEAR(row.states[k].jump / exact[k].jump, 1.0, 2e-3) << "dt " << row.dt_ns << " ns, t " << kTimes[k];
     EXPECT_NEAR(row.states[k].temperature, exact[k].temperature, 1.0) << "dt " << row.dt_ns << " ns, t " << kTimes[k];
   };
-  within(rows[2], 1);  // dt = 1 ns
+  within(rows[2], 1);  // the run with dt = 1 ns
   within(rows[2], 2);
-  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // dt = 0.25 ns: at all times
+  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // the run with dt = 0.25 ns, at all times
 }
 
 // Courant number below 1. The sudden start makes the jump oscillate at the mesh's cut-off frequency, and the

@@ -86,7 +86,7 @@ Run run(RunningServer& server, const Mistake& mistake, Form form) {
   Run run;
   ClientOptions options = server.client_options("inproc");
   options.check_closure = CheckClosure::kWarn;
-  options.warn = [&](const std::string& warning) { run.warnings.push_back(warning); };
+  options.log = [&](const std::string& line) { run.warnings.push_back(line); };
   Client client(options);
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   Host host;
@@ -116,7 +116,7 @@ void expect_named(RunningServer& server, std::span<const Mistake> mistakes, Form
       EXPECT_LT(found.closure, 1e-10);
       continue;
     }
-    ASSERT_THAT(found.warnings, ElementsAre(StartsWith("closure: the host brings a jump of "))) << "once";
+    ASSERT_THAT(found.warnings, ElementsAre(StartsWith("warning: closure: the host brings a jump of "))) << "once";
     EXPECT_THAT(text, HasSubstr(mistake.named));
     EXPECT_EQ(text.find("; or: ") == std::string::npos, mistake.unique) << text;
     EXPECT_GT(found.closure, 1e-3);
@@ -314,7 +314,7 @@ TEST(ClientClosure, WatchesTheFirstHundredStepsAndPassesOnWhatTheServerSaysOnce)
   std::vector<std::string> warnings;
   ClientOptions options = server.client_options("inproc");
   options.check_closure = CheckClosure::kWarn;
-  options.warn = [&](const std::string& warning) { warnings.push_back(warning); };
+  options.log = [&](const std::string& line) { warnings.push_back(line); };
   Client client(options);
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   Host host;
@@ -325,7 +325,7 @@ TEST(ClientClosure, WatchesTheFirstHundredStepsAndPassesOnWhatTheServerSaysOnce)
     host.apply(result.shear_stress_pa());
     if (step == 104) host.v_soft[0] += 1.0;
   }
-  EXPECT_THAT(warnings, ElementsAre(StartsWith("time_s: the host's time grew by 2")));
+  EXPECT_THAT(warnings, ElementsAre(StartsWith("warning: time_s: the host's time grew by 2")));
 }
 
 }  // namespace

@@ -59,7 +59,9 @@ struct ClientOptions {
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
   CheckClosure check_closure = CheckClosure::kWarn;
-  std::function<void(const std::string&)> warn;  // receives warnings of steps; empty: standard error, a line each
+  // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
+  // "warning: " and a warning of a step. Without it warnings are lines of standard error.
+  std::function<void(const std::string& line)> log;
 };
 
 // A new pair of CURVE keys, each of 40 characters.
@@ -142,7 +144,9 @@ class Session {
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
   // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
   // the same values is the same request.
+  // start_advance() is the same for advance(); finish_trial() then returns the committed result.
   void start_trial(const Batch& request, const StepOptions& step);
+  void start_advance(const Batch& request, const StepOptions& step);
   const StepResult& finish_trial();
   std::uint64_t commit();
   std::uint64_t rollback();
