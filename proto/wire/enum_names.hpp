@@ -25,6 +25,7 @@ struct EnumNames {
 };
 
 // The names of an enum. The argument selects the enum; its value does not matter.
+EnumNames names_of(AbsentNodes absent);
 EnumNames names_of(Code code);
 EnumNames names_of(Element element);
 EnumNames names_of(Field field);  // the list of values is empty: columns.hpp has the names of the fields

@@ -40,6 +40,7 @@ struct ModelColumns {
 ModelColumns columns_of(const physics::ModelOptions& options);
 
 // The columns that the request holds and the columns that the reply has room for. The batches must outlive the result.
-shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply);
+// The columns of a request in stick form are converted to far-field columns of the step length `dt` [s].
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt);
 
 }  // namespace shearbus::service

@@ -122,7 +122,8 @@ void Service::restore(const store::Snapshot& snapshot) {
       physics::Model model(made.options);
       member->scene_name = std::move(made.name);
       member->scene = std::move(made.effective);
-      member->shard = make_shard(std::move(model), image.node_ids);
+      member->idle_limit_s = image.idle_limit_s;
+      member->shard = make_shard(std::move(model), image.node_ids, shard::checks_closure(image.committed));
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
       member->marks = image.marks;
       member->domain = image.domain;
@@ -183,6 +184,7 @@ store::Snapshot Service::snapshot() const {
                               .solver_ns = member.totals.solver_ns};
     if (member.shard) {
       image.domain = member.domain;
+      image.idle_limit_s = member.idle_limit_s;
       image.scene = member.scene;
       image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();

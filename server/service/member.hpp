@@ -23,6 +23,8 @@ struct Service::Member {
   std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
+  std::uint64_t idle_limit_s = 0;       // 0: none
+  std::string closed_because;           // reason of a closed session; empty: none given
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 
@@ -48,7 +50,7 @@ wire::Batch node_column(std::span<const std::uint64_t> node_ids);
 
 // Memory in bytes of the states that a mark or a transfer stores, including the ids of their nodes.
 std::uint64_t kept_bytes(const shard::States& states);
-std::uint64_t kept_bytes(const physics::Model& model, std::size_t nodes);
+std::uint64_t kept_bytes(const shard::Shard& shard, std::size_t nodes);
 
 // The first digits of a session's id, for logs: the whole id is a secret of its client.
 std::string short_name(const wire::SessionId& id);

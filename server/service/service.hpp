@@ -76,6 +76,9 @@ class Service : private store::Recovery {
   // Whether an operator has asked the server to end with the last session and no session is open any more.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
+  // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
+  void close_idle_sessions() noexcept;
+
   // Refuses every later request with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }
 
@@ -112,9 +115,12 @@ class Service : private store::Recovery {
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
+  void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
+                      const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
   // Makes a shard whose nodes have the model's initial temperature.
-  std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids) const;
+  std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
+                                           bool check_closure) const;
 
   // capsules.cpp: failure capsules of nodes without an answer.
   struct FailedStep {

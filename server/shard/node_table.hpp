@@ -15,6 +15,7 @@ namespace shearbus::shard {
 // The slots of the rows of a request, and the faults of its node ids.
 struct Rows {
   bool all = false;                      // the request has every node, in the order of the table; the lists are empty
+  bool others_are_open = false;          // the step includes the nodes that are not rows, with P = 0 and no forces
   std::vector<std::uint32_t> slots;      // slot of each row
   std::vector<std::uint64_t> unknown;    // ids that the table does not have, in row order
   std::vector<std::uint64_t> duplicate;  // ids that the request has more than once
