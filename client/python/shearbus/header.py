@@ -4,6 +4,8 @@ import functools
 import struct
 from types import SimpleNamespace
 
+from .columns import BY_NUMBER, DTYPE
+
 MAGIC = 0x31425353
 PROTOCOL_MAJOR, PROTOCOL_MINOR = 1, 0
 
@@ -168,7 +170,50 @@ class Message:
 
 COLUMN = Message("Column", ("field", 1, "uint"), ("component", 2, "uint"), ("element", 3, "uint"), ("offset_bytes", 4, "uint"),
                  ("count", 5, "uint"), kept=True)
-PAYLOAD = Message("Payload", ("size_bytes", 1, "uint"), ("xxh3", 2, "fixed64"), ("columns", 3, COLUMN, True))
+
+
+class Layout(tuple):
+    """The columns of a payload. `end`: size of the frame that they need; `parts`: {name: columns in the order of their components}."""
+
+    @functools.cached_property
+    def end(self):
+        return max((c.offset_bytes + c.count * (DTYPE[c.element].itemsize if c.element in DTYPE else 2**63) for c in self), default=0)
+
+    @functools.cached_property
+    def parts(self):
+        parts = {}
+        for column in sorted(self, key=lambda column: column.component):
+            if column.field in BY_NUMBER:
+                parts.setdefault(BY_NUMBER[column.field].name, []).append(column)
+        return {name: parts[name] for name in dict.fromkeys(BY_NUMBER[c.field].name for c in self if c.field in BY_NUMBER)}
+
+
+class PayloadMessage(Message):
+    """The message Payload, of which decode() reads the columns once: they are the same in every reply of a session."""
+
+    def decode(self, data):
+        if data[:1] != b"\x08":
+            return self._whole(data)
+        size, at = read_varint(data, 1)
+        columns = at + 9
+        if data[at : at + 1] != b"\x11" or data[columns : columns + 1] != b"\x1a":
+            return self._whole(data)
+        return SimpleNamespace(size_bytes=size, xxh3=int.from_bytes(data[at + 1 : columns], "little"), columns=_layout(data[columns:]))
+
+    def _whole(self, data):
+        found = super().decode(data)
+        found.columns = Layout(found.columns)
+        return found
+
+
+PAYLOAD = PayloadMessage("Payload", ("size_bytes", 1, "uint"), ("xxh3", 2, "fixed64"), ("columns", 3, COLUMN, True))
+
+
+@functools.lru_cache(1024)
+def _layout(data):
+    return PAYLOAD._whole(data).columns
+
+
 STATUS = Message("Status", ("code", 1, "uint"), ("text", 2, "string"), ("remedy", 3, "string"), ("field", 4, "string"),
                  ("node_ids", 5, "fixed64", True), ("last_sequence", 6, "uint"))
 LIMITS = Message("Limits", ("max_header_bytes", 1, "uint"), ("max_payload_bytes", 2, "uint"),

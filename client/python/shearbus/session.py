@@ -17,6 +17,7 @@ from .history import History
 ADVANCE, TRIAL = 1, 2  # Mode
 ACCEPT, ALL_OR_NOTHING = 1, 2  # Policy
 STRATEGY = {1: "velocity_driven", 2: "force_driven"}
+FLOAT = numpy.dtype(float)
 PAUSE_S = 0.1  # between two attempts while the server restarts
 
 
@@ -68,9 +69,12 @@ def _whole_numbers(values):
     return numpy.array(values, object)
 
 
-def fill(rows, name, value, nodes):
+def fill(rows, name, value):
     """Writes the values of a column into `rows`, of shape (components, N). A number stands for all rows; anything else has the
     shape (N,), or (N, 2) with two components. Raises MessageError or ContentError, which name the column, before anything is sent."""
+    if type(value) is numpy.ndarray and value.dtype == FLOAT and value.shape == rows.shape[1:] and len(rows) == 1:
+        rows[0] = value  # the usual case
+        return
     if isinstance(value, numpy.ma.MaskedArray):
         raise MessageError(Code.SHAPE, f"{name} is a masked array", f"Pass {name}.filled(value), or only the nodes in contact (nodes=).",
                            name)
@@ -91,12 +95,15 @@ def fill(rows, name, value, nodes):
         raise MessageError(Code.SHAPE, f"{name} has the shape {array.shape}, expected {expected}" +
                            (" or a number" if components == 1 else ": one row per node, one column per tangential direction"),
                            "Pass one value per node of the step, in the order of its rows.", name)
+
+
+def check_finite(rows, name, nodes):
+    """Raises ContentError, which names the first node at fault, if a value of `rows`, of shape (components, N), is not finite."""
     finite = numpy.isfinite(rows)
     if not finite.all():
-        component, row = numpy.argwhere(~finite)[0] if components == 1 else numpy.argwhere(~finite.T)[0][::-1]
-        bad = nodes[~finite.all(axis=0)][:16] if nodes is not None else ()
-        raise ContentError(Code.INVALID_VALUE, f"{name} of node {nodes[row] if nodes is not None else row} is {rows[component, row]}",
-                           "Every value must be finite.", name, map(int, bad))
+        row, component = numpy.argwhere(~finite.T)[0]
+        raise ContentError(Code.INVALID_VALUE, f"{name} of node {nodes[row]} is {rows[component, row]}", "Every value must be finite.",
+                           name, map(int, nodes[~finite.all(axis=0)][:16]))
 
 
 _layouts = {}  # (number, component) of the columns and rows -> the encoded columns of a payload
@@ -122,7 +129,8 @@ def named_nodes(nodes, temperature=None):
     frame = numpy.empty((len(columns), len(nodes)))
     frame[0].view(numpy.uint64)[:] = nodes
     if temperature is not None:
-        fill(frame[1:], INITIAL_TEMPERATURE.name, temperature, nodes)
+        fill(frame[1:], INITIAL_TEMPERATURE.name, temperature)
+        check_finite(frame[1:], INITIAL_TEMPERATURE.name, nodes)
     return columns, frame
 
 
@@ -143,11 +151,7 @@ class Answer:
         self.state_version, self.flagged_nodes = upscale.state_version, upscale.flagged_nodes
         self.solver_s, self.service_s = upscale.solver_ns * 1e-9, upscale.service_ns * 1e-9
         self.round_trip_s, self.replayed = reply.round_trip_s, reply.header.replayed
-        self._columns = {}
-        for column in reply.header.payload.columns:
-            known = BY_NUMBER.get(column.field)
-            if known:
-                self._columns.setdefault(known.name, []).append(column)
+        self._columns = reply.header.payload.columns.parts
         if view.nbytes and numpy.frombuffer(view, numpy.uint8, 1).ctypes.data % 8:
             view = bytes(view)  # libzmq delivers small frames at any address
         self._view = view
@@ -162,7 +166,7 @@ class Answer:
         if name not in columns:
             hint = "; ask for it with want=" if name in BY_NAME else ""
             raise AttributeError(f"the reply has no column {name}: it has {', '.join(columns)}{hint}")
-        parts = sorted(columns[name], key=lambda column: column.component)
+        parts = columns[name]
         dtype, count, begin = DTYPE[parts[0].element], parts[0].count, parts[0].offset_bytes
         if len(parts) == 1:
             array = numpy.ndarray((count,), dtype, self._view, begin)
@@ -227,6 +231,7 @@ class Session:
         self._closed = True
         self._claimant = connection.next_request_id()
         self.offers = []
+        self._columns_of = {}  # names of a request -> its columns
         hello = {"oldest_major": header.PROTOCOL_MAJOR, "newest_major": header.PROTOCOL_MAJOR, "client_name": connection.name}
         try:
             self.welcome = self._ask("hello", hello, "welcome", deadline=connection.connect_deadline).header.welcome
@@ -366,20 +371,29 @@ class Session:
                 raise MessageError(Code.SHAPE, f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(self.columns)}",
                                    f"Pass {name}=, one value per node or one for all.", name)
         rows = self.nodes if nodes is None else node_ids(nodes)
-        columns = [] if nodes is None else [(NODE_ID.number, 0)]
-        for name in values:
-            column = BY_NAME[name]
-            columns += [(column.number, component) for component in range(self.components if column.tangential else 1)]
+        named = nodes is not None
+        columns = self._columns_of.get((named, *values))
+        if columns is None:
+            columns = ((NODE_ID.number, 0),) * named + tuple(
+                (BY_NAME[name].number, component) for name in values for component in range(self._width(name)))
+            self._columns_of[(named, *values)] = columns
         frame = numpy.empty((len(columns), len(rows)))
-        at = 0
-        if nodes is not None:
+        if named:
             frame[0].view(numpy.uint64)[:] = rows
-            at = 1
+        at = int(named)
         for name, value in values.items():
-            width = self.components if BY_NAME[name].tangential else 1
-            fill(frame[at : at + width], name, value, rows)
+            width = self._width(name)
+            fill(frame[at : at + width], name, value)
             at += width
-        return tuple(columns), frame, rows
+        if not numpy.isfinite(frame[named:]).all():
+            at = int(named)
+            for name in values:
+                check_finite(frame[at : at + self._width(name)], name, rows)
+                at += self._width(name)
+        return columns, frame, rows
+
+    def _width(self, name):
+        return self.components if BY_NAME[name].tangential else 1
 
     def _step(self, mode, dt, nodes, time, step, attempt, commit_previous, all_or_nothing, want, values):
         columns, frame, rows = self._request(values, nodes)
