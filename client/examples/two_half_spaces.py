@@ -19,19 +19,20 @@ SCENE = pathlib.Path(__file__).with_name("two_half_spaces.toml")
 
 
 class Body:
-    """A column of zones behind each node: zone 0 is at the interface. A shear wave crosses a zone in DT, and the columns are so long
-    that no wave comes back. side: +1 for z > 0 (soft), -1 for z < 0 (hard)."""
+    """A column of zones behind each node: zone 0 is at the interface, the far end is free. A shear wave crosses a zone in `dt`. With
+    as many zones as steps no wave comes back. side: +1 for z > 0 (soft), -1 for z < 0 (hard)."""
 
-    def __init__(self, density, shear_modulus, velocity, side):
+    def __init__(self, density, shear_modulus, velocity, side, zones, dt):
         self.density, self.modulus, self.side = density, shear_modulus, side
-        self.width = numpy.sqrt(shear_modulus / density) * DT  # m
-        self.velocity = numpy.full((NODES, STEPS + 2), velocity)  # m/s, at the faces
-        self.stress = numpy.zeros((NODES, STEPS + 1))  # Pa, in the zones
+        self.width = numpy.sqrt(shear_modulus / density) * dt  # m
+        self.velocity = numpy.full((NODES, zones + 1), velocity)  # m/s, at the faces
+        self.stress = numpy.zeros((NODES, zones))  # Pa, in the zones
         self.half_mass = density * self.width / 2  # kg/m2, moves with the interface
 
     def accelerate(self, dt, friction):
         self.velocity[:, 0] += self.side * dt / self.half_mass * (self.stress[:, 0] - friction)
         self.velocity[:, 1:-1] += self.side * dt / (self.density * self.width) * numpy.diff(self.stress)
+        self.velocity[:, -1] -= self.side * dt / self.half_mass * self.stress[:, -1]
 
     def deform(self, dt):
         self.stress += self.side * dt * self.modulus / self.width * numpy.diff(self.velocity)
@@ -40,7 +41,7 @@ class Body:
 def run(endpoint=None):
     """Returns the jump of each node at the end, the exact jump, and the largest difference between the host's jump and the
     server's, all in m/s."""
-    soft, hard = Body(2703.0, 27.6e9, INITIAL_JUMP, +1), Body(7900.0, 77e9, 0.0, -1)
+    soft, hard = Body(2703.0, 27.6e9, INITIAL_JUMP, +1, STEPS, DT), Body(7900.0, 77e9, 0.0, -1, STEPS, DT)
     closure = 0.0
     with shearbus.open(SCENE, nodes=range(NODES), endpoint=endpoint) as bus:
         for step in range(STEPS):

@@ -48,9 +48,10 @@ class Problem:
         self.impedance = [math.sqrt(d * m) for d, m in zip(self.density, self.modulus)]
         self.round_trip = 2 * self.depth * math.sqrt(self.density[0] / self.modulus[0])
 
-    def exact_jump(self, time):
-        """Returns the jump at a time (s), or None within 5 % of a return of the wave, where a host's front is smeared."""
-        jump = self.jump - self.friction * sum(1 / z for z in self.impedance)
+    def exact_jump(self, time, friction):
+        """Returns the jump (m/s) at a time (s), or None within 5 % of a return of the wave, where a host's front is smeared. Between
+        half-spaces it follows the friction (Pa) of the moment."""
+        jump = self.jump - friction * sum(1 / z for z in self.impedance)
         if not self.finite:
             return jump
         returns, part = divmod(time / self.round_trip, 1.0)
@@ -210,12 +211,12 @@ class MockServer:
     """Serves requests one by one. answer() is a function of bytes; serve() runs it on a ROUTER socket.
 
     restart_after: after so many steps the server behaves as a durable one that was restarted (EPOCH once, then SHUTTING_DOWN once);
-    sleep: seconds before each reply."""
+    varying: friction falls slowly from step to step, so the answer to another step is not the answer to this one."""
 
-    def __init__(self, problem="two_half_spaces", restart_after=None):
+    def __init__(self, problem="two_half_spaces", restart_after=None, varying=False):
         self.problem, self.report = Problem(problem), Report()
         self.epoch = int.from_bytes(os.urandom(8), "little") | 1
-        self.restart_after, self.stopping_at = restart_after, None
+        self.restart_after, self.stopping_at, self.varying = restart_after, None, varying
         self.sessions, self.greeted, self.ids, self.peers, self.closed = {}, False, set(), {}, 0
 
     # -- a request, from frames to frames --
@@ -436,7 +437,7 @@ class MockServer:
     # -- a step --
 
     def step(self, session, fields, columns):
-        check, problem = self.report.check, self.problem
+        check = self.report.check
         dt, mode = double(fields.get(1, [0])[0]), fields.get(5, [0])[0]
         if fields.get(6, [0])[0]:
             if session.standing is None:
@@ -459,11 +460,11 @@ class MockServer:
         if not check("masses", all(row[MASS_SOFT] > 0 and row[MASS_HARD] > 0 for row in rows), "not positive"):
             raise Refusal(INVALID_VALUE, "a mass is not positive")
         self.judge(session, dt, nodes, rows)
-        answers = {field: [] for field in REPLY_COLUMNS}
+        answers, friction = {field: [] for field in REPLY_COLUMNS}, self.friction(session.steps)
         for row in rows:
             a = dt * (1 / row[MASS_SOFT] + 1 / row[MASS_HARD])
             free = row[JUMP] + dt * (row[STRESS_SOFT] / row[MASS_SOFT] + row[STRESS_HARD] / row[MASS_HARD])
-            limit = problem.friction if row[PRESSURE] > 0 else 0.0
+            limit = friction if row[PRESSURE] > 0 else 0.0
             stress = max(-limit, min(limit, free / a))
             new = free - a * stress
             sliding = abs(free / a) > limit
@@ -481,6 +482,9 @@ class MockServer:
                 wanted.append(number)
         body = [(1, len(nodes)), (2, session.version)]
         return [f for f in body if f[1]], {field: answers[field] for field in REPLY_COLUMNS if field in wanted or not wanted}
+
+    def friction(self, step):
+        return self.problem.friction / (1 + 1e-3 * step * self.varying)
 
     def accept(self, session):
         dt, jumps = session.standing
@@ -518,7 +522,7 @@ class MockServer:
         check("closed", True)
         check("one_in_flight", True)
         check("long_enough", session.steps >= 20, f"{session.steps} steps")
-        exact = problem.exact_jump(session.time)
+        exact = problem.exact_jump(session.time, self.friction(session.steps - 1))
         for node, jump in session.jumps.items():
             if exact is not None:
                 check("jump", abs(jump - exact) < PHYSICS * problem.jump, f"node {node}: {jump:.6g} m/s at {session.time:.3g} s, exact {exact:.6g}")
