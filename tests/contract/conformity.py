@@ -1,17 +1,17 @@
 #!/usr/bin/python3
-"""The conformity kit: runs a client's host against a mock server that holds it to the protocol and to closure, directly, through a proxy
-that loses, doubles and delays messages, and across a restart; and, if one is given, against a real server. Prints what failed and,
-last, "your client: 41 of 43".
+"""The conformity kit: runs a client's host against a mock server that holds it to the protocol and to closure,
+directly, through a proxy that loses, doubles and delays messages, and across a restart; and, if one is given, against a
+real server. Prints what failed and, last, "your client: 41 of 43".
 
 conformity.py [--server ENDPOINT] [--timeout SECONDS] [--delay SECONDS] -- COMMAND ARGS...
 
-The command is a host for the problems of mock_server.py, "two_half_spaces" and "finite_plate", with any mesh: @endpoint and @problem
-stand for the endpoint and the problem's name. Its exit code says whether it got to its end. --delay is longer than the client waits before
-it sends a request again.
+The command is a host for the problems of mock_server.py, "two_half_spaces" and "finite_plate", with any mesh: @endpoint
+and @problem stand for the endpoint and the problem's name. Its exit code says whether it got to its end. --delay is
+longer than the client waits before it sends a request again.
 
 conformity.py --self-test [FAULT...]      holds the kit itself to hosts made wrong on purpose (kit_host.py)
-conformity.py --vectors ENDPOINT          plays the frames of vectors.txt to a server and compares the status of each reply
-conformity.py --write-vectors             makes vectors.txt of the exchange on the page proto/WIRE.md"""
+conformity.py --vectors ENDPOINT          plays the frames of vectors.txt to a server and compares the status of each
+reply conformity.py --write-vectors             makes vectors.txt of the exchange on the page proto/WIRE.md"""
 import argparse
 import pathlib
 import re
@@ -39,10 +39,12 @@ SCENARIOS = {
 
 
 def play(scenario, client, delay):
-    """Runs a client, a function of (endpoint, problem) that returns None or why it failed, through a scenario. Returns {check: None, or why
-    it failed}."""
+    """Runs a client, a function of (endpoint, problem) that returns None or why it failed, through a scenario. Returns
+    {check: None, or why it failed}."""
     problem, checks = SCENARIOS[scenario]
-    server = mock_server.MockServer(problem, RESTART_AFTER if scenario == "restart" else None, varying=scenario == "losses")
+    server = mock_server.MockServer(problem,
+                                    RESTART_AFTER if scenario == "restart" else None,
+                                    varying=scenario == "losses")
     over = threading.Event()
     with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
         endpoint = back = f"ipc://{directory}/mock"
@@ -117,7 +119,8 @@ def self_test(chosen):
         print(f"{fault}: {check}: {why}")
         if why in (None, "never seen") and fault != "never_closes":
             missed.append(f"{fault} was not noticed by the check {check}")
-    print("\n".join(missed) if missed else f"a right client passes, and {len(chosen or kit_host.FAULTS)} wrong ones do not")
+    print("\n".join(missed
+                    ) if missed else f"a right client passes, and {len(chosen or kit_host.FAULTS)} wrong ones do not")
     return bool(missed)
 
 
@@ -141,19 +144,23 @@ def vectors(page):
     blocks = page_frames(page)
     hello, (header, payload) = blocks["hello"][0], blocks["downscale"]
     session = bytes(range(16))
-    scene = ('name = "vectors"\nstrategy = "force_driven"\n[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n'
-             '[layer]\nthickness_m = 20e-6\ncells = 60\ngrading = 1.08\nfar_boundary = "half_space"\n'
-             "[interface]\nfriction_coefficient = 0.05\nyield_strength_pa = 200e6\n")
+    scene = (
+        'name = "vectors"\nstrategy = "force_driven"\n'
+        '[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n'
+        '[layer]\nthickness_m = 20e-6\ncells = 60\ngrading = 1.08\nfar_boundary = "half_space"\n'
+        "[interface]\nfriction_coefficient = 0.05\nyield_strength_pa = 200e6\n")
     numbers = iter(range(2, 100))
 
     def request(body, fields, columns=None, **envelope):
-        head = [(1, ("fixed32", mock_server.MAGIC)), (2, 1), (4, ("fixed64", envelope.pop("id", None) or next(numbers)))]
+        head = [(1, ("fixed32", mock_server.MAGIC)), (2, 1), (4, ("fixed64", envelope.pop("id", None)
+                                                                  or next(numbers)))]
         if envelope.get("sequence") is not None:
             head += [(5, session), (6, envelope["sequence"])]
         if columns is None:
             return [mock_server.write([*head, (body, fields)])]
         frame = b"".join(mock_server.struct.pack("<Q" if field == 1 else "<d", value) for field, value in columns)
-        rows = [(3, [(1, field), (3, 2 if field == 1 else 1)] + [(4, 8 * i)] * (i > 0) + [(5, 1)]) for i, (field, _) in enumerate(columns)]
+        rows = [(3, [(1, field), (3, 2 if field == 1 else 1)] + [(4, 8 * i)] * (i > 0) + [(5, 1)])
+                for i, (field, _) in enumerate(columns)]
         declared = [(1, len(frame)), (2, ("fixed64", envelope.get("sum", mock_server.xxh3(frame)))), *rows]
         return [mock_server.write([*head, (8, declared), (body, fields)]), frame]
 
@@ -182,7 +189,8 @@ def vectors(page):
     yield "another major version", [hello[:6] + b"\x09" + hello[7:]], 102
     yield "a column that is missing", request(mock_server.STEP, step, values[:-1], sequence=2), 105
     yield "a column that is twice", request(mock_server.STEP, step, [*values, values[0]], sequence=2), 105
-    yield "a value that is no number", request(mock_server.STEP, step, [(10, float("nan")), *values[1:]], sequence=2), 301
+    yield "a value that is no number", request(mock_server.STEP, step, [(10, float("nan")), *values[1:]],
+                                               sequence=2), 301
     yield "a mass of 0", request(mock_server.STEP, step, [*values[:4], (14, 0.0), values[5]], sequence=2), 301
     yield "a commit without a trial", request(mock_server.COMMIT, b"", sequence=2), 205
     yield "a rollback without a trial", request(mock_server.ROLLBACK, b"", sequence=2), 1
@@ -190,8 +198,10 @@ def vectors(page):
 
 
 def vectors_text():
-    lines = ["# Requests in one conversation, in this order, and the status of each reply; made by conformity.py --write-vectors.",
-             "# name: status, then a line for each frame: its size, its XXH3-64 and its bytes in hex."]
+    lines = [
+        "# Requests in one conversation, in this order, with the status of each reply; conformity.py --write-vectors",
+        "# makes this file. name: status, then a line for each frame: its size, its XXH3-64 and its bytes in hex."
+    ]
     for name, frames, status in vectors(PAGE.read_text()):
         lines.append(f"{name}: {status}")
         lines += [f"  {len(frame)} {mock_server.xxh3(frame):016x} {frame.hex()}".rstrip() for frame in frames]
@@ -199,7 +209,8 @@ def vectors_text():
 
 
 def vector_faults(text, ask):
-    """Yields the differences between the expected status and that of `ask`, a function of frames that returns frames."""
+    """Yields the differences between the expected status and that of `ask`, a function of frames that returns
+    frames."""
     frames, name, status = [], None, None
 
     def fault():

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""The host of client/examples/two_half_spaces.py on both problems of the conformity kit, and hosts and clients made wrong on purpose.
+"""The host of client/examples/two_half_spaces.py on both problems of the conformity kit, and hosts and clients made
+wrong on purpose.
 
 kit_host.py ENDPOINT PROBLEM [FAULT]"""
 import importlib.util
@@ -52,7 +53,12 @@ def run(endpoint, problem, fault=None):
     masses = [body.half_mass * (2 if fault == "masses_of_whole_zones" else 1) for body in (soft, hard)]
     if fault == "sides_swapped":
         masses.reverse()
-    bus = shearbus.open(example.SCENE, range(3), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S)
+    bus = shearbus.open(example.SCENE,
+                        range(3),
+                        endpoint,
+                        connect_deadline=5.0,
+                        reply_deadline=2.0,
+                        retry_after=RETRY_S)
     spoil(bus, fault)
     nodes, first = slice(0, 3), None
     for step in range(steps):
@@ -85,7 +91,9 @@ def spoil(bus, fault):
         connection.next_request_id = lambda: number
     elif fault == "wrong_sum":
         frames = bus._frames
-        bus._frames = lambda *arguments: [f if i == 0 else bytes(f)[:-1] + b"\x01" for i, f in enumerate(frames(*arguments))]
+        bus._frames = lambda *arguments: [
+            f if i == 0 else bytes(f)[:-1] + b"\x01" for i, f in enumerate(frames(*arguments))
+        ]
     elif fault == "repeats_other_bytes":
         send, sent = connection._send, []
 

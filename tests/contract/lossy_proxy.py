@@ -1,18 +1,21 @@
 #!/usr/bin/python3
-"""A proxy between a client and a server that loses, doubles and delays messages. A client must come through without noticing.
+"""A proxy between a client and a server that loses, doubles and delays messages. A client must come through without
+noticing.
 
 lossy_proxy.py --bind ENDPOINT --server ENDPOINT [--plan NUMBER:FAULT,...] [--delay SECONDS]
 
-FAULT is lose_request, lose_reply, double_request, double_reply or delay_reply (by --delay seconds); NUMBER counts the requests that the
-client sends for the first time, hello being 0."""
+FAULT is lose_request, lose_reply, double_request, double_reply or delay_reply (by --delay seconds); NUMBER counts the
+requests that the client sends for the first time, hello being 0."""
 import argparse
 import time
 
 import zmq
 
 FAULTS = ("lose_request", "lose_reply", "double_request", "double_reply", "delay_reply")
-PLAN = {2: "lose_reply", 5: "lose_request", 8: "lose_reply", 11: "double_request", 14: "double_reply", 17: "delay_reply",
-        20: "double_reply", 23: "lose_request"}
+PLAN = {
+    2: "lose_reply", 5: "lose_request", 8: "lose_reply", 11: "double_request", 14: "double_reply", 17: "delay_reply",
+    20: "double_reply", 23: "lose_request"
+}
 
 
 class LossyProxy:
@@ -22,7 +25,8 @@ class LossyProxy:
         self._seen = set()
 
     def serve(self, front, back, stop):
-        """Passes messages on until `stop` says so. Each client gets a socket of its own to the server, so the server sees as many peers."""
+        """Passes messages on until `stop` says so. Each client gets a socket of its own to the server, so the server
+        sees as many peers."""
         context = zmq.Context.instance()
         router = context.socket(zmq.ROUTER)
         router.setsockopt(zmq.LINGER, 200)

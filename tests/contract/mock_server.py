@@ -1,12 +1,12 @@
 #!/usr/bin/python3
-"""A server in one file for the tests of a host: it answers constant friction exactly and holds the client to the protocol
-(proto/WIRE.md) and to closure: the jump that it answered is the jump that the host sends next.
+"""A server in one file for the tests of a host: it answers constant friction exactly and holds the client to the
+protocol (proto/WIRE.md) and to closure: the jump that it answered is the jump that the host sends next.
 
 mock_server.py --bind ENDPOINT [--problem two_half_spaces | finite_plate] [--restart-after N]
 
-It serves until a session is closed, then prints every check that failed and the line "N of M". A node slides under the friction
---friction-pa, or sticks where less is enough. Needs pyzmq and libxxhash (or the package xxhash); of the protocol it knows what a
-step needs: hello, open_session, downscale, commit, rollback, resume_session, close_session."""
+It serves until a session is closed, then prints every check that failed and the line "N of M". A node slides under the
+friction --friction-pa, or sticks where less is enough. Needs pyzmq and libxxhash (or the package xxhash); of the
+protocol it knows what a step needs: hello, open_session, downscale, commit, rollback, resume_session, close_session."""
 import argparse
 import ctypes
 import math
@@ -21,7 +21,7 @@ MAGIC = 0x31425353
 OK, BAD_FRAMING, MALFORMED, VERSION, CHECKSUM, SHAPE, UNSUPPORTED = 1, 100, 101, 102, 104, 105, 106
 UNKNOWN_SESSION, STALE_SEQUENCE, SEQUENCE_GAP, SEQUENCE_REUSED, EPOCH, NOTHING_TO_COMMIT = 200, 201, 202, 203, 204, 205
 RESUME_REFUSED, SUPERSEDED, INVALID_VALUE, UNKNOWN_NODE, DUPLICATE_NODE, SHUTTING_DOWN = 206, 207, 301, 302, 303, 400
-HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME = 16, 17, 18, 19, 20, 21, 23  # bodies of requests, and of their replies
+HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME = 16, 17, 18, 19, 20, 21, 23  # bodies, also of replies
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, TEMPERATURE, JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 1, 2, 10, 11, 12, 13, 14, 15
@@ -36,9 +36,9 @@ PHYSICS = 0.01  # relative error of the jump that a coarse or damped host may ha
 
 
 class Problem:
-    """Two elastic bodies under constant friction s: aluminium (soft, z > 0) on steel (hard, z < 0). The jump of a half-space pair is
-    V0 - s (1/Z_soft + 1/Z_hard) from the first step on; that of a plate with a free back falls by 2 s / Z_soft at every
-    return of its wave."""
+    """Two elastic bodies under constant friction s: aluminium (soft, z > 0) on steel (hard, z < 0). The jump of a
+    half-space pair is V0 - s (1/Z_soft + 1/Z_hard) from the first step on; that of a plate with a free back falls by 2
+    s / Z_soft at every return of its wave."""
 
     jump, pressure, friction, depth = 100.0, 1e9, 50e6, 0.5e-3  # m/s, Pa, Pa, m
     density, modulus = (2703.0, 7900.0), (27.6e9, 77e9)
@@ -49,8 +49,8 @@ class Problem:
         self.round_trip = 2 * self.depth * math.sqrt(self.density[0] / self.modulus[0])
 
     def exact_jump(self, time, friction):
-        """Returns the jump (m/s) at a time (s), or None within 5 % of a return of the wave, where a host's front is smeared. Between
-        half-spaces it follows the friction (Pa) of the moment."""
+        """Returns the jump (m/s) at a time (s), or None within 5 % of a return of the wave, where a host's front is
+        smeared. Between half-spaces it follows the friction (Pa) of the moment."""
         jump = self.jump - friction * sum(1 / z for z in self.impedance)
         if not self.finite:
             return jump
@@ -173,7 +173,8 @@ def read(data, types=None):
 
 
 def write(fields):
-    """Returns the bytes of [(field number, value)]: int as varint, ("fixed64", int), ("fixed32", int), str, bytes or a nested list."""
+    """Returns the bytes of [(field number, value)]: int as varint, ("fixed64", int), ("fixed32", int), str, bytes or a
+    nested list."""
     out = b""
     for number, value in fields:
         if isinstance(value, int):
@@ -210,8 +211,9 @@ class Session:
 class MockServer:
     """Serves requests one by one. answer() is a function of bytes; serve() runs it on a ROUTER socket.
 
-    restart_after: after so many steps the server behaves as a durable one that was restarted (EPOCH once, then SHUTTING_DOWN once);
-    varying: friction falls slowly from step to step, so the answer to another step is not the answer to this one."""
+    restart_after: after so many steps the server behaves as a durable one that was restarted (EPOCH once, then
+    SHUTTING_DOWN once); varying: friction falls slowly from step to step, so the answer to another step is not the
+    answer to this one."""
 
     def __init__(self, problem="two_half_spaces", restart_after=None, varying=False):
         self.problem, self.report = Problem(problem), Report()
@@ -277,7 +279,8 @@ class MockServer:
         check, frame, columns = self.report.check, frames[1], {}
         try:
             declared = read(header[8][0])
-            if not check("payload_size", declared.get(1, [0])[0] == len(frame), f"{declared.get(1)} declared, {len(frame)} sent"):
+            if not check("payload_size",
+                         declared.get(1, [0])[0] == len(frame), f"{declared.get(1)} declared, {len(frame)} sent"):
                 raise Refusal(CHECKSUM, "the payload has another size than its header says")
             if not check("payload_sum", declared.get(2, [0])[0] == xxh3(frame), "another sum"):
                 raise Refusal(CHECKSUM, "the payload has another sum than its header says")
@@ -285,11 +288,13 @@ class MockServer:
             for column in map(read, declared.get(3, [])):
                 field, component, element, offset, count = (column.get(i, [0])[0] for i in range(1, 6))
                 expected = UINT64 if field == NODE_ID else FLOAT64
-                if not check("elements", element == expected, f"column {field} has the element {element}, expected {expected}"):
+                if not check("elements", element == expected,
+                             f"column {field} has the element {element}, expected {expected}"):
                     raise Refusal(SHAPE, f"column {field}: expected element {expected}, found {element}")
                 end = offset + 8 * count
                 apart = all(end <= a or offset >= b or a == b or offset == end for a, b in used)
-                if not check("columns", offset % 8 == 0 and end <= len(frame) and apart and (field, component) not in columns,
+                if not check("columns", offset % 8 == 0 and end <= len(frame) and apart and
+                             (field, component) not in columns,
                              f"column {field} from {offset} to {end} of {len(frame)} bytes"):
                     raise Refusal(SHAPE, f"column {field} lies badly in the payload, or comes twice")
                 used.append((offset, end))
@@ -297,7 +302,8 @@ class MockServer:
         except (ValueError, IndexError, KeyError, struct.error) as fault:
             check("columns", False, str(fault))
             raise Refusal(MALFORMED, f"the payload is badly declared: {fault}") from None
-        if not check("elements", len({len(values) for values in columns.values()}) == 1, "columns of different lengths"):
+        if not check("elements",
+                     len({len(values) for values in columns.values()}) == 1, "columns of different lengths"):
             raise Refusal(SHAPE, "the columns have different lengths")
         return columns
 
@@ -322,7 +328,8 @@ class MockServer:
         if body == HELLO:
             self.greeted = True
             plain = not header.get(5, [b""])[0] and not header.get(6, [0])[0] and not header.get(7, [0])[0]
-            check("hello", plain and fields.get(1, [0])[0] <= 1 <= fields.get(2, [0])[0], "its range has no 1, or its envelope is not empty")
+            check("hello", plain and fields.get(1, [0])[0] <= 1 <= fields.get(2, [0])[0],
+                  "its range has no 1, or its envelope is not empty")
             self.new_id(header)
             durability = "process" if self.restart_after is not None else "none"
             limits = [(1, 524288), (2, 33554432), (3, 200000), (4, 1024), (5, 2), (20, 2), (21, 1 << 30)]
@@ -342,7 +349,8 @@ class MockServer:
             check("repeats", same, f"number {sequence} came again with other bytes")
             if not same:
                 raise Refusal(SEQUENCE_REUSED, f"number {sequence} was used by a request with other bytes")
-            check("fresh_socket", self.peers.get(bytes(frames[0])) != peer, "the repeated request came on the same socket")
+            check("fresh_socket",
+                  self.peers.get(bytes(frames[0])) != peer, "the repeated request came on the same socket")
             return None, self.replayed(session.kept[1])
         if not check("sequence", sequence == session.sequence + 1, f"number {sequence} after {session.sequence}"):
             raise Refusal(STALE_SEQUENCE if sequence < session.sequence else SEQUENCE_GAP,
@@ -391,7 +399,8 @@ class MockServer:
             raise Refusal(INVALID_VALUE, "session_id: expected 16 random bytes")
         check("resume_token", len(token) == 16 and len(set(token)) > 4 and token != session_id, f"{token.hex()}")
         nodes = columns.get((NODE_ID, 0), ())
-        check("opening", bool(fields.get(1)) and len(nodes) > 0 and len(set(nodes)) == len(nodes), f"{len(nodes)} nodes")
+        check("opening",
+              bool(fields.get(1)) and len(nodes) > 0 and len(set(nodes)) == len(nodes), f"{len(nodes)} nodes")
         if not nodes or len(set(nodes)) != len(nodes):
             raise Refusal(DUPLICATE_NODE if nodes else SHAPE, "expected distinct nodes in column node_id")
         self.new_id(header)
@@ -426,8 +435,10 @@ class MockServer:
         if session.refused and self.stopping_at is None:
             claimed = session.claim > 0 and header.get(7, [0])[0] == self.epoch
             before, now = read(session.refused[0]), read(frames[0])
-            same = {k: v for k, v in before.items() if k != 7} == {k: v for k, v in now.items() if k != 7} and frames[1:] == session.refused[1:]
-            self.report.check("restart", claimed and same, "not claimed, not the epoch of the claim, or another request")
+            same = {k: v for k, v in before.items() if k != 7} == {k: v for k, v in now.items() if k != 7
+                                                                   } and frames[1:] == session.refused[1:]
+            self.report.check("restart", claimed and same,
+                              "not claimed, not the epoch of the claim, or another request")
             self.stopping_at = frames
             raise Refusal(SHUTTING_DOWN, "the server is stopping")
         if self.stopping_at is not None and self.stopping_at != "over":
@@ -468,7 +479,8 @@ class MockServer:
             stress = max(-limit, min(limit, free / a))
             new = free - a * stress
             sliding = abs(free / a) > limit
-            for field, value in ((30, stress), (31, new if sliding else 0.0), (32, 300.0), (33, new if sliding else 0.0),
+            for field, value in ((30, stress), (31, new if sliding else 0.0), (32, 300.0), (33,
+                                                                                            new if sliding else 0.0),
                                  (36, abs(stress * new) * dt), (34, SLIDING if sliding else STICK), (35, 0)):
                 answers[field].append(value)
         session.standing = dt, dict(zip(nodes, answers[33]))
@@ -481,7 +493,8 @@ class MockServer:
                 number, at = read_varint(packed, at)
                 wanted.append(number)
         body = [(1, len(nodes)), (2, session.version)]
-        return [f for f in body if f[1]], {field: answers[field] for field in REPLY_COLUMNS if field in wanted or not wanted}
+        return [f for f in body
+                if f[1]], {field: answers[field] for field in REPLY_COLUMNS if field in wanted or not wanted}
 
     def friction(self, step):
         return self.problem.friction / (1 + 1e-3 * step * self.varying)
@@ -497,22 +510,36 @@ class MockServer:
         """Holds a request to the problem: it begins a step from the committed states."""
         check, problem = self.report.check, self.problem
         for node, row in zip(nodes, rows):
-            check("pressure", abs(row[PRESSURE] / problem.pressure - 1) < 1e-6, f"{row[PRESSURE]:g} Pa, expected {problem.pressure:g}")
+            check("pressure",
+                  abs(row[PRESSURE] / problem.pressure - 1) < 1e-6,
+                  f"{row[PRESSURE]:g} Pa, expected {problem.pressure:g}")
             transit = [2 * row[mass] / impedance for mass, impedance in zip((MASS_SOFT, MASS_HARD), problem.impedance)]
-            check("half_zones", 0.4 < transit[0] / transit[1] < 2.5 and all(0.9 * dt < t < 20 * max(dt, *session.dts, 0.0) for t in transit),
-                  f"zones with transit times of {transit[0]:g} and {transit[1]:g} s for dt {dt:g} s: the masses are not those of half zones, "
-                  "or their sides are swapped")
+            check(
+                "half_zones", 0.4 < transit[0] / transit[1] < 2.5
+                and all(0.9 * dt < t < 20 * max(dt, *session.dts, 0.0) for t in transit),
+                f"zones with transit times of {transit[0]:g} and {transit[1]:g} s for dt {dt:g} s: "
+                "the masses are not those of half zones, "
+                "or their sides are swapped")
             if session.steps == 0:
-                check("first_jump", abs(row[JUMP] - problem.jump) < CLOSURE, f"{row[JUMP]:g} m/s, expected {problem.jump:g}")
+                check("first_jump",
+                      abs(row[JUMP] - problem.jump) < CLOSURE, f"{row[JUMP]:g} m/s, expected {problem.jump:g}")
                 check("far_stresses", row[STRESS_SOFT] == 0 == row[STRESS_HARD], "not 0 at the start")
                 continue
             answered = session.jumps[node]
-            check("closure", abs(row[JUMP] - answered) < CLOSURE,
-                  f"node {node}, step {session.steps}: the host has a jump of {row[JUMP]:.9g} m/s, {answered:.9g} was answered")
+            check(
+                "closure",
+                abs(row[JUMP] - answered) < CLOSURE,
+                f"node {node}, step {session.steps}: the host has a jump of {row[JUMP]:.9g} m/s, "
+                f"{answered:.9g} was answered"
+            )
             if not problem.finite:
                 # Behind the front the stress is the friction; a coarse host rings around it.
-                check("far_stresses", all(-0.7 * problem.friction < row[f] < 1.7 * problem.friction for f in (STRESS_SOFT, STRESS_HARD)),
-                      f"{row[STRESS_SOFT]:g} and {row[STRESS_HARD]:g} Pa, expected about {problem.friction:g}: the sign of a stress is wrong")
+                check(
+                    "far_stresses",
+                    all(-0.7 * problem.friction < row[f] < 1.7 * problem.friction for f in (STRESS_SOFT, STRESS_HARD)),
+                    f"{row[STRESS_SOFT]:g} and {row[STRESS_HARD]:g} Pa, "
+                    f"expected about {problem.friction:g}: the sign of a stress is wrong"
+                )
         if session.steps == 1:
             check("first_step", abs(session.dts[0] / dt - 0.5) < 1e-6, f"{session.dts[0]:g} s, then {dt:g} s")
 
@@ -525,7 +552,9 @@ class MockServer:
         exact = problem.exact_jump(session.time, self.friction(session.steps - 1))
         for node, jump in session.jumps.items():
             if exact is not None:
-                check("jump", abs(jump - exact) < PHYSICS * problem.jump, f"node {node}: {jump:.6g} m/s at {session.time:.3g} s, exact {exact:.6g}")
+                check("jump",
+                      abs(jump - exact) < PHYSICS * problem.jump,
+                      f"node {node}: {jump:.6g} m/s at {session.time:.3g} s, exact {exact:.6g}")
 
     # -- the socket --
 

@@ -1,6 +1,6 @@
-"""The columns of the protocol, one row each. tests/contract/python_tables.py holds the rows to proto/wire/columns.inc and to the
-.proto files, so a new column fails the test until it has a row here. Nothing else in the package lists columns: which of
-them a step needs, and which its reply brings, is what the server answers when a session is opened."""
+"""The columns of the protocol, one row each. tests/contract/python_tables.py holds the rows to proto/wire/columns.inc
+and to the .proto files, so a new column fails the test until it has a row here. Nothing else in the package lists
+columns: which of them a step needs, and which its reply brings, is what the server answers when a session is opened."""
 from typing import NamedTuple
 
 import numpy

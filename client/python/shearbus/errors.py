@@ -79,8 +79,8 @@ class Unreachable(Error):
 
 
 class UnknownOutcome(Error):
-    """The request was sent and no reply came before the deadline: it may or may not have run. The same call with the same
-    values is the same request: if it has run, the server answers it again without running it twice."""
+    """The request was sent and no reply came before the deadline: it may or may not have run. The same call with the
+    same values is the same request: if it has run, the server answers it again without running it twice."""
 
 
 class UnexpectedReply(Error):
@@ -92,8 +92,10 @@ class AuthError(Error):
 
 
 _CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}
-_CLIENT_SIDE = {Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
-                Code.AUTH: AuthError}
+_CLIENT_SIDE = {
+    Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
+    Code.AUTH: AuthError
+}
 
 
 def error(code, text, remedy="", field="", nodes=(), last_sequence=0):

@@ -1,5 +1,6 @@
 """The headers of the protocol: protobuf's wire format, written by hand for the messages that a client needs. The fields
-stand in this file once; tests/contract/python_tables.py holds them to the .proto files and the bytes to protobuf's own."""
+stand in this file once; tests/contract/python_tables.py holds them to the .proto files and the bytes to protobuf's
+own."""
 import functools
 import struct
 from types import SimpleNamespace
@@ -57,8 +58,8 @@ class Message:
     """A message: encode() makes bytes of a dict, decode() an object with an attribute for each field."""
 
     def __init__(self, name, *fields, kept=False):
-        """`fields` are rows (name, number, kind[, repeated]); the kind is a key of WIRE_TYPE or a Message. `kept`: decoded messages
-        are shared between equal bytes, for small messages that come again and again."""
+        """`fields` are rows (name, number, kind[, repeated]); the kind is a key of WIRE_TYPE or a Message. `kept`:
+        decoded messages are shared between equal bytes, for small messages that come again and again."""
         self.name = name
         self.fields = sorted((Field(*field) for field in fields), key=lambda field: field.number)
         self.by_number = {field.number: field for field in self.fields}
@@ -106,8 +107,8 @@ class Message:
             out += (varint(len(body)), body)
 
     def decode(self, data):
-        """Returns the message in `data`. Ignores fields that a later minor version has added. Raises ValueError or IndexError
-        where the bytes are not such a message."""
+        """Returns the message in `data`. Ignores fields that a later minor version has added. Raises ValueError or
+        IndexError where the bytes are not such a message."""
         found = dict(self.defaults)
         at, end = 0, len(data)
         while at < end:
@@ -168,16 +169,20 @@ class Message:
 
 # -- shearbus/v1/envelope.proto and control.proto: what a client sends and receives --
 
-COLUMN = Message("Column", ("field", 1, "uint"), ("component", 2, "uint"), ("element", 3, "uint"), ("offset_bytes", 4, "uint"),
-                 ("count", 5, "uint"), kept=True)
+COLUMN = Message("Column", ("field", 1, "uint"), ("component", 2, "uint"), ("element", 3, "uint"),
+                 ("offset_bytes", 4, "uint"), ("count", 5, "uint"),
+                 kept=True)
 
 
 class Layout(tuple):
-    """The columns of a payload. `end`: size of the frame that they need; `parts`: {name: columns in the order of their components}."""
+    """The columns of a payload. `end`: size of the frame that they need; `parts`: {name: columns in the order of their
+    components}."""
 
     @functools.cached_property
     def end(self):
-        return max((c.offset_bytes + c.count * (DTYPE[c.element].itemsize if c.element in DTYPE else 2**63) for c in self), default=0)
+        return max(
+            (c.offset_bytes + c.count * (DTYPE[c.element].itemsize if c.element in DTYPE else 2**63) for c in self),
+            default=0)
 
     @functools.cached_property
     def parts(self):
@@ -185,7 +190,9 @@ class Layout(tuple):
         for column in sorted(self, key=lambda column: column.component):
             if column.field in BY_NUMBER:
                 parts.setdefault(BY_NUMBER[column.field].name, []).append(column)
-        return {name: parts[name] for name in dict.fromkeys(BY_NUMBER[c.field].name for c in self if c.field in BY_NUMBER)}
+        return {
+            name: parts[name] for name in dict.fromkeys(BY_NUMBER[c.field].name for c in self if c.field in BY_NUMBER)
+        }
 
 
 class PayloadMessage(Message):
@@ -198,7 +205,9 @@ class PayloadMessage(Message):
         columns = at + 9
         if data[at : at + 1] != b"\x11" or data[columns : columns + 1] != b"\x1a":
             return self._whole(data)
-        return SimpleNamespace(size_bytes=size, xxh3=int.from_bytes(data[at + 1 : columns], "little"), columns=_layout(data[columns:]))
+        return SimpleNamespace(size_bytes=size,
+                               xxh3=int.from_bytes(data[at + 1:columns], "little"),
+                               columns=_layout(data[columns:]))
 
     def _whole(self, data):
         found = super().decode(data)
@@ -223,24 +232,27 @@ LIMITS = Message("Limits", ("max_header_bytes", 1, "uint"), ("max_payload_bytes"
 HELLO = Message("Hello", ("oldest_major", 1, "uint"), ("newest_major", 2, "uint"), ("client_name", 3, "string"))
 OPEN_SESSION = Message("OpenSession", ("scene", 1, "string"), ("session_id", 2, "bytes"), ("resume_token", 3, "bytes"),
                        ("scene_file", 5, "string"), ("domain", 4, "string"))
-DOWNSCALE = Message("Downscale", ("dt_s", 1, "double"), ("time_s", 2, "double"), ("step", 3, "uint"), ("attempt", 4, "uint"),
-                    ("mode", 5, "uint"), ("commit_previous", 6, "bool"), ("wanted", 7, "numbers"), ("policy", 8, "uint"))
+DOWNSCALE = Message("Downscale", ("dt_s", 1, "double"), ("time_s", 2, "double"), ("step", 3, "uint"),
+                    ("attempt", 4, "uint"), ("mode", 5, "uint"), ("commit_previous", 6, "bool"),
+                    ("wanted", 7, "numbers"), ("policy", 8, "uint"))
 COMMIT = Message("Commit")
 ROLLBACK = Message("Rollback", ("to_mark", 1, "string"))
 CLOSE_SESSION = Message("CloseSession", ("reason", 1, "string"))
-RESUME_SESSION = Message("ResumeSession", ("resume_token", 1, "bytes"), ("claim", 2, "uint"), ("claimant", 3, "fixed64"))
+RESUME_SESSION = Message("ResumeSession", ("resume_token", 1, "bytes"), ("claim", 2, "uint"),
+                         ("claimant", 3, "fixed64"))
 MARK = Message("Mark", ("name", 1, "string"))
 REGISTER_NODES, RETIRE_NODES = Message("RegisterNodes"), Message("RetireNodes")
 OFFER_NODES = Message("OfferNodes", ("transfer_id", 1, "bytes"))
 ACCEPT_NODES = Message("AcceptNodes", ("transfer_id", 1, "bytes"))
 
-WELCOME = Message("Welcome", ("protocol_major", 1, "uint"), ("protocol_minor", 2, "uint"), ("server_version", 3, "string"),
-                  ("limits", 4, LIMITS), ("capabilities", 5, "string", True), ("durability", 6, "string"),
-                  ("access", 20, "string"))
+WELCOME = Message("Welcome", ("protocol_major", 1, "uint"), ("protocol_minor", 2, "uint"),
+                  ("server_version", 3, "string"), ("limits", 4, LIMITS), ("capabilities", 5, "string", True),
+                  ("durability", 6, "string"), ("access", 20, "string"))
 SESSION_OPENED = Message("SessionOpened", ("effective_scene", 1, "string"), ("bytes_per_node", 2, "uint"),
                          ("warnings", 3, "string", True), ("strategy", 4, "uint"), ("tangential_components", 5, "uint"),
-                         ("required_columns", 6, "numbers"), ("optional_columns", 7, "numbers"), ("reply_columns", 8, "numbers"),
-                         ("columns_on_request", 9, "numbers"), ("scene_name", 10, "string"))
+                         ("required_columns", 6, "numbers"), ("optional_columns", 7, "numbers"),
+                         ("reply_columns", 8, "numbers"), ("columns_on_request", 9, "numbers"),
+                         ("scene_name", 10, "string"))
 UPSCALE = Message("Upscale", ("nodes", 1, "uint"), ("state_version", 2, "uint"), ("solver_ns", 3, "uint"),
                   ("service_ns", 4, "uint"), ("flagged_nodes", 5, "uint"))
 COMMITTED = Message("Committed", ("state_version", 1, "uint"))
@@ -253,14 +265,16 @@ SESSION_RESUMED = Message("SessionResumed", ("session", 1, SESSION_OPENED), ("la
 MARKED = Message("Marked", ("state_version", 1, "uint"), ("names", 2, "string", True))
 NODES_CHANGED = Message("NodesChanged", ("nodes", 1, "uint"))
 
-_ENVELOPE = (("magic", 1, "fixed32"), ("protocol_major", 2, "uint"), ("protocol_minor", 3, "uint"), ("request_id", 4, "fixed64"),
+_ENVELOPE = (("magic", 1, "fixed32"), ("protocol_major", 2, "uint"), ("protocol_minor", 3, "uint"), ("request_id", 4,
+                                                                                                     "fixed64"),
              ("session_id", 5, "bytes"), ("sequence", 6, "uint"), ("epoch", 7, "fixed64"), ("payload", 8, PAYLOAD))
 REQUEST_HEADER = Message("RequestHeader", *_ENVELOPE, ("hello", 16, HELLO), ("open_session", 17, OPEN_SESSION),
                          ("downscale", 18, DOWNSCALE), ("commit", 19, COMMIT), ("rollback", 20, ROLLBACK),
-                         ("close_session", 21, CLOSE_SESSION), ("resume_session", 23, RESUME_SESSION), ("mark", 24, MARK),
-                         ("register_nodes", 25, REGISTER_NODES), ("retire_nodes", 26, RETIRE_NODES),
+                         ("close_session", 21, CLOSE_SESSION), ("resume_session", 23, RESUME_SESSION),
+                         ("mark", 24, MARK), ("register_nodes", 25, REGISTER_NODES), ("retire_nodes", 26, RETIRE_NODES),
                          ("offer_nodes", 27, OFFER_NODES), ("accept_nodes", 28, ACCEPT_NODES))
-REPLY_HEADER = Message("ReplyHeader", *_ENVELOPE, ("status", 9, STATUS), ("replayed", 10, "bool"), ("welcome", 16, WELCOME),
-                       ("session_opened", 17, SESSION_OPENED), ("upscale", 18, UPSCALE), ("committed", 19, COMMITTED),
-                       ("rolled_back", 20, ROLLED_BACK), ("session_closed", 21, SESSION_CLOSED),
-                       ("session_resumed", 23, SESSION_RESUMED), ("marked", 24, MARKED), ("nodes_changed", 25, NODES_CHANGED))
+REPLY_HEADER = Message("ReplyHeader", *_ENVELOPE, ("status", 9, STATUS), ("replayed", 10, "bool"),
+                       ("welcome", 16, WELCOME), ("session_opened", 17, SESSION_OPENED), ("upscale", 18, UPSCALE),
+                       ("committed", 19, COMMITTED), ("rolled_back", 20, ROLLED_BACK),
+                       ("session_closed", 21, SESSION_CLOSED), ("session_resumed", 23, SESSION_RESUMED),
+                       ("marked", 24, MARKED), ("nodes_changed", 25, NODES_CHANGED))

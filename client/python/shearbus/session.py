@@ -37,16 +37,20 @@ class Outcome:
 
 
 def node_ids(values):
-    """Returns node ids as an array of uint64. Raises ContentError or MessageError where they are not distinct whole numbers from 0 on."""
+    """Returns node ids as an array of uint64. Raises ContentError or MessageError where they are not distinct whole
+    numbers from 0 on."""
     if isinstance(values, numpy.ma.MaskedArray):
-        raise MessageError(Code.SHAPE, "nodes is a masked array", "Pass the ids that are meant, as a plain array.", "nodes")
+        raise MessageError(Code.SHAPE, "nodes is a masked array", "Pass the ids that are meant, as a plain array.",
+                           "nodes")
     if not isinstance(values, numpy.ndarray):
         array = _whole_numbers(values)
     else:
         array = values if values.size or values.ndim != 1 else values.astype(numpy.uint64)
     if array.ndim != 1 or array.dtype.kind not in "iu":
-        raise MessageError(Code.SHAPE, f"nodes has the type {array.dtype} and the shape {array.shape}, expected a list of whole numbers "
-                           "from 0 to 2**64 - 1", "Convert the ids explicitly: numpy.asarray(ids, numpy.uint64).", "nodes")
+        raise MessageError(
+            Code.SHAPE,
+            f"nodes has the type {array.dtype} and the shape {array.shape}, expected a list of whole numbers "
+            "from 0 to 2**64 - 1", "Convert the ids explicitly: numpy.asarray(ids, numpy.uint64).", "nodes")
     if array.dtype.kind == "i" and (array < 0).any():
         raise ContentError(Code.INVALID_VALUE, f"nodes has the id {array[array < 0][0]}, expected 0 or more",
                            "Number the nodes from 0 on.", "nodes")
@@ -54,7 +58,8 @@ def node_ids(values):
     ordered = numpy.sort(array)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
     if twice.size:
-        raise ContentError(Code.DUPLICATE_NODE, f"nodes has the id {twice[0]} twice", "Name each node once.", "nodes", [int(twice[0])])
+        raise ContentError(Code.DUPLICATE_NODE, f"nodes has the id {twice[0]} twice", "Name each node once.", "nodes",
+                           [int(twice[0])])
     return array
 
 
@@ -70,21 +75,23 @@ def _whole_numbers(values):
 
 
 def fill(rows, name, value):
-    """Writes the values of a column into `rows`, of shape (components, N). A number stands for all rows; anything else has the
-    shape (N,), or (N, 2) with two components. Raises MessageError or ContentError, which name the column, before anything is sent."""
+    """Writes the values of a column into `rows`, of shape (components, N). A number stands for all rows; anything else
+    has the shape (N,), or (N, 2) with two components. Raises MessageError or ContentError, which name the column,
+    before anything is sent."""
     if type(value) is numpy.ndarray and value.dtype == FLOAT and value.shape == rows.shape[1:] and len(rows) == 1:
         rows[0] = value  # the usual case
         return
     if isinstance(value, numpy.ma.MaskedArray):
-        raise MessageError(Code.SHAPE, f"{name} is a masked array", f"Pass {name}.filled(value), or only the nodes in contact (nodes=).",
-                           name)
+        raise MessageError(Code.SHAPE, f"{name} is a masked array",
+                           f"Pass {name}.filled(value), or only the nodes in contact (nodes=).", name)
     try:
         array = numpy.asarray(value)
     except ValueError as fault:
         raise MessageError(Code.SHAPE, f"{name} is no array of numbers: {fault}", field=name) from None
     if array.dtype.kind not in "iuf" or (array.dtype.kind == "f" and array.dtype.itemsize != 8):
         raise MessageError(Code.SHAPE, f"{name} has the type {array.dtype}, expected float64",
-                           f"Compute it in double precision, or convert it explicitly: numpy.asarray({name}, float).", name)
+                           f"Compute it in double precision, or convert it explicitly: numpy.asarray({name}, float).",
+                           name)
     components, count = rows.shape
     expected = (count,) if components == 1 else (count, components)
     if array.ndim == 0 and (components == 1 or array == 0):
@@ -92,18 +99,20 @@ def fill(rows, name, value):
     elif array.shape == expected:
         rows[...] = array if components == 1 else array.T
     else:
-        raise MessageError(Code.SHAPE, f"{name} has the shape {array.shape}, expected {expected}" +
-                           (" or a number" if components == 1 else ": one row per node, one column per tangential direction"),
-                           "Pass one value per node of the step, in the order of its rows.", name)
+        raise MessageError(
+            Code.SHAPE, f"{name} has the shape {array.shape}, expected {expected}" +
+            (" or a number" if components == 1 else ": one row per node, one column per tangential direction"),
+            "Pass one value per node of the step, in the order of its rows.", name)
 
 
 def check_finite(rows, name, nodes):
-    """Raises ContentError, which names the first node at fault, if a value of `rows`, of shape (components, N), is not finite."""
+    """Raises ContentError, which names the first node at fault, if a value of `rows`, of shape (components, N), is not
+    finite."""
     finite = numpy.isfinite(rows)
     if not finite.all():
         row, component = numpy.argwhere(~finite.T)[0]
-        raise ContentError(Code.INVALID_VALUE, f"{name} of node {nodes[row]} is {rows[component, row]}", "Every value must be finite.",
-                           name, map(int, nodes[~finite.all(axis=0)][:16]))
+        raise ContentError(Code.INVALID_VALUE, f"{name} of node {nodes[row]} is {rows[component, row]}",
+                           "Every value must be finite.", name, map(int, nodes[~finite.all(axis=0)][:16]))
 
 
 _layouts = {}  # (number, component) of the columns and rows -> the encoded columns of a payload
@@ -115,10 +124,14 @@ def payload_of(columns, frame):
     layout = _layouts.get((columns, count))
     if layout is None:
         _layouts.clear() if len(_layouts) > 256 else None
-        layout = _layouts[columns, count] = header.PAYLOAD.encode({"columns": [
-            {"field": number, "component": component, "element": BY_NUMBER[number].element, "offset_bytes": 8 * count * i, "count": count}
-            for i, (number, component) in enumerate(columns)]})
-    return header.PAYLOAD.encode({"size_bytes": frame.nbytes, "xxh3": xxh3(memoryview(frame).cast("B")) if count else xxh3(b"")}) + layout
+        layout = _layouts[columns, count] = header.PAYLOAD.encode({
+            "columns": [{
+                "field": number, "component": component, "element": BY_NUMBER[number].element, "offset_bytes":
+                8 * count * i, "count": count
+            } for i, (number, component) in enumerate(columns)]
+        })
+    return header.PAYLOAD.encode(
+        {"size_bytes": frame.nbytes, "xxh3": xxh3(memoryview(frame).cast("B")) if count else xxh3(b"")}) + layout
 
 
 def named_nodes(nodes, temperature=None):
@@ -138,12 +151,13 @@ def named_nodes(nodes, temperature=None):
 
 
 class Answer:
-    """The answer to a step. Each column of the reply is an attribute: stress, slip, temperature, jump_new, friction_heat,
-    regime, outcome, ..., a read-only array of shape (N,), or (N, 2) with two tangential components, in SI units and in the order of the
-    request's rows. The arrays are views of the received frame, which lives as long as they do.
+    """The answer to a step. Each column of the reply is an attribute: stress, slip, temperature, jump_new,
+    friction_heat, regime, outcome, ..., a read-only array of shape (N,), or (N, 2) with two tangential components, in
+    SI units and in the order of the request's rows. The arrays are views of the received frame, which lives as long as
+    they do.
 
-    nodes: ids of the rows; state_version: number of commits so far; flagged_nodes: rows with an outcome other than success
-    and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply."""
+    nodes: ids of the rows; state_version: number of commits so far; flagged_nodes: rows with an outcome other than
+    success and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply."""
 
     def __init__(self, reply, nodes):
         upscale, view = reply.header.upscale, reply.payload
@@ -184,8 +198,8 @@ class Answer:
 
 
 class Trial(Answer):
-    """The answer to a trial, and the `with` block that decides it: leaving the block commits the trial; an exception, or
-    reject() before the end of the block, rolls it back."""
+    """The answer to a trial, and the `with` block that decides it: leaving the block commits the trial; an exception,
+    or reject() before the end of the block, rolls it back."""
 
     def __init__(self, reply, nodes, session):
         super().__init__(reply, nodes)
@@ -210,15 +224,18 @@ class Trial(Answer):
 
 
 class Session:
-    """The shear layers of a set of nodes on a server. Made by shearbus.open() or shearbus.resume(); belongs to one thread at a time.
+    """The shear layers of a set of nodes on a server. Made by shearbus.open() or shearbus.resume(); belongs to one
+    thread at a time.
 
-    nodes: ids in the order of the rows; scene: the effective scene as TOML text, with every default and constant; warnings: of
-    the opening, to be shown to a person; strategy: "velocity_driven" or "force_driven"; components: tangential components;
-    columns: names of the columns that a step needs; optional_columns, reply_columns, columns_on_request: names; bytes_per_node: memory on
-    the server; offers: numbers of this session's offers that waited when it was resumed; history: a History, with record=True.
+    nodes: ids in the order of the rows; scene: the effective scene as TOML text, with every default and constant;
+    warnings: of the opening, to be shown to a person; strategy: "velocity_driven" or "force_driven"; components:
+    tangential components; columns: names of the columns that a step needs; optional_columns, reply_columns,
+    columns_on_request: names; bytes_per_node: memory on the server; offers: numbers of this session's offers that
+    waited when it was resumed; history: a History, with record=True.
 
-    Every call raises an Error, which says what was expected and found and what to do. After UnknownOutcome the same call with the
-    same values is the same request. The sessions of a durable server outlive it: calls wait for its restart until their deadline."""
+    Every call raises an Error, which says what was expected and found and what to do. After UnknownOutcome the same
+    call with the same values is the same request. The sessions of a durable server outlive it: calls wait for its
+    restart until their deadline."""
 
     def __init__(self, connection, server, want, record):
         """Connects and says hello; shearbus.open() and shearbus.resume() do the rest."""
@@ -232,28 +249,36 @@ class Session:
         self._claimant = connection.next_request_id()
         self.offers = []
         self._columns_of = {}  # names of a request -> its columns
-        hello = {"oldest_major": header.PROTOCOL_MAJOR, "newest_major": header.PROTOCOL_MAJOR, "client_name": connection.name}
+        hello = {
+            "oldest_major": header.PROTOCOL_MAJOR, "newest_major": header.PROTOCOL_MAJOR, "client_name": connection.name
+        }
         try:
             self.welcome = self._ask("hello", hello, "welcome", deadline=connection.connect_deadline).header.welcome
         except Error as fault:
             if fault.code != Code.UNKNOWN_OUTCOME:
                 raise
             # hello changes nothing on the server, so its unknown outcome means that no server answered.
-            raise Unreachable(Code.UNREACHABLE, f"{connection.endpoint} accepts connections but did not answer the greeting within "
-                              f"{connection.connect_deadline:g} s", "Is it a shearbus server, and is it busy with a long step?") from None
+            raise Unreachable(
+                Code.UNREACHABLE, f"{connection.endpoint} accepts connections but did not answer the greeting within "
+                f"{connection.connect_deadline:g} s",
+                "Is it a shearbus server, and is it busy with a long step?") from None
         self.durable = self.welcome.durability != "none"
 
     # -- requests --
 
     def _frames(self, envelope, columns, frame):
-        envelope = {"magic": header.MAGIC, "protocol_major": header.PROTOCOL_MAJOR, "protocol_minor": header.PROTOCOL_MINOR, **envelope}
+        envelope = {
+            "magic": header.MAGIC, "protocol_major": header.PROTOCOL_MAJOR, "protocol_minor": header.PROTOCOL_MINOR,
+            **envelope
+        }
         if columns is None:
             return [header.REQUEST_HEADER.encode(envelope)]
         return [header.REQUEST_HEADER.encode({**envelope, "payload": payload_of(columns, frame)}),
                 memoryview(frame).cast("B") if frame.size else b""]
 
     def _send(self, envelope, verb, body, answer, columns=None, frame=None, deadline=None):
-        reply = self._connection.call(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"], deadline)
+        reply = self._connection.call(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"],
+                                      deadline)
         if getattr(reply.header, answer) is None:
             raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"the reply to {verb} is not {answer}",
                                   "Client and server do not agree on the protocol; tell the maintainers.")
@@ -261,11 +286,15 @@ class Session:
 
     def _ask(self, verb, body, answer, deadline=None, **envelope):
         """Sends a request that has no sequence number."""
-        return self._send({"request_id": self._connection.next_request_id(), **envelope}, verb, body, answer, deadline=deadline)
+        return self._send({"request_id": self._connection.next_request_id(), **envelope},
+                          verb,
+                          body,
+                          answer,
+                          deadline=deadline)
 
     def _exchange(self, verb, body, answer, columns=None, frame=None):
-        """Sends the session's next request. Its number counts when the reply arrives. A request without a reply keeps its id, so
-        the same call again has the same bytes and the server recognises it."""
+        """Sends the session's next request. Its number counts when the reply arrives. A request without a reply keeps
+        its id, so the same call again has the same bytes and the server recognises it."""
         if self._closed:
             raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
         request_id, epoch = self._doubt or (self._connection.next_request_id(), self._epoch)
@@ -293,37 +322,45 @@ class Session:
             elif fault.code not in (Code.UNREACHABLE, Code.AUTH):
                 self._doubt = None
             if fault.code == Code.SEQUENCE_REUSED:
-                self._adopt(self._ask("resume_session", {"resume_token": self._token}, "session_resumed", session_id=self._id))
+                self._adopt(
+                    self._ask("resume_session", {"resume_token": self._token}, "session_resumed", session_id=self._id))
             raise
         self._doubt = None
         self._sequence = envelope["sequence"]
         return reply
 
     def _claim(self):
-        """Claims the session for this client, after a restart of the server or as a successor. Returns the reply to the claim."""
+        """Claims the session for this client, after a restart of the server or as a successor. Returns the reply to the
+        claim."""
         started = time.monotonic()
         while True:
             token = {"resume_token": self._token}
             asked = self._ask("resume_session", token, "session_resumed", session_id=self._id).header
             try:
-                return self._ask("resume_session", {**token, "claim": asked.session_resumed.claim + 1, "claimant": self._claimant},
-                                 "session_resumed", session_id=self._id, epoch=asked.epoch)
+                return self._ask("resume_session",
+                                 {**token, "claim": asked.session_resumed.claim + 1, "claimant": self._claimant},
+                                 "session_resumed",
+                                 session_id=self._id,
+                                 epoch=asked.epoch)
             except Error as fault:
                 # EPOCH means that the server was restarted between the two requests.
                 if fault.code != Code.EPOCH or time.monotonic() - started > self._connection.reply_deadline - PAUSE_S:
                     raise
 
     def _follow_restart(self, fault):
-        """Claims the session on the restarted server. Returns the epoch with which the refused request may be sent again."""
+        """Claims the session on the restarted server. Returns the epoch with which the refused request may be sent
+        again."""
         try:
             claimed = self._claim().header
         except Error as refusal:
             raise fault if refusal.code == Code.UNKNOWN_SESSION else refusal  # the first error explains the restart
         stands_at = claimed.session_resumed.last_sequence
         if stands_at != self._sequence:
-            raise SessionError(Code.EPOCH, "the server was restarted and came back with older states: the session stands at request "
-                               f"{stands_at}, this client at {self._sequence}",
-                               "Open a new session and start again from the host's last restart point.", last_sequence=stands_at)
+            raise SessionError(
+                Code.EPOCH, "the server was restarted and came back with older states: the session stands at request "
+                f"{stands_at}, this client at {self._sequence}",
+                "Open a new session and start again from the host's last restart point.",
+                last_sequence=stands_at)
         self._epoch = claimed.epoch
         return claimed.epoch
 
@@ -336,7 +373,8 @@ class Session:
     def _opened(self, opened, epoch):
         self._epoch, self._closed = epoch, False
         names = lambda numbers: tuple(BY_NUMBER[number].name for number in numbers if number in BY_NUMBER)
-        self.scene, self.warnings, self.bytes_per_node = opened.effective_scene, list(opened.warnings), opened.bytes_per_node
+        self.scene, self.warnings, self.bytes_per_node = opened.effective_scene, list(
+            opened.warnings), opened.bytes_per_node
         self.name, self.strategy = opened.scene_name, STRATEGY.get(opened.strategy, opened.strategy)
         self.components = opened.tangential_components
         self.columns, self.optional_columns = names(opened.required_columns), names(opened.optional_columns)
@@ -350,12 +388,17 @@ class Session:
         if not want:
             return ()
         ledger = [BY_NUMBER[number].name for number in LEDGER]
-        names = [name for word in ([want] if isinstance(want, str) else want) for name in (ledger if word == "ledger" else [word])]
+        names = [
+            name for word in ([want] if isinstance(want, str) else want)
+            for name in (ledger if word == "ledger" else [word])
+        ]
         offered = (*self.reply_columns, *self.columns_on_request)
         for name in names:
             if name not in offered:
-                raise MessageError(Code.SHAPE, f"want names {name!r}, which a reply of this scene cannot have{_similar(name, offered)}",
-                                   f"It can have {', '.join(offered)}; \"ledger\" stands for the energy ledger.", name)
+                raise MessageError(
+                    Code.SHAPE,
+                    f"want names {name!r}, which a reply of this scene cannot have{_similar(name, offered)}",
+                    f"It can have {', '.join(offered)}; \"ledger\" stands for the energy ledger.", name)
         return tuple(dict.fromkeys(BY_NAME[name].number for name in (*self.reply_columns, *names)))
 
     def _request(self, values, nodes):
@@ -363,13 +406,16 @@ class Session:
         for name in values:
             if name not in self.columns and name not in self.optional_columns:
                 known = (*self.columns, *self.optional_columns)
-                raise MessageError(Code.SHAPE, f"a step of this scene ({self.strategy}) has no column {name!r}{_similar(name, known)}",
-                                   f"It needs {', '.join(self.columns)}" +
-                                   (f" and may have {', '.join(self.optional_columns)}." if self.optional_columns else "."), name)
+                raise MessageError(
+                    Code.SHAPE, f"a step of this scene ({self.strategy}) has no column {name!r}{_similar(name, known)}",
+                    f"It needs {', '.join(self.columns)}" +
+                    (f" and may have {', '.join(self.optional_columns)}." if self.optional_columns else "."), name)
         for name in self.columns:
             if name not in values:
-                raise MessageError(Code.SHAPE, f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(self.columns)}",
-                                   f"Pass {name}=, one value per node or one for all.", name)
+                raise MessageError(
+                    Code.SHAPE,
+                    f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(self.columns)}",
+                    f"Pass {name}=, one value per node or one for all.", name)
         rows = self.nodes if nodes is None else node_ids(nodes)
         named = nodes is not None
         columns = self._columns_of.get((named, *values))
@@ -397,9 +443,11 @@ class Session:
 
     def _step(self, mode, dt, nodes, time, step, attempt, commit_previous, all_or_nothing, want, values):
         columns, frame, rows = self._request(values, nodes)
-        body = {"dt_s": _number("dt", dt), "time_s": _number("time", time), "step": step, "attempt": attempt, "mode": mode,
-                "commit_previous": commit_previous, "policy": ALL_OR_NOTHING if all_or_nothing else 0,
-                "wanted": self._wanted if want is None else self._numbers(want)}
+        body = {
+            "dt_s": _number("dt", dt), "time_s": _number("time", time), "step": step, "attempt": attempt, "mode": mode,
+            "commit_previous": commit_previous, "policy": ALL_OR_NOTHING if all_or_nothing else 0, "wanted":
+            self._wanted if want is None else self._numbers(want)
+        }
         reply = self._exchange("downscale", body, "upscale", columns, frame)
         answer = Answer(reply, rows) if mode == ADVANCE else Trial(reply, rows, self)
         if self.history is not None:
@@ -411,17 +459,19 @@ class Session:
     def step(self, dt, *, nodes=None, time=0.0, step=0, attempt=0, all_or_nothing=False, want=None, **values):
         """Makes one step of length `dt` (s) and keeps its result. Returns an Answer.
 
-        values: the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for all rows, or an array
-        of float64 of shape (N,), or (N, 2) with two tangential components. nodes: ids of the rows, for a step of some nodes; without
-        it the rows are all nodes in the order of `nodes` of the session. time (end of the step, s), step, attempt: the host's own, for
-        records. all_or_nothing: where a node has no answer the step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps
-        its state and its row has Outcome.FAILED. want: names of more columns for this reply; "ledger" stands for the energy ledger."""
+        values: the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for
+        all rows, or an array of float64 of shape (N,), or (N, 2) with two tangential components. nodes: ids of the
+        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session. time
+        (end of the step, s), step, attempt: the host's own, for records. all_or_nothing: where a node has no answer the
+        step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps its state and its row has
+        Outcome.FAILED. want: names of more columns for this reply; "ledger" stands for the energy ledger."""
         return self._step(ADVANCE, dt, nodes, time, step, attempt, False, all_or_nothing, want, values)
 
-    def trial(self, dt, *, nodes=None, time=0.0, step=0, attempt=0, commit_previous=False, all_or_nothing=False, want=None, **values):
-        """Makes one step from the committed states and waits for a decision. Returns a Trial: use it in a `with` block, or call
-        commit() or rollback() of the session; another trial replaces it. commit_previous: first commits the trial that stands.
-        The other arguments are those of step()."""
+    def trial(self, dt, *, nodes=None, time=0.0, step=0, attempt=0, commit_previous=False, all_or_nothing=False,
+              want=None, **values):
+        """Makes one step from the committed states and waits for a decision. Returns a Trial: use it in a `with` block,
+        or call commit() or rollback() of the session; another trial replaces it. commit_previous: first commits the
+        trial that stands. The other arguments are those of step()."""
         return self._step(TRIAL, dt, nodes, time, step, attempt, commit_previous, all_or_nothing, want, values)
 
     def commit(self):
@@ -441,8 +491,8 @@ class Session:
     # -- marks --
 
     def mark(self, name):
-        """Keeps nodes and committed states on the server under a name, such as that of a restart dump. Returns the names of the kept
-        marks, oldest first: the server keeps the newest welcome.limits.max_marks."""
+        """Keeps nodes and committed states on the server under a name, such as that of a restart dump. Returns the
+        names of the kept marks, oldest first: the server keeps the newest welcome.limits.max_marks."""
         names = list(self._exchange("mark", {"name": name}, "marked").header.marked.names)
         if self.history is not None:
             self.history._mark(name, names)
@@ -471,10 +521,11 @@ class Session:
         self._remove(gone)
 
     def offer(self, nodes):
-        """Offers nodes with their states to another session of the domain. Returns the 16 bytes under which that session accepts
-        them. From then on the nodes wait on the server and are not this session's."""
+        """Offers nodes with their states to another session of the domain. Returns the 16 bytes under which that
+        session accepts them. From then on the nodes wait on the server and are not this session's."""
         given = node_ids(nodes)
-        transfer = self._transfer = self._transfer or os.urandom(16)  # an offer whose outcome is unknown keeps its number
+        transfer = self._transfer = self._transfer or os.urandom(
+            16)  # an offer whose outcome is unknown keeps its number
         self._exchange("offer_nodes", {"transfer_id": transfer}, "nodes_changed", *named_nodes(given))
         self._transfer = b""
         self._remove(given)
@@ -493,12 +544,13 @@ class Session:
 
     @property
     def ticket(self):
-        """Text by which shearbus.resume() continues this session after this process has ended. A secret: its holder owns the session."""
+        """Text by which shearbus.resume() continues this session after this process has ended. A secret: its holder
+        owns the session."""
         return self._id.hex() + self._token.hex()
 
     def close(self):
-        """Closes the session, frees its states and ends a server of its own. Returns the session's totals: requests, node_steps,
-        solver_ns, asleep_node_steps."""
+        """Closes the session, frees its states and ends a server of its own. Returns the session's totals: requests,
+        node_steps, solver_ns, asleep_node_steps."""
         try:
             return self._close()
         finally:
@@ -548,8 +600,10 @@ def _ids_of(reply):
         return _frozen(numpy.empty(0, numpy.uint64))
     for column in reply.header.payload.columns:
         if column.field == NODE_ID.number:
-            return _frozen(numpy.frombuffer(reply.payload, DTYPE[UINT64], column.count, column.offset_bytes).astype(numpy.uint64))
-    raise UnexpectedReply(Code.UNEXPECTED_REPLY, "the reply has no column node_id", "Is it a shearbus server of this version?")
+            return _frozen(
+                numpy.frombuffer(reply.payload, DTYPE[UINT64], column.count, column.offset_bytes).astype(numpy.uint64))
+    raise UnexpectedReply(Code.UNEXPECTED_REPLY, "the reply has no column node_id",
+                          "Is it a shearbus server of this version?")
 
 
 def _number(name, value):
