@@ -43,6 +43,16 @@ def read_varint(data, at):
             raise ValueError("a varint of more than ten bytes")
 
 
+_WRITE = {
+    "uint": varint, "bool": varint, "double": struct.Struct("<d").pack, "fixed64": struct.Struct("<Q").pack,
+    "fixed32": struct.Struct("<I").pack, "bytes": bytes, "string": str.encode,
+    "numbers": lambda values: b"".join(map(varint, values))
+}
+_READ = {
+    "string": bytes.decode, "bool": bool, "double": lambda bits: struct.unpack("<d", bits.to_bytes(8, "little"))[0]
+}
+
+
 class Field:
     def __init__(self, name, number, kind, repeated=False):
         self.name, self.number, self.kind = name, number, kind
@@ -52,6 +62,8 @@ class Field:
         self.tag = varint(number << 3 | (LENGTH if repeated else self.wire_type))
         self.default = () if self.repeated else None if self.message else {"bytes": b"", "string": "", "double": 0.0,
                                                                           "bool": False}.get(kind, 0)
+        self.write = kind.encode if self.message else _WRITE[kind]  # value -> bytes behind the tag, without a length
+        self.read = kind.decode if self.message else _READ.get(kind)  # bytes or number of the wire -> value
 
 
 class Message:
@@ -69,42 +81,21 @@ class Message:
             self.decode = functools.lru_cache(4096)(self.decode)
 
     def encode(self, values):
-        """Returns the bytes of {field name: value}; absent fields and default values take no bytes."""
+        """Returns the bytes of {field name: value}, fields in the order of the dict; default values take no bytes. The
+        value of a message may be its bytes."""
         out = []
-        for field in self.fields:
-            value = values.get(field.name)
+        for name, value in values.items():
+            field = self.by_name[name]
             if value is None or (not value and not field.message):
                 continue
             if field.repeated and field.kind == "fixed64":
-                body = struct.pack(f"<{len(value)}Q", *value)
-                out += (field.tag, varint(len(body)), body)
+                value = b"".join(map(field.write, value))
+                out += (field.tag, varint(len(value)), value)
                 continue
             for item in value if field.repeated and field.kind != "numbers" else (value,):
-                self._write(out, field, item)
+                body = item if type(item) is bytes else field.write(item)
+                out += (field.tag, varint(len(body)), body) if field.wire_type == LENGTH else (field.tag, body)
         return b"".join(out)
-
-    @staticmethod
-    def _write(out, field, value):
-        kind = field.kind
-        out.append(field.tag)
-        if kind == "uint" or kind == "bool":
-            out.append(varint(int(value)))
-        elif kind == "double":
-            out.append(struct.pack("<d", value))
-        elif kind == "fixed64":
-            out.append(struct.pack("<Q", value))
-        elif kind == "fixed32":
-            out.append(struct.pack("<I", value))
-        else:
-            if field.message:
-                body = value if isinstance(value, bytes) else field.message.encode(value)
-            elif kind == "string":
-                body = value.encode()
-            elif kind == "numbers":
-                body = b"".join(map(varint, value))
-            else:
-                body = bytes(value)
-            out += (varint(len(body)), body)
 
     def decode(self, data):
         """Returns the message in `data`. Ignores fields that a later minor version has added. Raises ValueError or
@@ -112,7 +103,10 @@ class Message:
         found = dict(self.defaults)
         at, end = 0, len(data)
         while at < end:
-            tag, at = read_varint(data, at)
+            tag = data[at]
+            at += 1
+            if tag > 0x7F:
+                tag, at = read_varint(data, at - 1)
             wire_type = tag & 7
             if wire_type == LENGTH:
                 size, at = read_varint(data, at)
@@ -129,30 +123,18 @@ class Message:
             if at > end:
                 raise ValueError(f"{self.name} is cut off")
             field = self.by_number.get(tag >> 3)
-            if field is not None:
-                self._read(found, field, wire_type, value)
+            if field is None:
+                continue
+            if field.repeated and field.kind in ("numbers", "fixed64"):  # packed, or one by one
+                many = (value,) if wire_type != LENGTH else self._unpacked(field.kind, value)
+                found[field.name] = (*found[field.name], *many)
+                continue
+            if wire_type != field.wire_type:
+                raise ValueError(f"{self.name}.{field.name} has the wire type {wire_type}")
+            if field.read is not None:
+                value = field.read(value)
+            found[field.name] = (*found[field.name], value) if field.repeated else value
         return SimpleNamespace(**found)
-
-    def _read(self, found, field, wire_type, value):
-        kind = field.kind
-        if field.repeated and kind in ("numbers", "fixed64"):  # packed, or one by one
-            found[field.name] = (*found[field.name], *([value] if wire_type != LENGTH else self._unpacked(kind, value)))
-            return
-        if wire_type != field.wire_type:
-            raise ValueError(f"{self.name}.{field.name} has the wire type {wire_type}")
-        if field.message:
-            value = field.message.decode(value)
-        elif kind == "string":
-            value = value.decode()
-        elif kind == "double":
-            value = struct.unpack("<d", value.to_bytes(8, "little"))[0]
-        elif kind == "bool":
-            value = bool(value)
-        if field.repeated:
-            found.setdefault(field.name, ())
-            found[field.name] = (*found[field.name], value)
-        else:
-            found[field.name] = value
 
     @staticmethod
     def _unpacked(kind, data):

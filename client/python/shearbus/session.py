@@ -15,7 +15,7 @@ from .errors import Code, ContentError, Error, MessageError, SessionError, Unexp
 from .history import History
 
 ADVANCE, TRIAL = 1, 2  # Mode
-ACCEPT, ALL_OR_NOTHING = 1, 2  # Policy
+ALL_OR_NOTHING = 2  # Policy
 STRATEGY = {1: "velocity_driven", 2: "force_driven"}
 FLOAT = numpy.dtype(float)
 PAUSE_S = 0.1  # between two attempts while the server restarts
@@ -78,9 +78,6 @@ def fill(rows, name, value):
     """Writes the values of a column into `rows`, of shape (components, N). A number stands for all rows; anything else
     has the shape (N,), or (N, 2) with two components. Raises MessageError or ContentError, which name the column,
     before anything is sent."""
-    if type(value) is numpy.ndarray and value.dtype == FLOAT and value.shape == rows.shape[1:] and len(rows) == 1:
-        rows[0] = value  # the usual case
-        return
     if isinstance(value, numpy.ma.MaskedArray):
         raise MessageError(Code.SHAPE, f"{name} is a masked array",
                            f"Pass {name}.filled(value), or only the nodes in contact (nodes=).", name)
@@ -248,7 +245,7 @@ class Session:
         self._closed = True
         self._claimant = connection.next_request_id()
         self.offers = []
-        self._columns_of = {}  # names of a request -> its columns
+        self._plans = {}  # keywords of a request -> its columns
         hello = {
             "oldest_major": header.PROTOCOL_MAJOR, "newest_major": header.PROTOCOL_MAJOR, "client_name": connection.name
         }
@@ -403,51 +400,55 @@ class Session:
 
     def _request(self, values, nodes):
         """Returns (columns, frame, nodes) of a step from its keywords."""
-        for name in values:
-            if name not in self.columns and name not in self.optional_columns:
-                known = (*self.columns, *self.optional_columns)
+        named = nodes is not None
+        rows = self.nodes if nodes is None else node_ids(nodes)
+        plan = self._plans.get((named, *values)) or self._plan(named, tuple(values))
+        columns, places = plan
+        count = len(rows)
+        frame = numpy.empty((len(columns), count))
+        if named:
+            frame[0].view(numpy.uint64)[:] = rows
+        for name, at, width in places:
+            value = values[name]
+            if width == 1 and type(value) is numpy.ndarray and value.dtype is FLOAT and value.shape == (count,):
+                frame[at] = value  # the usual case
+            else:
+                fill(frame[at : at + width], name, value)
+        if not numpy.isfinite(frame[named:]).all():
+            for name, at, width in places:
+                check_finite(frame[at : at + width], name, rows)
+        return columns, frame, rows
+
+    def _plan(self, named, names):
+        """Returns (columns, places) of requests with these keywords: where each keyword's values begin in the frame, and
+        in how many columns. Raises MessageError where a keyword is missing or unknown."""
+        known = (*self.columns, *self.optional_columns)
+        for name in names:
+            if name not in known:
                 raise MessageError(
                     Code.SHAPE, f"a step of this scene ({self.strategy}) has no column {name!r}{_similar(name, known)}",
                     f"It needs {', '.join(self.columns)}" +
                     (f" and may have {', '.join(self.optional_columns)}." if self.optional_columns else "."), name)
         for name in self.columns:
-            if name not in values:
+            if name not in names:
                 raise MessageError(
                     Code.SHAPE,
                     f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(self.columns)}",
                     f"Pass {name}=, one value per node or one for all.", name)
-        rows = self.nodes if nodes is None else node_ids(nodes)
-        named = nodes is not None
-        columns = self._columns_of.get((named, *values))
-        if columns is None:
-            columns = ((NODE_ID.number, 0),) * named + tuple(
-                (BY_NAME[name].number, component) for name in values for component in range(self._width(name)))
-            self._columns_of[(named, *values)] = columns
-        frame = numpy.empty((len(columns), len(rows)))
-        if named:
-            frame[0].view(numpy.uint64)[:] = rows
-        at = int(named)
-        for name, value in values.items():
-            width = self._width(name)
-            fill(frame[at : at + width], name, value)
-            at += width
-        if not numpy.isfinite(frame[named:]).all():
-            at = int(named)
-            for name in values:
-                check_finite(frame[at : at + self._width(name)], name, rows)
-                at += self._width(name)
-        return columns, frame, rows
-
-    def _width(self, name):
-        return self.components if BY_NAME[name].tangential else 1
+        columns, places = [(NODE_ID.number, 0)] * named, []
+        for name in names:
+            width = self.components if BY_NAME[name].tangential else 1
+            places.append((name, len(columns), width))
+            columns += [(BY_NAME[name].number, component) for component in range(width)]
+        plan = self._plans[(named, *names)] = tuple(columns), places
+        return plan
 
     def _step(self, mode, dt, nodes, time, step, attempt, commit_previous, all_or_nothing, want, values):
         columns, frame, rows = self._request(values, nodes)
-        body = {
-            "dt_s": _number("dt", dt), "time_s": _number("time", time), "step": step, "attempt": attempt, "mode": mode,
-            "commit_previous": commit_previous, "policy": ALL_OR_NOTHING if all_or_nothing else 0, "wanted":
-            self._wanted if want is None else self._numbers(want)
-        }
+        body = {"dt_s": _number("dt", dt), "time_s": _number("time", time), "step": _count("step", step),
+                "attempt": _count("attempt", attempt), "mode": mode, "commit_previous": commit_previous,
+                "wanted": self._wanted if want is None else self._numbers(want),
+                "policy": ALL_OR_NOTHING if all_or_nothing else 0}
         reply = self._exchange("downscale", body, "upscale", columns, frame)
         answer = Answer(reply, rows) if mode == ADVANCE else Trial(reply, rows, self)
         if self.history is not None:
@@ -611,6 +612,15 @@ def _number(name, value):
         return float(value)
     except (TypeError, ValueError):
         raise MessageError(Code.SHAPE, f"{name} is {value!r}, expected a number of seconds", field=name) from None
+
+
+def _count(name, value):
+    try:
+        if operator.index(value) >= 0:
+            return operator.index(value)
+    except TypeError:
+        pass
+    raise MessageError(Code.SHAPE, f"{name} is {value!r}, expected a whole number from 0 on", field=name)
 
 
 def _similar(name, known):
