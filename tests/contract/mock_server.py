@@ -199,8 +199,8 @@ class Refusal(Exception):
 
 
 class Session:
-    def __init__(self, token, nodes, opening):
-        self.token, self.nodes = token, nodes
+    def __init__(self, token, nodes, scene, opening):
+        self.token, self.nodes, self.scene = token, nodes, scene
         self.sequence, self.kept = 0, (opening, None)  # the last request's frames and the reply to it
         self.jumps = {}  # node -> the jump that was answered last
         self.standing = None
@@ -404,13 +404,14 @@ class MockServer:
         if not nodes or len(set(nodes)) != len(nodes):
             raise Refusal(DUPLICATE_NODE if nodes else SHAPE, "expected distinct nodes in column node_id")
         self.new_id(header)
-        self.sessions[session_id] = Session(token, list(nodes), frames)
+        session = self.sessions[session_id] = Session(token, list(nodes), fields.get(1, [b""])[0], frames)
         self.peers[bytes(frames[0])] = peer
-        return self.opened(), None
+        return self.opened(session), None
 
-    def opened(self):
+    def opened(self, session):
+        """Returns the body session_opened. A mock server has no scene of its own: the text comes back as it was."""
         packed = lambda numbers: b"".join(map(varint, numbers))
-        return [(1, 'name = "mock"\n'), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (10, "mock")]
+        return [(1, session.scene), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (10, "mock")]
 
     def resume(self, session, fields, header):
         if fields.get(1, [b""])[0] != session.token:
@@ -421,7 +422,7 @@ class MockServer:
             if not self.report.check("claim", right, f"claim {claim} after {session.claim}"):
                 raise Refusal(SUPERSEDED, "not the next claim, without a claimant, or with another epoch")
             session.claim = claim
-        body = [(1, self.opened()), (2, session.sequence), (3, session.version), (5, session.claim)]
+        body = [(1, self.opened(session)), (2, session.sequence), (3, session.version), (5, session.claim)]
         return [field for field in body if field[1] != 0], {NODE_ID: session.nodes}
 
     def faults_of_the_script(self, session, header, frames):

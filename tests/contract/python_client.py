@@ -262,7 +262,7 @@ class Decisions(Live):
             successor.step(1e-9, **drive(1, 2, 3)).stress,
             plain.step(1e-9, **drive(1, 2, 3)).stress)
         self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
-                            lambda: shearbus.resume(ticket[:32] + "0" * 32, OPTIONS.endpoint))
+                            lambda: shearbus.resume(ticket[:33] + "0" * 32, OPTIONS.endpoint))
         for wrong in ("", "xyz", None):
             self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
                                 lambda: shearbus.resume(wrong, OPTIONS.endpoint))

@@ -73,17 +73,17 @@ def resume(ticket, endpoint=None, *, want=(), record=False, **connection):
     """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
     those of open(). Returns a Session. Raises an Error."""
     try:
-        secret = bytes.fromhex(ticket)
-        if len(secret) != 32:
-            raise ValueError
-    except (TypeError, ValueError):
-        raise SessionError(Code.RESUME_REFUSED, "the ticket is not 64 hexadecimal digits",
-                           "Pass Session.ticket as it was.", "ticket") from None
+        session_id, token = (bytes.fromhex(part) for part in ticket.split(":"))
+    except (AttributeError, ValueError):
+        session_id = token = b""
+    if len(session_id) != 16 or len(token) != 16:
+        raise SessionError(Code.RESUME_REFUSED, "the ticket is not two times 32 hexadecimal digits with a colon between",
+                           "Pass Session.ticket as it was.", "ticket")
     if endpoint is None and not os.environ.get("SHEARBUS_ENDPOINT"):
         raise Unreachable(Code.UNREACHABLE, "a session is resumed where it was opened, and no endpoint was given",
                           "Give endpoint=.")
     with _session(endpoint, want, record, connection) as session:
-        session._id, session._token = secret[:16], secret[16:]
+        session._id, session._token = session_id, token
         claimed = session._claim()
         session._adopt(claimed)
         session._opened(claimed.header.session_resumed.session, claimed.header.epoch)

@@ -547,7 +547,7 @@ class Session:
     def ticket(self):
         """Text by which shearbus.resume() continues this session after this process has ended. A secret: its holder
         owns the session."""
-        return self._id.hex() + self._token.hex()
+        return f"{self._id.hex()}:{self._token.hex()}"
 
     def close(self):
         """Closes the session, frees its states and ends a server of its own. Returns the session's totals: requests,
