@@ -58,7 +58,7 @@ def run(endpoint, problem, fault=None):
                         endpoint,
                         connect_deadline=5.0,
                         reply_deadline=2.0,
-                        retry_after=RETRY_S)
+                        retry_after=RETRY_S, closure="off")
     spoil(bus, fault)
     nodes, first = slice(0, 3), None
     for step in range(steps):

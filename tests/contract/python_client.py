@@ -2,7 +2,8 @@
 """Tests of the Python client against real servers.
 
 python_client.py --endpoint ENDPOINT --server SHEARBUS_SERVER --source DIR [--ctl SHEARBUS_CTL]
-    [--replay SHEARBUS_REPLAY] [--server-key FILE --key FILE] [TEST...]     (--endpoint is a running server; the tests start more with --server)"""
+    [--replay SHEARBUS_REPLAY] [--server-key FILE --key FILE] [TEST...]
+--endpoint is a running server; the tests start more with --server."""
 import argparse
 import importlib.util
 import os
@@ -14,6 +15,7 @@ import tempfile
 import threading
 import time
 import unittest
+import warnings
 
 import numpy
 
@@ -482,16 +484,72 @@ class Hosts(Live):
         self.assertLess(abs(jump - exact).max(), 1e-6)
         self.assertLess(closure, 1e-9)
 
-    def test_a_host_that_applies_the_answer_wrongly_is_noticed(self):
+    def test_a_wrong_host_is_told_its_mistake_before_the_step_is_sent(self):
+        def host(soft=1, hard=1, to_soft=1, to_hard=1, mass_soft=1, mass_hard=1, swap=False, dt=1, sign=1):
+            """Two masses under far stresses; the arguments are factors of what a right host has or sends."""
+            bus = self.open(OPTIONS.source / "client/examples/two_half_spaces.toml", closure="error")
+            v_soft, v_hard, m_soft, m_hard = numpy.array([100.0, 90, 80]), 0.0, 0.0043, 0.0123
+            for length in (1e-9, 1.5e-9, 1e-9):
+                sent = {"stress_soft": soft * 30e6, "stress_hard": hard * 10e6}
+                if swap:
+                    sent = {"stress_soft": 10e6, "stress_hard": 30e6}
+                answer = bus.step(length, jump=sign * (v_soft - v_hard), pressure=1e9, **sent,
+                                  mass_soft=mass_soft * m_soft, mass_hard=mass_hard * m_hard)
+                length = 1e-9 if dt == "first" else length * dt
+                v_soft = v_soft + length / m_soft * (30e6 - to_soft * answer.stress)
+                v_hard = v_hard + length / m_hard * (to_hard * answer.stress - 10e6)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            host()
+        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"),
+                              ({"hard": -1}, "stress_hard has the wrong sign"), ({"soft": -1, "hard":
+                                                                                  -1}, "both have the wrong sign"),
+                              ({"to_soft": 0}, "to the hard body only"), ({"to_hard": 0}, "to the soft body only"),
+                              ({"to_soft": 0, "to_hard": 0}, "is not applied"), ({"to_soft": -1, "to_hard":
+                                                                                  -1}, "applied with the wrong sign"),
+                              ({"swap": True}, "are swapped"), ({"mass_soft":
+                                                                 2}, "mass_soft must be half of that sent"),
+                              ({"mass_hard": .5}, "mass_hard must be twice that"), ({"mass_soft": 2, "mass_hard":
+                                                                                     2}, "both masses must be half"),
+                              ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
+                              ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
+            fault = self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: host(**mistake), "jump", text=text)
+            self.assertLessEqual(str(fault).count("; or: "), 2, fault)
+
+    def test_a_wrong_host_is_warned_once_and_only_where_it_asks_for_it(self):
         host = example()
         right = host.Body.accelerate
+        host.STEPS = 5
         for wrong in (lambda body, dt, friction: right(body, dt, -friction),
                       lambda body, dt, friction: right(body, dt, friction if body.side > 0 else 0 * friction),
                       lambda body, dt, friction: right(body, 2 * dt, friction)):
-            host.Body.accelerate, host.STEPS = wrong, 3
-            jump, exact, closure = host.run(OPTIONS.endpoint)
+            host.Body.accelerate = wrong
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                jump, exact, closure = host.run(OPTIONS.endpoint)
+            self.assertEqual([w.category for w in caught], [shearbus.ClosureWarning])
+            self.assertEqual(pathlib.Path(caught[0].filename).name, "two_half_spaces.py")
             self.assertGreater(abs(jump - exact).max(), 1e-3)
             self.assertGreater(closure, 1e-3)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            step = {"pressure": 1e9, "stress_soft": 0.0, "stress_hard": 0.0, "mass_soft": 0.0043, "mass_hard": 0.0123}
+            off = self.open(host.SCENE, closure="off")
+            bus = self.open(host.SCENE)
+            answer = bus.step(1e-9, jump=100.0, **step)
+            for jump in (100.0, 50.0):
+                off.step(1e-9, jump=jump, **step)
+            # Trials, other nodes and marks: each step is compared with the answer that it continues from.
+            bus.trial(1e-9, jump=answer.jump_new, **step)
+            bus.rollback()
+            with bus.trial(1e-9, jump=answer.jump_new, **step) as trial:
+                pass
+            bus.mark("here")
+            last = bus.step(1e-9, jump=trial.jump_new, **step)
+            bus.rollback_to("here")
+            bus.step(1e-9, nodes=[NODES[1]], jump=trial.jump_new[1], **step)
+            bus.step(1e-9, nodes=[NODES[1], NODES[0]], jump=[last.jump_new[1], last.jump_new[0] * 0 + 7], **step)
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(closure="maybe"), "closure")
 
     def test_without_an_endpoint_it_has_a_server_of_its_own(self):
         os.environ["SHEARBUS_SERVER"] = OPTIONS.server

@@ -15,9 +15,10 @@ import pathlib
 
 from . import columns, errors
 from .columns import COLUMNS
+from .closure import ClosureWarning
 from .connection import Connection
-from .errors import (AuthError, Code, ContentError, Error, MessageError, ServerError, SessionError, UnexpectedReply,
-                     UnknownOutcome, Unreachable)
+from .errors import (AuthError, ClosureError, Code, ContentError, Error, MessageError, ServerError, SessionError,
+                     UnexpectedReply, UnknownOutcome, Unreachable)
 from .history import History
 from .scene import toml_of
 from .server import Server
@@ -25,22 +26,25 @@ from .session import Answer, Outcome, Regime, Session, Trial, named_nodes, node_
 
 __version__ = "0.1.0"
 __all__ = [
-    "Answer", "AuthError", "COLUMNS", "Code", "ContentError", "Error", "History", "MessageError", "Outcome", "Regime",
-    "Server", "ServerError", "Session", "SessionError", "Trial", "UnexpectedReply", "UnknownOutcome", "Unreachable",
-    "open", "resume"
+    "Answer", "AuthError", "COLUMNS", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "History",
+    "MessageError", "Outcome", "Regime", "Server", "ServerError", "Session", "SessionError", "Trial", "UnexpectedReply",
+    "UnknownOutcome", "Unreachable", "open", "resume"
 ]
 
 _doubted = {}  # an opening whose outcome is unknown: its contents -> request id, session id, token
 
 
-def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="", want=(), record=False, **connection):
+def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="", want=(), record=False,
+         closure="warn", **connection):
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
     scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
     on; none only in a domain. endpoint: tcp://host:port or ipc://path; None starts a server, which ends with the
     session. initial_temperature (K): a number or an array (N,); None: the scene's. domain: sessions of a domain share
     their node ids, and nodes move between them. want: names of columns that every reply shall have in addition
-    ("ledger": the energy ledger). record: keeps a history. connection: server_key and key, files of the server's public
+    ("ledger": the energy ledger). record: keeps a history. closure: what a
+    force-driven host meets whose jump is not the jump that its last step answered, "warn", "error" or "off"
+    (shearbus.closure.ClosureCheck). connection: server_key and key, files of the server's public
     and the client's secret key, for tcp; name, for the server's log; connect_deadline (5), reply_deadline (60, of every
     call, retries included) and retry_after (5), after which a request is sent again, in seconds.
 
@@ -49,7 +53,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     text, file = _scene(os.environ.get("SHEARBUS_SCENE") or scene)
     ids = node_ids(nodes)
     payload = named_nodes(ids, initial_temperature)
-    with _session(endpoint, want, record, connection) as session:
+    with _session(endpoint, want, record, closure, connection) as session:
         link = session._connection
         contents = (link.endpoint, text, file, domain, payload[1].tobytes() if len(ids) else b"")
         opening = _doubted.pop(contents, None) or (link.next_request_id(), os.urandom(16), os.urandom(16))
@@ -69,7 +73,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     return session
 
 
-def resume(ticket, endpoint=None, *, want=(), record=False, **connection):
+def resume(ticket, endpoint=None, *, want=(), record=False, closure="warn", **connection):
     """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
     those of open(). Returns a Session. Raises an Error."""
     try:
@@ -77,12 +81,13 @@ def resume(ticket, endpoint=None, *, want=(), record=False, **connection):
     except (AttributeError, ValueError):
         session_id = token = b""
     if len(session_id) != 16 or len(token) != 16:
-        raise SessionError(Code.RESUME_REFUSED, "the ticket is not two times 32 hexadecimal digits with a colon between",
+        raise SessionError(Code.RESUME_REFUSED,
+                           "the ticket is not two times 32 hexadecimal digits with a colon between",
                            "Pass Session.ticket as it was.", "ticket")
     if endpoint is None and not os.environ.get("SHEARBUS_ENDPOINT"):
         raise Unreachable(Code.UNREACHABLE, "a session is resumed where it was opened, and no endpoint was given",
                           "Give endpoint=.")
-    with _session(endpoint, want, record, connection) as session:
+    with _session(endpoint, want, record, closure, connection) as session:
         session._id, session._token = session_id, token
         claimed = session._claim()
         session._adopt(claimed)
@@ -91,7 +96,7 @@ def resume(ticket, endpoint=None, *, want=(), record=False, **connection):
 
 
 @contextlib.contextmanager
-def _session(endpoint, want, record, options):
+def _session(endpoint, want, record, closure, options):
     """Connects to a server; disconnects, and ends a server of one's own, if the block fails."""
     endpoint = os.environ.get("SHEARBUS_ENDPOINT") or endpoint
     with contextlib.ExitStack() as undo:
@@ -100,7 +105,7 @@ def _session(endpoint, want, record, options):
             server = undo.enter_context(Server())
         connection = Connection(server.endpoint if server else endpoint, **options)
         undo.callback(connection.close)
-        yield Session(connection, server, want, record)
+        yield Session(connection, server, want, record, closure)
         undo.pop_all()
 
 

@@ -41,6 +41,7 @@ class Code(enum.IntEnum):
     UNKNOWN_OUTCOME = 501
     UNEXPECTED_REPLY = 502
     AUTH = 503
+    CLOSURE = 504
 
 
 class Error(Exception):
@@ -89,6 +90,10 @@ class UnexpectedReply(Error):
 
 class AuthError(Error):
     """The server does not admit this client, or it is not the server that the client expects."""
+
+
+class ClosureError(Error):
+    """The host's jump is not the jump that its last step answered; the step was not sent."""
 
 
 _CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}

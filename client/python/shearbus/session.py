@@ -9,6 +9,7 @@ import numpy
 
 from . import header
 from .checksum import xxh3
+from .closure import ClosureCheck
 from .columns import BY_NAME, BY_NUMBER, DTYPE, INITIAL_TEMPERATURE, LEDGER, NODE_ID, UINT64
 from .connection import Connection
 from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, Unreachable
@@ -234,10 +235,11 @@ class Session:
     call with the same values is the same request. The sessions of a durable server outlive it: calls wait for its
     restart until their deadline."""
 
-    def __init__(self, connection, server, want, record):
+    def __init__(self, connection, server, want, record, closure):
         """Connects and says hello; shearbus.open() and shearbus.resume() do the rest."""
         self._connection, self._server, self._want = connection, server, want
         self.history = History() if record else None
+        self._closure = ClosureCheck(closure)
         self._id = self._token = b""
         self._epoch = self._sequence = 0
         self._doubt = None  # request id and epoch of the last request, whose outcome is unknown
@@ -365,7 +367,7 @@ class Session:
         """Adopts sequence number, nodes and offers from a session_resumed."""
         resumed = reply.header.session_resumed
         self._sequence, self.offers = resumed.last_sequence, list(resumed.offers)
-        self.nodes = _ids_of(reply)
+        self._have(_ids_of(reply))
 
     def _opened(self, opened, epoch):
         self._epoch, self._closed = epoch, False
@@ -377,6 +379,8 @@ class Session:
         self.columns, self.optional_columns = names(opened.required_columns), names(opened.optional_columns)
         self.reply_columns, self.columns_on_request = names(opened.reply_columns), names(opened.columns_on_request)
         self._wanted = self._numbers(self._want)
+        if self.strategy != "force_driven":
+            self._closure.mode = "off"
 
     # -- steps --
 
@@ -420,8 +424,8 @@ class Session:
         return columns, frame, rows
 
     def _plan(self, named, names):
-        """Returns (columns, places) of requests with these keywords: where each keyword's values begin in the frame, and
-        in how many columns. Raises MessageError where a keyword is missing or unknown."""
+        """Returns (columns, places) of requests with these keywords: where each keyword's values begin in the frame,
+        and in how many columns. Raises MessageError where a keyword is missing or unknown."""
         known = (*self.columns, *self.optional_columns)
         for name in names:
             if name not in known:
@@ -449,8 +453,15 @@ class Session:
                 "attempt": _count("attempt", attempt), "mode": mode, "commit_previous": commit_previous,
                 "wanted": self._wanted if want is None else self._numbers(want),
                 "policy": ALL_OR_NOTHING if all_or_nothing else 0}
+        watched = self._closure.mode != "off"
+        if watched:
+            self._closure.compare(columns, frame, rows, nodes is not None, body["dt_s"], commit_previous)
         reply = self._exchange("downscale", body, "upscale", columns, frame)
         answer = Answer(reply, rows) if mode == ADVANCE else Trial(reply, rows, self)
+        if watched:
+            if commit_previous:
+                self._closure.committed()
+            self._closure.answered(columns, frame, rows, nodes is not None, body["dt_s"], answer, mode == ADVANCE)
         if self.history is not None:
             if commit_previous:
                 self.history._commit()
@@ -478,6 +489,7 @@ class Session:
     def commit(self):
         """Keeps the result of the trial. Returns the state version."""
         version = self._exchange("commit", {}, "committed").header.committed.state_version
+        self._closure.committed()
         if self.history is not None:
             self.history._commit()
         return version
@@ -485,6 +497,7 @@ class Session:
     def rollback(self):
         """Drops the trial; without one it does nothing. Returns the state version."""
         version = self._exchange("rollback", {}, "rolled_back").header.rolled_back.state_version
+        self._closure.rolled_back()
         if self.history is not None:
             self.history._drop()
         return version
@@ -502,7 +515,7 @@ class Session:
     def rollback_to(self, name):
         """Restores the nodes and states of a mark, and drops a trial. Returns the state version."""
         reply = self._exchange("rollback", {"to_mark": name}, "rolled_back")
-        self.nodes = _ids_of(reply)
+        self._have(_ids_of(reply))
         if self.history is not None:
             self.history._rollback_to(name)
         return reply.header.rolled_back.state_version
@@ -513,7 +526,7 @@ class Session:
         """Adds nodes behind the present ones. initial_temperature (K): a number or an array (N,); None: the scene's."""
         new = node_ids(nodes)
         self._exchange("register_nodes", {}, "nodes_changed", *named_nodes(new, initial_temperature))
-        self.nodes = _frozen(numpy.concatenate([self.nodes, new]))
+        self._have(numpy.concatenate([self.nodes, new]))
 
     def retire(self, nodes):
         """Removes nodes and frees their states."""
@@ -535,11 +548,16 @@ class Session:
     def accept(self, transfer):
         """Accepts the nodes of an offer behind the present ones. Returns their ids."""
         taken = _ids_of(self._exchange("accept_nodes", {"transfer_id": transfer}, "nodes_changed"))
-        self.nodes = _frozen(numpy.concatenate([self.nodes, taken]))
+        self._have(numpy.concatenate([self.nodes, taken]))
         return taken
 
     def _remove(self, gone):
-        self.nodes = _frozen(self.nodes[~numpy.isin(self.nodes, gone)])
+        self._have(self.nodes[~numpy.isin(self.nodes, gone)])
+
+    def _have(self, nodes):
+        """The session has other nodes, or other states, from now on."""
+        self.nodes = _frozen(nodes)
+        self._closure.forget()
 
     # -- the end --
 
