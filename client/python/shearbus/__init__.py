@@ -35,7 +35,7 @@ _doubted = {}  # an opening whose outcome is unknown: its contents -> request id
 
 
 def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="", want=(), record=False,
-         closure="warn", **connection):
+         closure="warn", idle_limit=0, **connection):
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
     scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
@@ -44,7 +44,8 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     their node ids, and nodes move between them. want: names of columns that every reply shall have in addition
     ("ledger": the energy ledger). record: keeps a history. closure: what a
     force-driven host meets whose jump is not the jump that its last step answered, "warn", "error" or "off"
-    (shearbus.closure.ClosureCheck). connection: server_key and key, files of the server's public
+    (shearbus.closure.ClosureCheck). idle_limit (s): the server closes the session after so long without a request; 0:
+    never. connection: server_key and key, files of the server's public
     and the client's secret key, for tcp; name, for the server's log; connect_deadline (5), reply_deadline (60, of every
     call, retries included) and retry_after (5), after which a request is sent again, in seconds.
 
@@ -58,8 +59,11 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
         contents = (link.endpoint, text, file, domain, payload[1].tobytes() if len(ids) else b"")
         opening = _doubted.pop(contents, None) or (link.next_request_id(), os.urandom(16), os.urandom(16))
         request_id, session._id, session._token = opening
+        if idle_limit:
+            session._require("idle_limit", "idle_limit")
         body = {"scene": text, "scene_file": file, "session_id": session._id, "resume_token": session._token,
-                "domain": domain}
+                "domain": domain, "idle_limit_s": int(idle_limit),
+                "check_closure": closure != "off" and "closure" in session.welcome.capabilities}
         try:
             reply = session._send({"request_id": request_id}, "open_session", body, "session_opened", *payload)
         except Error as fault:

@@ -53,6 +53,18 @@ FAR_FIELD = {
     "mass_hard must be twice that sent": (1, .5, 1, .5),
     "mass_hard must be half of that sent": (1, 2, 1, 2),
 }
+# The same for the balance in stick form, [V]now = (stick stress - s) / Z: factors of the stick stress, of the answer, and of
+# the old jump in addition.
+STICK = {
+    "stick_stress has the wrong sign": (-1, 1, 0),
+    "jump has the wrong sign: it is V_soft - V_hard": (-1, -1, 0),
+    "stick_stress lacks the part of the old jump, impedance times jump": (1, 1, 1),
+    "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive":
+        (1, -1, 0),
+    "the answered stress is not applied": (1, 0, 0),
+    "impedance must be twice that sent, or the answered stress is applied to one side only": (1, .5, 0),
+    "impedance must be half of that sent": (1, 2, 0),
+}
 SWAPPED = "the two sides of the stresses, or of the masses, are swapped"
 
 
@@ -64,21 +76,30 @@ def tolerance(jump):
 def mistakes(step, dt_now, rows, now):
     """Returns the texts of the mistakes that explain the jumps `now` (rows, components) of the rows of a step, in
     m/s."""
+    def answered(component):
+        return step.answer.stress[rows] if now.shape[1] == 1 else step.answer.stress[rows, component]
+
+    def stick_jump(stick, answer, old):
+        z = step.value("impedance")[rows]
+        return numpy.stack([old * step.value("jump", c)[rows] + (stick * step.value("stick_stress", c)[rows]
+                            - answer * answered(c)) / z for c in range(now.shape[1])], axis=1)
+
     def new_jump(soft, hard, to_soft, to_hard, dt=step.dt, crossed=False):
         parts = []
         for component in range(now.shape[1]):
             jump, s_soft, s_hard = (step.value(name, component)[rows]
                                     for name in ("jump", "stress_soft", "stress_hard"))
             m_soft, m_hard = step.value("mass_soft")[rows], step.value("mass_hard")[rows]
-            stress = step.answer.stress[rows] if now.shape[1] == 1 else step.answer.stress[rows, component]
             own = (m_hard, m_soft) if crossed else (m_soft, m_hard)
             parts.append(jump + dt * (soft * s_soft / own[0] + hard * s_hard / own[1])
-                         - dt * stress * (to_soft / m_soft + to_hard / m_hard))
+                         - dt * answered(component) * (to_soft / m_soft + to_hard / m_hard))
         return numpy.stack(parts, axis=1)
 
     def explains(jump):
         return (numpy.abs(now - jump) <= tolerance(now)).all()
 
+    if (BY_NAME["impedance"].number, 0) in step.columns:
+        return [text for text, factors in STICK.items() if explains(stick_jump(*factors))]
     found = [text for text, factors in FAR_FIELD.items() if explains(new_jump(*factors))]
     if explains(new_jump(1, 1, 1, 1, crossed=True)):
         found.append(SWAPPED)
@@ -103,6 +124,14 @@ class ClosureCheck:
         if mode not in ("warn", "error", "off"):
             raise MessageError(Code.SHAPE, f"closure is {mode!r}", 'Use "warn", "error" or "off".', "closure")
         self.mode, self._steps, self._last, self._trial = mode, 0, None, None
+        self.reported = None if mode == "off" else set()
+
+    def tell(self, warning):
+        """Passes on a warning of the server, one for each field that it is about."""
+        field = warning.split(":")[0]
+        if self.reported is not None and field not in self.reported:
+            self.reported.add(field)
+            warnings.warn(warning, ClosureWarning, stacklevel=4)
 
     def compare(self, columns, frame, nodes, named, dt, commit_previous):
         last = self._trial if commit_previous else self._last

@@ -10,13 +10,15 @@ import numpy
 from . import header
 from .checksum import xxh3
 from .closure import ClosureCheck
-from .columns import BY_NAME, BY_NUMBER, DTYPE, INITIAL_TEMPERATURE, LEDGER, NODE_ID, UINT64
+from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, STICK_FORM,
+                      UINT64)
 from .connection import Connection
 from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, Unreachable
 from .history import History
 
 ADVANCE, TRIAL = 1, 2  # Mode
 ALL_OR_NOTHING = 2  # Policy
+ABSENT_NODES = {"keep": 0, "open": 1}
 STRATEGY = {1: "velocity_driven", 2: "force_driven"}
 FLOAT = numpy.dtype(float)
 PAUSE_S = 0.1  # between two attempts while the server restarts
@@ -155,13 +157,17 @@ class Answer:
     they do.
 
     nodes: ids of the rows; state_version: number of commits so far; flagged_nodes: rows with an outcome other than
-    success and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply."""
+    success and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply;
+    largest_closure (m/s), closure_node, layer_time (s): the largest difference of a node's jump from the jump that it was
+    answered before, the node, and the time of its layer; 0 with closure="off"."""
 
     def __init__(self, reply, nodes):
         upscale, view = reply.header.upscale, reply.payload
         self.nodes = nodes
         self.state_version, self.flagged_nodes = upscale.state_version, upscale.flagged_nodes
         self.solver_s, self.service_s = upscale.solver_ns * 1e-9, upscale.service_ns * 1e-9
+        self.largest_closure, self.closure_node = upscale.largest_closure_m_per_s, upscale.closure_node
+        self.layer_time = upscale.layer_time_s
         self.round_trip_s, self.replayed = reply.round_trip_s, reply.header.replayed
         self._columns = reply.header.payload.columns.parts
         if view.nbytes and numpy.frombuffer(view, numpy.uint8, 1).ctypes.data % 8:
@@ -423,21 +429,31 @@ class Session:
                 check_finite(frame[at : at + width], name, rows)
         return columns, frame, rows
 
+    def _require(self, capability, field):
+        """Raises MessageError where the server lacks a capability that it may ignore without a word."""
+        if capability not in self.welcome.capabilities:
+            raise MessageError(Code.UNSUPPORTED, f"the server (version {self.welcome.server_version}) has no {capability}",
+                               "Use a newer server.", field)
+
     def _plan(self, named, names):
         """Returns (columns, places) of requests with these keywords: where each keyword's values begin in the frame,
         and in how many columns. Raises MessageError where a keyword is missing or unknown."""
-        known = (*self.columns, *self.optional_columns)
+        needed = self.columns
+        if self.strategy == "force_driven" and any(name in STICK_FORM for name in names):
+            self._require("stick_form", "stick_stress")
+            needed = (*(name for name in needed if name not in FAR_FIELD_FORM), *STICK_FORM)
+        known = (*needed, *self.optional_columns)
         for name in names:
             if name not in known:
                 raise MessageError(
                     Code.SHAPE, f"a step of this scene ({self.strategy}) has no column {name!r}{_similar(name, known)}",
-                    f"It needs {', '.join(self.columns)}" +
+                    f"It needs {', '.join(needed)}" +
                     (f" and may have {', '.join(self.optional_columns)}." if self.optional_columns else "."), name)
-        for name in self.columns:
+        for name in needed:
             if name not in names:
                 raise MessageError(
                     Code.SHAPE,
-                    f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(self.columns)}",
+                    f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(needed)}",
                     f"Pass {name}=, one value per node or one for all.", name)
         columns, places = [(NODE_ID.number, 0)] * named, []
         for name in names:
@@ -447,17 +463,25 @@ class Session:
         plan = self._plans[(named, *names)] = tuple(columns), places
         return plan
 
-    def _step(self, mode, dt, nodes, time, step, attempt, commit_previous, all_or_nothing, want, values):
+    def _step(self, mode, dt, nodes, absent_nodes, time, step, attempt, commit_previous, all_or_nothing, want,
+              values):
         columns, frame, rows = self._request(values, nodes)
         body = {"dt_s": _number("dt", dt), "time_s": _number("time", time), "step": _count("step", step),
                 "attempt": _count("attempt", attempt), "mode": mode, "commit_previous": commit_previous,
                 "wanted": self._wanted if want is None else self._numbers(want),
                 "policy": ALL_OR_NOTHING if all_or_nothing else 0}
+        if absent_nodes != "keep":
+            if absent_nodes not in ABSENT_NODES:
+                raise MessageError(Code.SHAPE, f"absent_nodes is {absent_nodes!r}", 'Use "keep" or "open".', "absent_nodes")
+            self._require("absent_nodes", "absent_nodes")
+            body["absent_nodes"] = ABSENT_NODES[absent_nodes]
         watched = self._closure.mode != "off"
         if watched:
             self._closure.compare(columns, frame, rows, nodes is not None, body["dt_s"], commit_previous)
         reply = self._exchange("downscale", body, "upscale", columns, frame)
         answer = Answer(reply, rows) if mode == ADVANCE else Trial(reply, rows, self)
+        for warning in reply.header.upscale.warnings:
+            self._closure.tell(warning)
         if watched:
             if commit_previous:
                 self._closure.committed()
@@ -468,23 +492,26 @@ class Session:
             self.history._add(body, columns, frame, answer, committed=mode == ADVANCE)
         return answer
 
-    def step(self, dt, *, nodes=None, time=0.0, step=0, attempt=0, all_or_nothing=False, want=None, **values):
+    def step(self, dt, *, nodes=None, absent_nodes="keep", time=0.0, step=0, attempt=0, all_or_nothing=False,
+             want=None, **values):
         """Makes one step of length `dt` (s) and keeps its result. Returns an Answer.
 
         values: the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for
         all rows, or an array of float64 of shape (N,), or (N, 2) with two tangential components. nodes: ids of the
-        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session. time
+        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session. absent_nodes:
+        "keep" keeps the states of nodes that are not named, "open" steps them with P = 0, so that they cool. time
         (end of the step, s), step, attempt: the host's own, for records. all_or_nothing: where a node has no answer the
         step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps its state and its row has
         Outcome.FAILED. want: names of more columns for this reply; "ledger" stands for the energy ledger."""
-        return self._step(ADVANCE, dt, nodes, time, step, attempt, False, all_or_nothing, want, values)
+        return self._step(ADVANCE, dt, nodes, absent_nodes, time, step, attempt, False, all_or_nothing, want, values)
 
-    def trial(self, dt, *, nodes=None, time=0.0, step=0, attempt=0, commit_previous=False, all_or_nothing=False,
-              want=None, **values):
+    def trial(self, dt, *, nodes=None, absent_nodes="keep", time=0.0, step=0, attempt=0, commit_previous=False,
+              all_or_nothing=False, want=None, **values):
         """Makes one step from the committed states and waits for a decision. Returns a Trial: use it in a `with` block,
         or call commit() or rollback() of the session; another trial replaces it. commit_previous: first commits the
         trial that stands. The other arguments are those of step()."""
-        return self._step(TRIAL, dt, nodes, time, step, attempt, commit_previous, all_or_nothing, want, values)
+        return self._step(TRIAL, dt, nodes, absent_nodes, time, step, attempt, commit_previous, all_or_nothing, want,
+                          values)
 
     def commit(self):
         """Keeps the result of the trial. Returns the state version."""
