@@ -11,7 +11,7 @@ inline constexpr std::uint32_t kProtocolMajor = 1;
 inline constexpr std::uint32_t kProtocolMinor = 0;
 
 inline constexpr std::size_t kSessionIdBytes = 16;
-inline constexpr std::size_t kMaxFrames = 2;  // header and payload
+inline constexpr std::size_t kMaxFrames = 2;  // frames of one message: header and payload
 inline constexpr std::size_t kMaxColumns = 32;
 inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // bytes of the widest row of a request or reply
 inline constexpr std::size_t kMaxNodesPerSession = 200'000;

@@ -35,7 +35,7 @@ struct SegmentHeader {
   std::uint32_t header_bytes = 48;
   std::uint64_t number = 0;       // number of the segment, as in its file name
   std::uint64_t epoch = 0;        // epoch of the server that wrote the segment, as in the replies that it sent
-  std::uint64_t first_index = 0;  // index of its first record
+  std::uint64_t first_index = 0;  // index of the first record of the segment
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
 };
 static_assert(sizeof(SegmentHeader) == 48);
@@ -45,7 +45,7 @@ struct RecordHeader {
   std::uint64_t index = 0;  // number of the record, without gaps across all segments
   SessionKey session{};
   std::uint64_t sequence = 0;        // sequence number of the request in its session
-  std::uint64_t previous_reply = 0;  // hash of the session's reply before this request; a replay must give the same
+  std::uint64_t previous_reply = 0;  // hash of the session's reply before this request; a replay must give this hash
   std::uint32_t header_frame_bytes = 0;
   std::uint32_t payload_frame_bytes = 0;
   std::uint32_t identity_bytes = 0;
@@ -59,7 +59,7 @@ inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // larg
 // Footer of every checkpoint, after the HDF5 image.
 struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
-  std::uint64_t generation = 0;              // generation, as in the file name
+  std::uint64_t generation = 0;              // number of the checkpoint, as in its file name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
   std::uint32_t version = kCheckpointVersion;
   std::uint32_t reserved = 0;

@@ -41,10 +41,10 @@ class File {
 class Storage {
  public:
   virtual ~Storage() = default;
-  virtual std::vector<std::string> list() = 0;                        // names, in any order
-  virtual std::vector<std::byte> read(const std::string& name) = 0;   // the whole content
-  virtual std::unique_ptr<File> create(const std::string& name) = 0;  // fails if the name exists
-  virtual std::unique_ptr<File> open(const std::string& name) = 0;    // for appending; fails if the name does not exist
+  virtual std::vector<std::string> list() = 0;                              // names, in any order
+  virtual std::vector<std::byte> read(const std::string& name) = 0;         // the whole content
+  virtual std::unique_ptr<File> create(const std::string& name) = 0;        // fails if the name exists
+  virtual std::unique_ptr<File> open(const std::string& name) = 0;          // for appending; throws for an unknown name
   virtual void rename(const std::string& from, const std::string& to) = 0;  // replaces an existing `to`
   virtual void remove(const std::string& name) = 0;
   virtual void sync_directory() = 0;  // after the call the names survive a loss of power

@@ -172,7 +172,7 @@ void Store::set_aside(const Found& found) {
 }
 
 void Store::start_segment() {
-  const std::uint64_t number = next_segment_++;  // counted even if the creation fails, since the file may exist then
+  const std::uint64_t number = next_segment_++;  // never used again: a failed creation may leave a file
   journal_ = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
                                              options_.durability == Durability::kPower);
   segments_.push_back({number, next_index_});

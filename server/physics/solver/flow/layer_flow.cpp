@@ -16,8 +16,8 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-// Temperatures for a law that couples rate and temperature, which needs that of every vertex. A separable law needs the
-// temperatures of the heated vertices alone, since the thresholds contain those of the others.
+// Computes the temperatures that the flow needs. A law that couples rate and temperature needs them at every vertex. A
+// separable law needs them at the heated vertices alone, since the thresholds contain those of the others.
 template <class Law, bool kSpread>
 [[gnu::always_inline]] inline void load_vertices(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t i,
                                                  LoadedVertices<kLanes>& vertices) {
@@ -126,7 +126,7 @@ template <class Law>
 }  // namespace
 
 int num_heated_vertices(const Grid& grid, const double* response) {
-  // Heating stays below T_melt, so below this share it is lost when added to a temperature.
+  // A vertex whose response is a smaller fraction of that at z = 0 is heated by less than its last digit.
   constexpr double kLost = 1e-17;
   int n = grid.num_vertices();
   while (n > 1 && response[n - 1] < kLost * response[0]) --n;
@@ -153,7 +153,7 @@ SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& l
 
 namespace {
 
-// dep of one vertex at the given temperature T, without its slope.
+// The plastic strain increment dep of one vertex at the given temperature T, without its slope.
 template <class Law>
 double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
   double dep = 0.0;
