@@ -49,7 +49,7 @@ typedef struct shearbus_session shearbus_session;
 /* ---- codes ---- */
 
 /* The hundreds are classes: 1xx the message, 2xx the session, 3xx the content, 4xx the server, 5xx this side. The
- * numbers, 0 and 504 and above excepted, are those of shearbus.v1.Code (proto/WIRE.md). */
+ * numbers, 0 and 510 and above excepted, are those of shearbus.v1.Code (proto/WIRE.md). */
 enum {
   SHEARBUS_OK = 0,
   SHEARBUS_BAD_FRAMING = 100,
@@ -87,8 +87,8 @@ enum {
   SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
   SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
   SHEARBUS_AUTH = 503,             /* the server does not admit this client */
-  SHEARBUS_NO_MEMORY = 504,
-  SHEARBUS_LIBRARY_FAULT = 505 /* any other fault of this library; its text names it */
+  SHEARBUS_NO_MEMORY = 510,
+  SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
 };
 
 /* The name of a code, such as "INVALID_VALUE". Never NULL. */
