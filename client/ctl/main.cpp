@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "client/ctl/operations.hpp"
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/key_file.hpp"
 #include "server/embedded.hpp"
