@@ -104,9 +104,9 @@ void start_log(const ServerOptions& options) {
   spdlog::set_default_logger(std::move(logger));
 }
 
-// Returns a descriptor from which the stop signals are read. A terminal that hangs up stops the server as well, unless the
-// caller has asked to ignore that (nohup). A reader that leaves the end of a pipe stops nothing. Must be called before any thread exists: all threads then
-// inherit the blocked signals, and no signal interrupts one of them.
+// Returns a descriptor from which the stop signals are read. A terminal that hangs up stops the server as well, unless
+// the caller has asked to ignore that (nohup). A reader that leaves the end of a pipe stops nothing. Must be called
+// before any thread exists: all threads then inherit the blocked signals, and no signal interrupts one of them.
 int block_stop_signals() {
   sigset_t stop;
   sigemptyset(&stop);

@@ -1,5 +1,5 @@
-// Handles SIGINT, SIGTERM and SIGHUP in programs that write files: the program finishes the present step and removes its
-// partial files.
+// Handles SIGINT, SIGTERM and SIGHUP in programs that write files: the program finishes the present step and removes
+// its partial files.
 #pragma once
 
 #include <csignal>

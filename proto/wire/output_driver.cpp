@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <vector>
@@ -134,8 +135,8 @@ hid_t driver() {
     c.read = read_file;
     c.write = write_file;
     c.truncate = truncate_file;
-    std::fill(std::begin(c.fl_map), std::end(c.fl_map), H5FD_MEM_SUPER);
-    std::fill_n(c.fl_map, 1, H5FD_MEM_DEFAULT);
+    constexpr H5FD_mem_t kFreeLists[] = H5FD_FLMAP_DICHOTOMY;  // as HDF5's own driver has it
+    std::copy(std::begin(kFreeLists), std::end(kFreeLists), std::begin(c.fl_map));
     return c;
   }();
   static const hid_t id = H5FDregister(&made);

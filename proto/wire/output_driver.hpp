@@ -1,7 +1,7 @@
-// HDF5's access to a file that is written. HDF5 1.10 cannot close a file after a failed write: it frees half of the file
-// and the process dies at its end. Behind this driver HDF5 never sees a failure. The driver keeps the errno of the first
-// one, writes nothing after it, and holds the remaining bytes in memory until the file is closed and can be removed.
-// Private to the sources of this directory that write HDF5.
+// HDF5's access to a file that is written. HDF5 1.10 cannot close a file after a failed write: it frees half of the
+// file and the process dies at its end. Behind this driver HDF5 never sees a failure. The driver keeps the errno of
+// the first one, writes nothing after it, and holds the remaining bytes in memory until the file is closed and can be
+// removed. Private to the sources of this directory that write HDF5.
 #pragma once
 
 #include <hdf5.h>

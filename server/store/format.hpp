@@ -31,8 +31,8 @@ inline constexpr std::array<char, 8> kIdentityMagic = {'S', 'H', 'B', 'S', 'T', 
 using SessionKey = std::array<std::uint8_t, 16>;
 using StoreId = std::array<std::uint8_t, 16>;  // random number of a state directory; stands in each of its files
 
-// The file `store`: the directory's id, and the newest files that the directory has held. The file is written and synced
-// before the first record of a segment and after every checkpoint, so that a lost file is noticed.
+// The file `store`: the directory's id, and the newest files that the directory has held. The file is written and
+// synced before the first record of a segment and after every checkpoint, so that a lost file is noticed.
 struct StoreIdentity {
   std::array<char, 8> magic = kIdentityMagic;
   std::uint32_t version = kIdentityVersion;

@@ -151,8 +151,8 @@ void Store::recover_from(const Found& found, Recovery& recovery) {
   if (lost && journaling()) start_segment();  // from here on the loss is accepted
 }
 
-// Reads the directory's id. Returns false if the directory has none: it is new, or the file is lost or damaged. Then the
-// id is the one of the newest sound file.
+// Reads the directory's id. Returns false if the directory has none: it is new, or the file is lost or damaged. Then
+// the id is the one of the newest sound file.
 bool Store::read_identity(const Found& found) {
   const bool there = found.names.contains(kIdentityName);
   std::string fault = "it is missing";
@@ -223,6 +223,8 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
       checkpoints_.insert(checkpoints_.begin(), {*generation, snapshot.next_index});
       if (!newest) newest = std::move(snapshot);
     } catch (const std::exception& fault) {  // damaged, unreadable or too large for the memory
+      if (dynamic_cast<const StorageError*>(&fault) != nullptr && !restored.unread)
+        restored.unread = std::current_exception();
       log(std::string("DAMAGED checkpoint, not loaded: ") + fault.what());
       restored.faults += (restored.faults.empty() ? "" : "; ") + std::string(fault.what());
     }
@@ -250,7 +252,10 @@ std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t 
     bytes = storage_.read(file);
     Segment segment = read_segment(bytes, file);
     if (segment.sound_bytes == 0) {
-      if (noted) missed = {.text = file + " is empty or zeroed", .cause = {}};
+      if (noted)
+        missed = {.text = file + " is empty or zeroed", .cause = {}};
+      else
+        log(file + " holds no record and is left alone");
       return {};
     }
     if (is_foreign(segment.store, file)) {
@@ -274,7 +279,8 @@ void Store::check_order(const Segment& segment, const std::string& file, std::ui
                         const Restored& restored) const {
   const std::string begins = file + ": it begins with record " + std::to_string(segment.first_index);
   if (segment.first_index > next_index_) {
-    if (missed.cause) std::rethrow_exception(missed.cause);
+    for (const std::exception_ptr& cause : {missed.cause, restored.unread})
+      if (cause) std::rethrow_exception(cause);
     throw DamagedFile((restored.faults.empty() ? "" : "no checkpoint can be loaded: " + restored.faults + "; ") +
                       (missed.text.empty() ? "" : missed.text + "; ") + begins + "; records from " +
                       std::to_string(next_index_) + " on are missing");
@@ -319,6 +325,7 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
   changed_ = counters_.replayed != 0;
   if (changed_) log("replayed " + std::to_string(counters_.replayed) + " requests from the journal");
   if (missed.cause) std::rethrow_exception(missed.cause);
+  if (segments_.empty() && checkpoints_.empty() && restored.unread) std::rethrow_exception(restored.unread);
   if (segments_.empty() && checkpoints_.empty() && !restored.faults.empty())
     throw DamagedFile("no checkpoint can be loaded: " + restored.faults);
   if (identity_.last_segment > (segments_.empty() ? 0 : segments_.back().number))
@@ -363,12 +370,13 @@ void Store::start_empty(const Found& found, Recovery& recovery, const std::strin
   publish_identity(identity_);
 }
 
-void Store::write_synced(const std::string& file, Bytes bytes) {
+// Writes a new file, or removes what could be written of it and throws.
+void Store::write_new(const std::string& file, Bytes bytes, bool synced) {
   const auto opened = storage_.create(file);
   try {
     const std::array<Bytes, 1> parts = {bytes};
     opened->append(parts);
-    opened->sync();
+    if (synced) opened->sync();
   } catch (const StorageError&) {
     discard(storage_, file);
     throw;
@@ -377,7 +385,7 @@ void Store::write_synced(const std::string& file, Bytes bytes) {
 
 void Store::write_identity(StoreIdentity identity) {
   identity.sum = sum_of(identity);
-  write_synced(kIdentityName + std::string(kUnfinished), std::as_bytes(std::span(&identity, 1)));
+  write_new(kIdentityName + std::string(kUnfinished), std::as_bytes(std::span(&identity, 1)), true);
 }
 
 void Store::publish_identity(const StoreIdentity& identity) {
@@ -500,7 +508,7 @@ void Store::write_checkpoint(Snapshot& snapshot) {
   const std::string file = checkpoint_name(generation);
   const std::string unfinished = file + std::string(kUnfinished);
   snapshot.store = identity_.id;
-  write_synced(unfinished, checkpoint_bytes(snapshot, generation));
+  write_new(unfinished, checkpoint_bytes(snapshot, generation), true);
   attempts_.push_back(generation);
   storage_.rename(unfinished, file);
   storage_.sync_directory();
@@ -518,9 +526,7 @@ std::size_t Store::capsule_room() {
 std::string Store::leave_capsule(const Capsule& capsule) {
   const auto there = find().capsules;
   const std::string file = capsule_name(there.empty() ? 1 : there.back() + 1);
-  const std::vector<std::byte> bytes = capsule_bytes(capsule);
-  const std::array<Bytes, 1> parts = {Bytes(bytes)};
-  storage_.create(file + std::string(kUnfinished))->append(parts);
+  write_new(file + std::string(kUnfinished), capsule_bytes(capsule), false);
   storage_.rename(file + std::string(kUnfinished), file);
   return file;
 }

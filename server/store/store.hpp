@@ -96,6 +96,7 @@ class Store {
   struct Restored {
     std::uint64_t next_index = 0;  // index of the first record that the restored checkpoint has not seen
     std::string faults;            // of the checkpoints that were not loaded
+    std::exception_ptr unread;     // the first StorageError among them
   };
 
   Found find();
@@ -111,7 +112,7 @@ class Store {
   bool replay_segments(const Found& found, const Restored& restored, Recovery& recovery);
   std::string unused_suffix(const Found& found, const std::vector<std::string>& files) const;
   void start_empty(const Found& found, Recovery& recovery, const std::string& fault);
-  void write_synced(const std::string& file, Bytes bytes);
+  void write_new(const std::string& file, Bytes bytes, bool synced);
   void write_identity(StoreIdentity identity);
   void publish_identity(const StoreIdentity& identity);
   void start_segment();

@@ -309,5 +309,16 @@ TEST(LostFiles, SegmentsThatCouldNotBeStartedLeaveNothing) {
   EXPECT_EQ(Server(disk).counter.seen, up_to(server.counter.seen.size()));
 }
 
+TEST(LostFiles, ACapsuleThatFoundNoRoomLeavesNothingInTheWayOfTheNext) {
+  MemoryStorage disk;
+  Server server(disk);
+  const auto names = disk.names();
+  disk.plan({.at_call = 1, .code = ENOSPC, .for_ever = false, .of = Call::kAppend});
+  EXPECT_THROW(server.store.leave_capsule({}), StorageError);
+  disk.heal();
+  EXPECT_EQ(disk.names(), names);
+  EXPECT_TRUE(disk.exists(server.store.leave_capsule({})));
+}
+
 }  // namespace
 }  // namespace shearbus::store
