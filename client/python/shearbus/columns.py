@@ -36,6 +36,8 @@ COLUMNS = (
     Column(15, "mass_hard_kg_per_m2", "mass_hard", "kg/m2"),
     Column(16, "soft_shear_rate_per_s", "soft_shear_rate", "1/s"),
     Column(17, "soft_plastic_strain_rate_per_s", "soft_plastic_strain_rate", "1/s"),
+    Column(18, "stick_stress_pa", "stick_stress", "Pa", tangential=True),
+    Column(19, "impedance_pa_s_per_m", "impedance", "Pa s/m"),
     # of a reply
     Column(30, "shear_stress_pa", "shear_stress", "Pa", tangential=True, short_name="stress"),
     Column(31, "sliding_velocity_m_per_s", "sliding_velocity", "m/s", tangential=True, short_name="slip"),
@@ -55,6 +57,8 @@ COLUMNS = (
     Column(47, "heat_residual_j_per_m2", "heat_residual", "J/m2"),
     Column(48, "energy_residual_j_per_m2", "energy_residual", "J/m2"),
     Column(60, "error_estimate", "error_estimate", "1"),
+    # of a reply on request, in a session that checks closure
+    Column(61, "closure_m_per_s", "closure", "m/s", tangential=True),
 )
 LEDGER = range(40, 49)  # numbers of the energy ledger
 

@@ -177,9 +177,10 @@ LIMITS = Message("Limits", ("max_header_bytes", 1, "uint"), ("max_payload_bytes"
 
 HELLO = Message("Hello", ("oldest_major", 1, "uint"), ("newest_major", 2, "uint"), ("client_name", 3, "string"))
 OPEN_SESSION = Message("OpenSession", ("scene", 1, "string"), ("session_id", 2, "bytes"), ("resume_token", 3, "bytes"),
-                       ("scene_file", 5, "string"), ("domain", 4, "string"))
+                       ("scene_file", 5, "string"), ("domain", 4, "string"), ("check_closure", 6, "bool"), ("idle_limit_s", 7, "uint"))
 DOWNSCALE = Message("Downscale", ("dt_s", 1, "double"), ("time_s", 2, "double"), ("step", 3, "uint"), ("attempt", 4, "uint"),
-                    ("mode", 5, "uint"), ("commit_previous", 6, "bool"), ("wanted", 7, "numbers"), ("policy", 8, "uint"))
+                    ("mode", 5, "uint"), ("commit_previous", 6, "bool"), ("wanted", 7, "numbers"), ("policy", 8, "uint"),
+                    ("absent_nodes", 11, "uint"))
 COMMIT = Message("Commit")
 ROLLBACK = Message("Rollback", ("to_mark", 1, "string"))
 CLOSE_SESSION = Message("CloseSession", ("reason", 1, "string"))
@@ -197,7 +198,8 @@ SESSION_OPENED = Message("SessionOpened", ("effective_scene", 1, "string"), ("by
                          ("required_columns", 6, "numbers"), ("optional_columns", 7, "numbers"), ("reply_columns", 8, "numbers"),
                          ("columns_on_request", 9, "numbers"), ("scene_name", 10, "string"))
 UPSCALE = Message("Upscale", ("nodes", 1, "uint"), ("state_version", 2, "uint"), ("solver_ns", 3, "uint"),
-                  ("service_ns", 4, "uint"), ("flagged_nodes", 5, "uint"))
+                  ("service_ns", 4, "uint"), ("flagged_nodes", 5, "uint"), ("largest_closure_m_per_s", 6, "double"),
+                  ("closure_node", 7, "uint"), ("layer_time_s", 8, "double"), ("warnings", 9, "string", True))
 COMMITTED = Message("Committed", ("state_version", 1, "uint"))
 ROLLED_BACK = Message("RolledBack", ("state_version", 1, "uint"))
 SESSION_CLOSED = Message("SessionClosed", ("requests", 1, "uint"), ("node_steps", 2, "uint"), ("solver_ns", 3, "uint"),
