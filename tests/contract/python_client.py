@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 """Tests of the Python client against real servers.
 
-python_client.py --endpoint ENDPOINT --server SHEARBUS_SERVER --source DIR [--ctl SHEARBUS_CTL] [--replay SHEARBUS_REPLAY]
-    [--server-key FILE --key FILE] [TEST...]     (--endpoint is a running server; the tests start more with --server)"""
+python_client.py --endpoint ENDPOINT --server SHEARBUS_SERVER --source DIR [--ctl SHEARBUS_CTL]
+    [--replay SHEARBUS_REPLAY] [--server-key FILE --key FILE] [TEST...]
+--endpoint is a running server; the tests start more with --server."""
 import argparse
 import importlib.util
 import os
@@ -14,6 +15,7 @@ import tempfile
 import threading
 import time
 import unittest
+import warnings
 
 import numpy
 
@@ -59,8 +61,8 @@ class DurableServer:
 
     def start(self):
         self.socket.unlink(missing_ok=True)
-        self.process = subprocess.Popen([OPTIONS.server, "--bind", self.endpoint, "--state-dir", f"{self.directory}/state",
-                                         "--log-level", "off"])
+        self.process = subprocess.Popen(
+            [OPTIONS.server, "--bind", self.endpoint, "--state-dir", f"{self.directory}/state", "--log-level", "off"])
         while not self.socket.exists():
             time.sleep(0.005)
 
@@ -119,7 +121,8 @@ class Steps(Live):
                 array[0] = 0
         self.assertEqual(first.regime.dtype, numpy.uint8)
         self.assertEqual((first.stress[1], first.state_version), (-first.stress[0], 1))
-        self.assertEqual(first.flagged_nodes, numpy.count_nonzero(first.outcome & ~numpy.uint8(shearbus.Outcome.ASLEEP)))
+        self.assertEqual(first.flagged_nodes,
+                         numpy.count_nonzero(first.outcome & ~numpy.uint8(shearbus.Outcome.ASLEEP)))
         for _ in range(3):
             bus.step(1e-9, **drive(1, 2, 3))
         numpy.testing.assert_array_equal(first.stress, kept)
@@ -159,10 +162,15 @@ class Steps(Live):
         self.assertEqual(answer.temperature.shape, (3,))
         bus.step(1e-9, jump=0, pressure=11.2e9)
         for wrong in (100.0, numpy.ones(3), numpy.ones((2, 3))):
-            self.assert_refused(shearbus.MessageError, "SHAPE", lambda: bus.step(1e-9, jump=wrong, pressure=1e9), "jump", text="(3, 2)")
+            self.assert_refused(shearbus.MessageError,
+                                "SHAPE",
+                                lambda: bus.step(1e-9, jump=wrong, pressure=1e9),
+                                "jump",
+                                text="(3, 2)")
         bad = jump.copy()
         bad[1, 1] = numpy.nan
-        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.step(1e-9, jump=bad, pressure=1e9), "jump", [7])
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.step(1e-9, jump=bad, pressure=1e9),
+                            "jump", [7])
 
     def test_wanted_columns_come_in_addition(self):
         bus = self.open(want="ledger")
@@ -180,8 +188,10 @@ class Steps(Live):
 
     def test_a_scene_is_a_path_a_text_or_a_dict(self):
         file = pathlib.Path(OPTIONS.source, "client/examples/two_half_spaces.toml")
-        nested = {"name": "python", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"}, "hard": {"material": "steel_dlp"},
-                  "layer": {"thickness_m": numpy.float64(20e-6), "cells": 40, "grading": 1.1}}
+        nested = {
+            "name": "python", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"}, "hard":
+            {"material": "steel_dlp"}, "layer": {"thickness_m": numpy.float64(20e-6), "cells": 40, "grading": 1.1}
+        }
         self.assertEqual(self.open(nested).scene, self.open(VELOCITY_DRIVEN).scene)
         self.assertEqual(self.open(file).scene, self.open(file.read_text()).scene)
         fault = self.assert_refused(shearbus.ContentError, "INVALID_SCENE",
@@ -203,7 +213,9 @@ class Decisions(Live):
             self.assertEqual(trial.state_version, 0)
         expected = plain.step(1e-9, **drive(100, 100, 100))
         numpy.testing.assert_array_equal(trial.temperature, expected.temperature)
-        numpy.testing.assert_array_equal(bus.step(1e-9, **drive(1, 2, 3)).stress, plain.step(1e-9, **drive(1, 2, 3)).stress)
+        numpy.testing.assert_array_equal(
+            bus.step(1e-9, **drive(1, 2, 3)).stress,
+            plain.step(1e-9, **drive(1, 2, 3)).stress)
         bus.trial(1e-9, **drive(100, 100, 100))
         bus.trial(1e-9, commit_previous=True, **drive(100, 100, 100))
         self.assertEqual((bus.commit(), bus.rollback()), (4, 4))
@@ -227,7 +239,8 @@ class Decisions(Live):
         giver, taker, plain = self.open(domain=domain), self.open(nodes=(), domain=domain), self.open()
         for bus in (giver, plain):
             bus.step(1e-9, **drive(100, 150, 50))
-        self.assert_refused(shearbus.ContentError, "NODE_OWNED", lambda: self.open(nodes=[7], domain=domain), "node_id", [7])
+        self.assert_refused(shearbus.ContentError, "NODE_OWNED", lambda: self.open(nodes=[7], domain=domain), "node_id",
+                            [7])
         taken = taker.accept(giver.offer([2**64 - 1, 3]))
         self.assertEqual((list(taken), list(giver.nodes), list(taker.nodes)), ([2**64 - 1, 3], [7], [2**64 - 1, 3]))
         expected = plain.step(1e-9, **drive(60, 70, 80)).temperature
@@ -245,11 +258,16 @@ class Decisions(Live):
         bus.leave()
         successor = shearbus.resume(ticket, OPTIONS.endpoint)
         self.addCleanup(successor.close)
-        self.assertEqual((list(successor.nodes), successor.scene, successor.columns), (NODES, plain.scene, plain.columns))
-        numpy.testing.assert_array_equal(successor.step(1e-9, **drive(1, 2, 3)).stress, plain.step(1e-9, **drive(1, 2, 3)).stress)
-        self.assert_refused(shearbus.SessionError, "RESUME_REFUSED", lambda: shearbus.resume(ticket[:32] + "0" * 32, OPTIONS.endpoint))
+        self.assertEqual((list(successor.nodes), successor.scene, successor.columns),
+                         (NODES, plain.scene, plain.columns))
+        numpy.testing.assert_array_equal(
+            successor.step(1e-9, **drive(1, 2, 3)).stress,
+            plain.step(1e-9, **drive(1, 2, 3)).stress)
+        self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
+                            lambda: shearbus.resume(ticket[:33] + "0" * 32, OPTIONS.endpoint))
         for wrong in ("", "xyz", None):
-            self.assert_refused(shearbus.SessionError, "RESUME_REFUSED", lambda: shearbus.resume(wrong, OPTIONS.endpoint))
+            self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
+                                lambda: shearbus.resume(wrong, OPTIONS.endpoint))
         self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.resume(ticket))
 
     def test_a_history_holds_what_was_kept(self):
@@ -273,9 +291,12 @@ class Decisions(Live):
             import h5py
             with h5py.File(file) as read:
                 numpy.testing.assert_array_equal(read["shear_stress"], history.stress)
-                self.assertEqual((read["shear_stress"].attrs["units"], read["meta/scene"][()].decode()), ("Pa", bus.scene))
+                self.assertEqual((read["shear_stress"].attrs["units"], read["meta/scene"][()].decode()),
+                                 ("Pa", bus.scene))
             # The file is what shearbus-replay reads, and the replay answers with the same bits.
-            subprocess.run([OPTIONS.replay, file, "--scene", scene, "--out", again], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run([OPTIONS.replay, file, "--scene", scene, "--out", again],
+                           check=True,
+                           stdout=subprocess.DEVNULL)
             with h5py.File(again) as read:
                 numpy.testing.assert_array_equal(read["shear_stress"], history.stress)
                 numpy.testing.assert_array_equal(read["interface_temperature"], history.temperature)
@@ -308,22 +329,33 @@ class Refusals(Live):
 
     def test_values_are_refused_by_the_name_of_their_column(self):
         good = drive(1, 2, 3)
-        shape = ({"pressure": numpy.ones(2)}, {"pressure": numpy.ones(4)}, {"pressure": numpy.ones((3, 1))}, {"pressure": []},
-                 {"pressure": numpy.float32(1e9)}, {"pressure": numpy.ones(3, numpy.float32)}, {"pressure": numpy.ones(3, numpy.float16)},
-                 {"pressure": numpy.ones(3, numpy.longdouble)}, {"pressure": numpy.ones(3, complex)}, {"pressure": numpy.ones(3, bool)},
-                 {"pressure": ["1", "2", "3"]}, {"pressure": None}, {"pressure": [1.0, [2.0], 3.0]},
-                 {"pressure": numpy.ma.masked_array(numpy.ones(3), [0, 1, 0])}, {"pressure": numpy.ma.masked_array(numpy.ones(3))})
+        shape = ({"pressure": numpy.ones(2)}, {"pressure": numpy.ones(4)}, {"pressure": numpy.ones(
+            (3, 1))}, {"pressure": []}, {"pressure": numpy.float32(1e9)}, {"pressure": numpy.ones(3, numpy.float32)},
+                 {"pressure": numpy.ones(3, numpy.float16)}, {"pressure": numpy.ones(3, numpy.longdouble)},
+                 {"pressure": numpy.ones(3, complex)}, {"pressure": numpy.ones(3, bool)}, {"pressure": ["1", "2", "3"]},
+                 {"pressure": None}, {"pressure": [1.0, [2.0],
+                                                   3.0]}, {"pressure": numpy.ma.masked_array(numpy.ones(3), [0, 1, 0])
+                                                           }, {"pressure": numpy.ma.masked_array(numpy.ones(3))})
         for wrong in shape:
             self.silently(lambda: self.bus.step(1e-9, **{**good, **wrong}), shearbus.MessageError, "SHAPE", "pressure")
         for value in (numpy.nan, numpy.inf, -numpy.inf):
             bad = numpy.array([1.0, 2.0, value])
-            self.silently(lambda: self.bus.step(1e-9, **{**good, "jump": bad}), shearbus.ContentError, "INVALID_VALUE", "jump",
-                          [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
-            self.silently(lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), shearbus.ContentError, "INVALID_VALUE", "jump",
-                          [7])
-        self.silently(lambda: self.bus.step(1e-9, jump=1.0), shearbus.MessageError, "SHAPE", "pressure", text="is missing")
-        self.silently(lambda: self.bus.step(1e-9, presure=1.0, **good), shearbus.MessageError, "SHAPE", "presure", text='mean "pressure"')
-        self.silently(lambda: self.bus.step(1e-9, stress_soft=1.0, **good), shearbus.MessageError, "SHAPE", "stress_soft")
+            self.silently(lambda: self.bus.step(1e-9, **{**good, "jump": bad}), shearbus.ContentError, "INVALID_VALUE",
+                          "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
+            self.silently(lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), shearbus.ContentError,
+                          "INVALID_VALUE", "jump", [7])
+        self.silently(lambda: self.bus.step(1e-9, jump=1.0),
+                      shearbus.MessageError,
+                      "SHAPE",
+                      "pressure",
+                      text="is missing")
+        self.silently(lambda: self.bus.step(1e-9, presure=1.0, **good),
+                      shearbus.MessageError,
+                      "SHAPE",
+                      "presure",
+                      text='mean "pressure"')
+        self.silently(lambda: self.bus.step(1e-9, stress_soft=1.0, **good), shearbus.MessageError, "SHAPE",
+                      "stress_soft")
         self.silently(lambda: self.bus.step("1 ns", **good), shearbus.MessageError, "SHAPE", "dt")
         numpy.testing.assert_array_equal(self.bus.step(1e-9, **good).stress, self.plain.step(1e-9, **good).stress)
 
@@ -335,7 +367,8 @@ class Refusals(Live):
         self.silently(lambda: self.bus.register([5, -4]), shearbus.ContentError, "INVALID_VALUE", "nodes", text="-4")
         self.silently(lambda: self.bus.retire([7, 3, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
         self.silently(lambda: self.bus.offer([7, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
-        self.silently(lambda: self.bus.register([5], [numpy.nan]), shearbus.ContentError, "INVALID_VALUE", "initial_temperature", [5])
+        self.silently(lambda: self.bus.register([5], [numpy.nan]), shearbus.ContentError, "INVALID_VALUE",
+                      "initial_temperature", [5])
 
     def test_the_servers_refusals_have_the_class_of_their_code(self):
         step = lambda **more: self.bus.step(**{"dt": 1e-9, **drive(1, 2, 3), **more})
@@ -362,7 +395,8 @@ class Refusals(Live):
 
     def test_a_server_that_is_not_there_is_told(self):
         for endpoint in ("bogus", "udp://x", "ipc:///nowhere/at/all", 7):
-            self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
+            self.assert_refused(shearbus.Unreachable, "UNREACHABLE",
+                                lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
         self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key="a", key="b"))
         self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(endpoint="tcp://127.0.0.1:9", key="b"))
 
@@ -450,16 +484,72 @@ class Hosts(Live):
         self.assertLess(abs(jump - exact).max(), 1e-6)
         self.assertLess(closure, 1e-9)
 
-    def test_a_host_that_applies_the_answer_wrongly_is_noticed(self):
+    def test_a_wrong_host_is_told_its_mistake_before_the_step_is_sent(self):
+        def host(soft=1, hard=1, to_soft=1, to_hard=1, mass_soft=1, mass_hard=1, swap=False, dt=1, sign=1):
+            """Two masses under far stresses; the arguments are factors of what a right host has or sends."""
+            bus = self.open(OPTIONS.source / "client/examples/two_half_spaces.toml", closure="error")
+            v_soft, v_hard, m_soft, m_hard = numpy.array([100.0, 90, 80]), 0.0, 0.0043, 0.0123
+            for length in (1e-9, 1.5e-9, 1e-9):
+                sent = {"stress_soft": soft * 30e6, "stress_hard": hard * 10e6}
+                if swap:
+                    sent = {"stress_soft": 10e6, "stress_hard": 30e6}
+                answer = bus.step(length, jump=sign * (v_soft - v_hard), pressure=1e9, **sent,
+                                  mass_soft=mass_soft * m_soft, mass_hard=mass_hard * m_hard)
+                length = 1e-9 if dt == "first" else length * dt
+                v_soft = v_soft + length / m_soft * (30e6 - to_soft * answer.stress)
+                v_hard = v_hard + length / m_hard * (to_hard * answer.stress - 10e6)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            host()
+        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"),
+                              ({"hard": -1}, "stress_hard has the wrong sign"), ({"soft": -1, "hard":
+                                                                                  -1}, "both have the wrong sign"),
+                              ({"to_soft": 0}, "to the hard body only"), ({"to_hard": 0}, "to the soft body only"),
+                              ({"to_soft": 0, "to_hard": 0}, "is not applied"), ({"to_soft": -1, "to_hard":
+                                                                                  -1}, "applied with the wrong sign"),
+                              ({"swap": True}, "are swapped"), ({"mass_soft":
+                                                                 2}, "mass_soft must be half of that sent"),
+                              ({"mass_hard": .5}, "mass_hard must be twice that"), ({"mass_soft": 2, "mass_hard":
+                                                                                     2}, "both masses must be half"),
+                              ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
+                              ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
+            fault = self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: host(**mistake), "jump", text=text)
+            self.assertLessEqual(str(fault).count("; or: "), 2, fault)
+
+    def test_a_wrong_host_is_warned_once_and_only_where_it_asks_for_it(self):
         host = example()
         right = host.Body.accelerate
+        host.STEPS = 5
         for wrong in (lambda body, dt, friction: right(body, dt, -friction),
                       lambda body, dt, friction: right(body, dt, friction if body.side > 0 else 0 * friction),
                       lambda body, dt, friction: right(body, 2 * dt, friction)):
-            host.Body.accelerate, host.STEPS = wrong, 3
-            jump, exact, closure = host.run(OPTIONS.endpoint)
+            host.Body.accelerate = wrong
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                jump, exact, closure = host.run(OPTIONS.endpoint)
+            self.assertEqual([w.category for w in caught], [shearbus.ClosureWarning])
+            self.assertEqual(pathlib.Path(caught[0].filename).name, "two_half_spaces.py")
             self.assertGreater(abs(jump - exact).max(), 1e-3)
             self.assertGreater(closure, 1e-3)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            step = {"pressure": 1e9, "stress_soft": 0.0, "stress_hard": 0.0, "mass_soft": 0.0043, "mass_hard": 0.0123}
+            off = self.open(host.SCENE, closure="off")
+            bus = self.open(host.SCENE)
+            answer = bus.step(1e-9, jump=100.0, **step)
+            for jump in (100.0, 50.0):
+                off.step(1e-9, jump=jump, **step)
+            # Trials, other nodes and marks: each step is compared with the answer that it continues from.
+            bus.trial(1e-9, jump=answer.jump_new, **step)
+            bus.rollback()
+            with bus.trial(1e-9, jump=answer.jump_new, **step) as trial:
+                pass
+            bus.mark("here")
+            last = bus.step(1e-9, jump=trial.jump_new, **step)
+            bus.rollback_to("here")
+            bus.step(1e-9, nodes=[NODES[1]], jump=trial.jump_new[1], **step)
+            bus.step(1e-9, nodes=[NODES[1], NODES[0]], jump=[last.jump_new[1], last.jump_new[0] * 0 + 7], **step)
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(closure="maybe"), "closure")
 
     def test_without_an_endpoint_it_has_a_server_of_its_own(self):
         os.environ["SHEARBUS_SERVER"] = OPTIONS.server
@@ -474,10 +564,17 @@ class Hosts(Live):
         self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.open(VELOCITY_DRIVEN, nodes=NODES))
 
     def test_its_own_server_ends_with_a_host_that_is_killed(self):
-        program = ("import shearbus, sys, time; bus = shearbus.open(sys.argv[1], nodes=[1]); print(bus._connection.endpoint, flush=True); "
-                   "time.sleep(60)")
-        environment = {**os.environ, "SHEARBUS_SERVER": OPTIONS.server, "PYTHONPATH": str(OPTIONS.source / "client/python")}
-        host = subprocess.Popen([sys.executable, "-B", "-c", program, VELOCITY_DRIVEN], stdout=subprocess.PIPE, env=environment, text=True)
+        program = (
+            "import shearbus, sys, time; bus = shearbus.open(sys.argv[1], nodes=[1]); "
+            "print(bus._connection.endpoint, flush=True); "
+            "time.sleep(60)")
+        environment = {
+            **os.environ, "SHEARBUS_SERVER": OPTIONS.server, "PYTHONPATH": str(OPTIONS.source / "client/python")
+        }
+        host = subprocess.Popen([sys.executable, "-B", "-c", program, VELOCITY_DRIVEN],
+                                stdout=subprocess.PIPE,
+                                env=environment,
+                                text=True)
         endpoint = host.stdout.readline().strip()
         self.open(endpoint=endpoint).close()
         host.kill()
@@ -491,7 +588,8 @@ class Hosts(Live):
                 break
             except shearbus.Error:  # the server is stopping
                 pass
-        self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
+        self.assert_refused(shearbus.Unreachable, "UNREACHABLE",
+                            lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
 
     def test_the_environment_replaces_endpoint_and_scene(self):
         scene = OPTIONS.source / "client/examples/two_half_spaces.toml"
@@ -501,13 +599,20 @@ class Hosts(Live):
         self.assertEqual(self.open(endpoint="ipc:///nowhere").name, "two_half_spaces")
 
     def test_the_example_runs_as_printed(self):
-        done = subprocess.run([sys.executable, "-B", OPTIONS.source / "client/examples/two_half_spaces.py", OPTIONS.endpoint], text=True,
-                              stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+        done = subprocess.run([
+            sys.executable, "-B", OPTIONS.source / "client/examples/two_half_spaces.py", OPTIONS.endpoint
+        ],
+                              text=True,
+                              stdout=subprocess.PIPE,
+                              env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
         self.assertEqual((done.returncode, done.stdout[:32]), (0, "jump 92.183880 to 92.183880 m/s,"))
 
 
 class Keys(Live):
     """Against a server on tcp with keys."""
+
+    def open(self, **options):
+        return super().open(connect_deadline=20.0, **options)  # a wrong key shows after three handshakes
 
     def test_a_client_with_the_right_keys_is_served(self):
         bus = self.open(server_key=OPTIONS.server_key, key=OPTIONS.key)
@@ -518,13 +623,22 @@ class Keys(Live):
             subprocess.run([OPTIONS.ctl, "keygen", f"{directory}/other"], check=True, stdout=subprocess.DEVNULL)
             other = f"{directory}/other.public", f"{directory}/other.secret"
             self.assert_refused(shearbus.AuthError, "AUTH", self.open, text="expects clients with keys")
-            fault = self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
+            fault = self.assert_refused(shearbus.AuthError,
+                                        "AUTH",
+                                        lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
                                         text="does not admit this client's key")
             self.assertIn(pathlib.Path(other[0]).read_text().split()[0], fault.remedy)
-            self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key=other[0], key=OPTIONS.key), text="handshake")
+            self.assert_refused(shearbus.AuthError,
+                                "AUTH",
+                                lambda: self.open(server_key=other[0], key=OPTIONS.key),
+                                text="handshake")
             os.chmod(other[1], 0o644)
-            self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key=OPTIONS.server_key, key=other[1]), text="0600")
-            self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key=OPTIONS.server_key, key="/nowhere"))
+            self.assert_refused(shearbus.AuthError,
+                                "AUTH",
+                                lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
+                                text="0600")
+            self.assert_refused(shearbus.AuthError, "AUTH",
+                                lambda: self.open(server_key=OPTIONS.server_key, key="/nowhere"))
 
 
 if __name__ == "__main__":

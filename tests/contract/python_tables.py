@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""Holds the tables of the Python client to the contract: its columns to proto/wire/columns.inc, its messages and numbers to the .proto
-files, and its bytes to those of protobuf over random messages.
+"""Holds the tables of the Python client to the contract: its columns to proto/wire/columns.inc, its messages and
+numbers to the .proto files, and its bytes to those of protobuf over random messages.
 
-python_tables.py --source DIR --work DIR [--protoc PROTOC]   (root of the sources; a directory for the generated modules)"""
+python_tables.py --source DIR --work DIR [--protoc PROTOC]   (root of the sources; a directory for the generated
+modules)"""
 import argparse
 import os
 import pathlib
@@ -14,7 +15,6 @@ import unittest
 
 OPTIONS = None
 SEED = int(os.environ.get("SHEARBUS_SEED", "20260101"))
-NOT_FOR_HOSTS = {"server_status", "checkpoint", "drain", "inspect"} | {"checkpointed", "draining", "inspected"}  # bodies of operators
 KIND = {"TYPE_UINT32": "uint", "TYPE_UINT64": "uint", "TYPE_ENUM": "uint", "TYPE_BOOL": "bool", "TYPE_DOUBLE": "double",
         "TYPE_FIXED64": "fixed64", "TYPE_FIXED32": "fixed32", "TYPE_BYTES": "bytes", "TYPE_STRING": "string"}
 
@@ -41,8 +41,11 @@ def rows_of(text):
 def column_faults(columns, text):
     """Yields the differences between the table of the client and the rows of columns.inc."""
     element = {"Float64": 1, "Uint64": 2, "Uint8": 3}
-    expected = {int(row["number"]): (row["name"], row["quantity"], row["unit"], element[row["element"]], row["direction"] == "Tangential")
-                for row in rows_of(text)}
+    expected = {
+        int(row["number"]):
+        (row["name"], row["quantity"], row["unit"], element[row["element"]], row["direction"] == "Tangential")
+        for row in rows_of(text)
+    }
     found = {c.number: (c.wire_name, c.quantity, c.unit, c.element, c.tangential) for c in columns}
     for number in sorted(expected.keys() | found.keys()):
         if expected.get(number) != found.get(number):
@@ -65,11 +68,14 @@ def message_faults(message, descriptor):
         repeated = field.label == field.LABEL_REPEATED
         return field.number, "numbers" if repeated and kind == "uint" else kind, repeated
 
-    expected = {field.name: row(field) for field in descriptor.fields if field.name not in NOT_FOR_HOSTS}
-    found = {field.name: (field.number, field.message.name if field.message else field.kind, field.repeated) for field in message.fields}
-    for name in sorted(expected.keys() | found.keys()):
-        if expected.get(name) != found.get(name):
-            yield f"{message.name}.{name}: the schema has {expected.get(name)}, the Python client {found.get(name)}"
+    expected = {field.name: row(field) for field in descriptor.fields}
+    found = {
+        field.name: (field.number, field.message.name if field.message else field.kind, field.repeated)
+        for field in message.fields
+    }
+    for name in found:  # a field of the schema that the client does not know is safe to ignore (WIRE.md, "Versions")
+        if expected.get(name) != found[name]:
+            yield f"{message.name}.{name}: the schema has {expected.get(name)}, the Python client {found[name]}"
 
 
 class Tables(unittest.TestCase):
@@ -86,7 +92,7 @@ class Tables(unittest.TestCase):
             self.assertEqual(len(list(column_faults(others, OPTIONS.columns_text))), 1)
             wrong = (*others, column._replace(tangential=not column.tangential))
             self.assertEqual(len(list(column_faults(wrong, OPTIONS.columns_text))), 1)
-        more = OPTIONS.columns_text + 'OUTPUT(kNew, 99, new_pa, new, "Pa", Float64, Scalar, Reply, Reply, "a column, added (later)")\n'
+        more = OPTIONS.columns_text + 'OUTPUT(kNew, 99, new_pa, new, "Pa", Float64, Scalar, Reply, Reply, "a column (new)")\n'
         self.assertEqual(len(list(column_faults(shearbus.COLUMNS, more))), 1)
 
     def test_messages_are_those_of_the_contract(self):
@@ -96,17 +102,24 @@ class Tables(unittest.TestCase):
             descriptor = symbols.message_types_by_name.get(name) or control.message_types_by_name.get(name) \
                 or downscale.message_types_by_name[name]
             self.assertEqual(list(message_faults(message, descriptor)), [])
+            for field in message.fields:
+                wrong = header.Message(name, (field.name, field.number + 100, field.message or field.kind, field.repeated))
+                self.assertEqual(len(list(message_faults(wrong, descriptor))), 1)
 
     def test_numbers_are_those_of_the_contract(self):
         server_side = {code.name: code.value for code in shearbus.Code if code < 500}
-        self.assertEqual(server_side, {name.removeprefix("CODE_"): number for name, number in pb.Code.items() if number})
+        self.assertEqual(server_side,
+                         {name.removeprefix("CODE_"): number for name, number in pb.Code.items() if number})
         for values, enum in ((shearbus.Regime, "Regime"), (shearbus.Outcome, "Outcome")):
-            expected = {v.name.removeprefix(enum.upper() + "_"): v.number for v in downscale.enum_types_by_name[enum].values}
+            expected = {
+                v.name.removeprefix(enum.upper() + "_"): v.number for v in downscale.enum_types_by_name[enum].values
+            }
             expected.pop("OK", None)
             self.assertEqual({name: value for name, value in vars(values).items() if name.isupper()}, expected)
         self.assertEqual({f"STRATEGY_{name.upper()}": number for number, name in session.STRATEGY.items()},
                          {v.name: v.number for v in downscale.enum_types_by_name["Strategy"].values if v.number})
-        self.assertEqual({column.number for column in shearbus.COLUMNS} & set(shearbus.columns.LEDGER), set(range(40, 49)))
+        self.assertEqual({column.number for column in shearbus.COLUMNS} & set(shearbus.columns.LEDGER),
+                         set(range(40, 49)))
 
     def random_values(self, message, draw):
         values = {}
@@ -114,12 +127,15 @@ class Tables(unittest.TestCase):
             if draw.random() < 0.3:
                 continue
             many = draw.randrange(5) if field.repeated else 1
-            items = [self.random_values(field.message, draw) if field.message else {
-                "uint": lambda: draw.choice([0, 1, 127, 128, 300, 2**31 - 1]), "numbers": lambda: draw.choice([0, 1, 127, 128, 2**32 - 1]),
-                "bool": lambda: draw.random() < 0.5, "double": lambda: draw.choice([0.0, 1e-9, -3.5, 1e300]),
-                "fixed64": lambda: draw.getrandbits(64), "fixed32": lambda: draw.getrandbits(32),
-                "bytes": lambda: draw.randbytes(draw.randrange(200)), "string": lambda: draw.choice(["", "paper.toml", "µs \"x\"\n"])
-            }[field.kind]() for _ in range(many)]
+            items = [
+                self.random_values(field.message, draw) if field.message else {
+                    "uint": lambda: draw.choice([0, 1, 127, 128, 300, 2**31 - 1]), "numbers":
+                    lambda: draw.choice([0, 1, 127, 128, 2**32 - 1]), "bool": lambda: draw.random() < 0.5, "double":
+                    lambda: draw.choice([0.0, 1e-9, -3.5, 1e300]), "fixed64": lambda: draw.getrandbits(64), "fixed32":
+                    lambda: draw.getrandbits(32), "bytes": lambda: draw.randbytes(draw.randrange(200)), "string":
+                    lambda: draw.choice(["", "paper.toml", "µs \"x\"\n"])
+                }[field.kind]() for _ in range(many)
+            ]
             values[field.name] = items if field.repeated else items[0]
         return values
 
@@ -155,11 +171,14 @@ class Tables(unittest.TestCase):
         for kind, target in ((header.REQUEST_HEADER, pb.RequestHeader), (header.REPLY_HEADER, pb.ReplyHeader)):
             for round_ in range(300):
                 values = self.random_values(kind, draw)
-                bodies = [field.name for field in target.DESCRIPTOR.oneofs_by_name["body"].fields if field.name in values]
+                bodies = [
+                    field.name for field in target.DESCRIPTOR.oneofs_by_name["body"].fields if field.name in values
+                ]
                 for name in set(bodies) - set(draw.sample(bodies, min(1, len(bodies)))):
                     del values[name]
                 expected = self.of_protobuf(values, target())
-                self.assertEqual(kind.encode(values), expected.SerializeToString(deterministic=True), f"seed {SEED}, round {round_}")
+                self.assertEqual(kind.encode(values), expected.SerializeToString(deterministic=True),
+                                 f"seed {SEED}, round {round_}")
                 self.assert_same(kind.decode(kind.encode(values)), expected)
 
     def test_damaged_bytes_are_refused_or_read(self):
@@ -188,7 +207,8 @@ if __name__ == "__main__":
 
     OPTIONS.work.mkdir(parents=True, exist_ok=True)
     protos = OPTIONS.source / "proto"
-    # The generated modules are in a package "shearbus", too, so the client's package gets their directory as a second place.
+    # The generated modules are in a package "shearbus", too, so the client's package gets their directory as a second
+    # place.
     subprocess.run([OPTIONS.protoc, f"-I{protos}", f"--python_out={OPTIONS.work}",
                     *sorted(str(p) for p in (protos / "shearbus/v1").glob("*.proto"))], check=True)
     shearbus.__path__.append(str(OPTIONS.work / "shearbus"))

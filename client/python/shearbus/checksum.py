@@ -13,8 +13,9 @@ except ImportError:
     try:
         _sum = ctypes.CDLL("libxxhash.so.0").XXH3_64bits
     except (OSError, AttributeError):
-        raise ImportError("shearbus needs XXH3: install the Python package xxhash (pip install xxhash, Debian: python3-xxhash) "
-                          "or libxxhash of version 0.8 or newer (Debian: libxxhash0)") from None
+        raise ImportError(
+            "shearbus needs XXH3: install the Python package xxhash (pip install xxhash, Debian: python3-xxhash) "
+            "or libxxhash of version 0.8 or newer (Debian: libxxhash0)") from None
     _sum.restype = ctypes.c_uint64
     _sum.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
 

@@ -1,6 +1,6 @@
-"""The columns of the protocol, one row each. tests/contract/python_tables.py holds the rows to proto/wire/columns.inc and to the
-.proto files, so a new column fails the test until it has a row here. Nothing else in the package lists columns: which of
-them a step needs, and which its reply brings, is what the server answers when a session is opened."""
+"""The columns of the protocol, one row each. tests/contract/python_tables.py holds the rows to proto/wire/columns.inc
+and to the .proto files, so a new column fails the test until it has a row here. Nothing else in the package lists
+columns: which of them a step needs, and which its reply brings, is what the server answers when a session is opened."""
 from typing import NamedTuple
 
 import numpy
@@ -46,7 +46,7 @@ COLUMNS = (
     Column(36, "friction_heat_j_per_m2", "friction_heat", "J/m2"),
     Column(34, "regime", "regime", "", UINT8),
     Column(35, "outcome", "outcome", "", UINT8),
-    # of a reply on request: the energy ledger and the error estimate
+    # of a reply on request: the energy ledger, the error estimate and the closure
     Column(40, "interface_work_j_per_m2", "interface_work", "J/m2"),
     Column(41, "heat_to_soft_j_per_m2", "heat_to_soft", "J/m2"),
     Column(42, "heat_to_hard_j_per_m2", "heat_to_hard", "J/m2"),
@@ -57,9 +57,11 @@ COLUMNS = (
     Column(47, "heat_residual_j_per_m2", "heat_residual", "J/m2"),
     Column(48, "energy_residual_j_per_m2", "energy_residual", "J/m2"),
     Column(60, "error_estimate", "error_estimate", "1"),
-    # of a reply on request, in a session that checks closure
     Column(61, "closure_m_per_s", "closure", "m/s", tangential=True),
 )
+# The stick form of a force-driven request has the columns of the second row in place of those of the first.
+FAR_FIELD_FORM = ("stress_soft", "stress_hard", "mass_soft", "mass_hard")
+STICK_FORM = ("stick_stress", "impedance")
 LEDGER = range(40, 49)  # numbers of the energy ledger
 
 BY_NUMBER = {column.number: column for column in COLUMNS}

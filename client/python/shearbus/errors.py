@@ -41,6 +41,7 @@ class Code(enum.IntEnum):
     UNKNOWN_OUTCOME = 501
     UNEXPECTED_REPLY = 502
     AUTH = 503
+    NOT_CLOSED = 504
 
 
 class Error(Exception):
@@ -79,8 +80,8 @@ class Unreachable(Error):
 
 
 class UnknownOutcome(Error):
-    """The request was sent and no reply came before the deadline: it may or may not have run. The same call with the same
-    values is the same request: if it has run, the server answers it again without running it twice."""
+    """The request was sent and no reply came before the deadline: it may or may not have run. The same call with the
+    same values is the same request: if it has run, the server answers it again without running it twice."""
 
 
 class UnexpectedReply(Error):
@@ -91,9 +92,15 @@ class AuthError(Error):
     """The server does not admit this client, or it is not the server that the client expects."""
 
 
+class ClosureError(Error):
+    """The host's jump is not the jump that its last step answered; the step was not sent."""
+
+
 _CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}
-_CLIENT_SIDE = {Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
-                Code.AUTH: AuthError}
+_CLIENT_SIDE = {
+    Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
+    Code.AUTH: AuthError
+}
 
 
 def error(code, text, remedy="", field="", nodes=(), last_sequence=0):

@@ -20,9 +20,10 @@ class Row(NamedTuple):
 
 
 class History:
-    """The steps of a session that were kept, in order; steps that were rolled back are not in it. A column of requests or replies
-    is an attribute: an array of shape (T, N), or (T, N, 2) with two tangential components, in SI units. dt, time (end of the step), step:
-    arrays (T,); nodes: ids (N,). The frames themselves are kept, so a history costs what its steps sent and received."""
+    """The steps of a session that were kept, in order; steps that were rolled back are not in it. A column of requests
+    or replies is an attribute: an array of shape (T, N), or (T, N, 2) with two tangential components, in SI units. dt,
+    time (end of the step), step: arrays (T,); nodes: ids (N,). The frames themselves are kept, so a history costs what
+    its steps sent and received."""
 
     def __init__(self):
         self._rows, self._standing, self._marks = [], None, {}
@@ -80,7 +81,10 @@ class History:
         if name in ("dt", "time", "step"):
             return numpy.array([getattr(row, name) for row in self._rows])
         if name.startswith("_") or name not in self.columns:
-            raise AttributeError(f"this history has no column {name}: it has {', '.join(self.columns) if not name.startswith('_') else ''}")
+            raise AttributeError(
+                f"this history has no column {name}" +
+                ("" if name.startswith("_") else f": it has {', '.join(self.columns)}")
+            )
         self.nodes  # refuses steps of different nodes
         return numpy.stack([self._values(row, name) for row in self._rows])
 
@@ -92,11 +96,14 @@ class History:
                 yield BY_NAME[name], "_second" * component, values if values.ndim == 1 else values[:, component]
 
     def table(self):
-        """Returns {name: array}, with an entry for each step and node: time, dt, step, node and the columns that every step has. The second
-        tangential component has a name of its own, which ends in "_second"."""
+        """Returns {name: array}, with an entry for each step and node: time, dt, step, node and the columns that every
+        step has. The second tangential component has a name of its own, which ends in "_second"."""
         counts = [len(row.answer.nodes) for row in self._rows]
-        found = {name: numpy.repeat([getattr(row, name) for row in self._rows], counts) for name in ("time", "dt", "step")}
-        found["node"] = numpy.concatenate([row.answer.nodes for row in self._rows]) if self._rows else numpy.empty(0, numpy.uint64)
+        found = {
+            name: numpy.repeat([getattr(row, name) for row in self._rows], counts) for name in ("time", "dt", "step")
+        }
+        found["node"] = numpy.concatenate([row.answer.nodes
+                                           for row in self._rows]) if self._rows else numpy.empty(0, numpy.uint64)
         flat = [{column.name + suffix: values for column, suffix, values in self._flat(row)} for row in self._rows]
         for name in flat[0] if flat else ():
             if all(name in step for step in flat):
@@ -110,8 +117,8 @@ class History:
         return pandas.DataFrame(self.table())
 
     def to_hdf5(self, path, scene=""):
-        """Writes the history as proto/wire/recording.md describes it, which shearbus-replay reads. scene: text of the scene, such as
-        Session.scene. The file appears under its name only when it is complete. Needs h5py."""
+        """Writes the history as proto/wire/recording.md describes it, which shearbus-replay reads. scene: text of the
+        scene, such as Session.scene. The file appears under its name only when it is complete. Needs h5py."""
         import h5py
 
         if not self._rows:
@@ -141,8 +148,10 @@ class History:
                 data = write(column.quantity + suffix, data, column.unit, **kept, **options)
                 data.attrs["long_name"] = column.quantity.replace("_", " ") + suffix.replace("_", " ")
             meta = file.create_group("meta")
-            meta.attrs.update({"format": "shearbus-history", "version": "1", "units_system": "SI", "producer": "shearbus for Python",
-                               "created": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")})
+            meta.attrs.update({
+                "format": "shearbus-history", "version": "1", "units_system": "SI", "producer": "shearbus for Python",
+                "created": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+            })
             if scene:
                 meta["scene"] = scene
         os.replace(partial, path)

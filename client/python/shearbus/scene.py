@@ -23,7 +23,10 @@ def _value(key, value):
 
 def toml_of(scene, path=""):
     """Returns the TOML text of nested dicts: values first, then tables."""
-    lines = [f"{_value('', str(key))} = {_value(path + str(key), value)}" for key, value in scene.items() if not isinstance(value, dict)]
+    lines = [
+        f"{_value('', str(key))} = {_value(path + str(key), value)}" for key, value in scene.items()
+        if not isinstance(value, dict)
+    ]
     for key, value in scene.items():
         if isinstance(value, dict):
             table = f"{path}{_value('', str(key))}"

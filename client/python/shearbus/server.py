@@ -21,8 +21,8 @@ kill "$watcher"; exit "$code" """
 class Server:
     """Runs shearbus-server on an ipc endpoint in a private directory until close(), or until this process ends.
 
-    executable: its path; None: the environment's SHEARBUS_SERVER, or shearbus-server on PATH. state_dir: directory in which sessions
-    outlive the server; None: they end with it. arguments: more options of the program."""
+    executable: its path; None: the environment's SHEARBUS_SERVER, or shearbus-server on PATH. state_dir: directory in
+    which sessions outlive the server; None: they end with it. arguments: more options of the program."""
 
     def __init__(self, executable=None, state_dir=None, arguments=()):
         program = executable or os.environ.get("SHEARBUS_SERVER") or shutil.which("shearbus-server")
@@ -38,15 +38,19 @@ class Server:
             command += ["--state-dir", os.fspath(state_dir)]
         with self._log.open("wb") as output:
             # A session of its own: an interrupt from the terminal is for the host, which then closes its session.
-            keeper = subprocess.Popen(["/bin/sh", "-c", _KEEPER, "shearbus", *command], stdin=subprocess.PIPE, stdout=output,
-                                      stderr=output, start_new_session=True)
+            keeper = subprocess.Popen(["/bin/sh", "-c", _KEEPER, "shearbus", *command],
+                                      stdin=subprocess.PIPE,
+                                      stdout=output,
+                                      stderr=output,
+                                      start_new_session=True)
         self.close = weakref.finalize(self, _stop, keeper, directory)
         deadline = time.monotonic() + START_S
         while not socket.exists():
             if keeper.poll() is not None or time.monotonic() > deadline:
                 said = self._log.read_text(errors="replace").strip()[-2000:]
                 self.close()
-                raise Unreachable(Code.UNREACHABLE, f"{program} did not start: {said}", "Start it by hand to see what is wrong.")
+                raise Unreachable(Code.UNREACHABLE, f"{program} did not start: {said}",
+                                  "Start it by hand to see what is wrong.")
             time.sleep(0.005)
 
     def __enter__(self):
