@@ -513,7 +513,7 @@ class Hosts(Live):
                                                                                      2}, "both masses must be half"),
                               ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
                               ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
-            fault = self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: host(**mistake), "jump", text=text)
+            fault = self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: host(**mistake), "jump", text=text)
             self.assertLessEqual(str(fault).count("; or: "), 2, fault)
 
     def test_a_wrong_host_is_warned_once_and_only_where_it_asks_for_it(self):

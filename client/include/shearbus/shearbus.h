@@ -87,6 +87,7 @@ enum {
   SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
   SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
   SHEARBUS_AUTH = 503,             /* the server does not admit this client */
+  SHEARBUS_NOT_CLOSED = 504,       /* the host's jump is not the jump that its last step was answered with */
   SHEARBUS_NO_MEMORY = 510,
   SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
 };
@@ -124,6 +125,8 @@ enum {
   SHEARBUS_MASS_HARD = 15,                /* kg/m2, of the hard half zone that moves with the interface */
   SHEARBUS_SOFT_SHEAR_RATE = 16,          /* 1/s */
   SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* 1/s */
+  SHEARBUS_STICK_STRESS = 18,             /* Pa, stick form: traction that would make the new jump zero; tangential */
+  SHEARBUS_IMPEDANCE = 19,                /* Pa s/m, stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)) */
   /* outputs, double except for the regime and the outcome, which are uint8_t */
   SHEARBUS_SHEAR_STRESS = 30,          /* Pa; positive when the jump is: it pulls the soft body back; tangential */
   SHEARBUS_SLIDING_VELOCITY = 31,      /* m/s, slip at the interface; tangential */
@@ -142,7 +145,8 @@ enum {
   SHEARBUS_ELASTIC_ENERGY = 46,
   SHEARBUS_HEAT_RESIDUAL = 47,
   SHEARBUS_ENERGY_RESIDUAL = 48,
-  SHEARBUS_ERROR_ESTIMATE = 60 /* 1; scenes with a tolerance */
+  SHEARBUS_ERROR_ESTIMATE = 60, /* 1; scenes with a tolerance */
+  SHEARBUS_CLOSURE = 61         /* m/s, jump of the step less the jump answered before; tangential */
 };
 
 enum {

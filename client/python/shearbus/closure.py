@@ -158,7 +158,7 @@ class ClosureCheck:
             (f"One change explains it: {'; or: '.join(found)}."
              if found else "No single mistake in signs, sides, masses or dt explains it."))
         if self.mode == "error":
-            raise ClosureError(Code.CLOSURE, text,
+            raise ClosureError(Code.NOT_CLOSED, text,
                                'The step was not sent. Correct the host, or open with closure="warn".', "jump",
                                [int(nodes[after][row])])
         self.mode = "off"
