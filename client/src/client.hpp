@@ -9,10 +9,10 @@
 //
 // Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
 // kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
-// included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
-// values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
-// server refuses a different call with kSequenceReused if the lost request has run; the session then continues
-// after the lost request.
+// included: the step may or may not have run), kUnexpectedReply or kClosure (ClientOptions::check_closure). After
+// kUnknownOutcome the same call with the same values is the same request: if the request has run, the server does not
+// run it again and sends the kept reply. The server refuses a different call with kSequenceReused if the lost request
+// has run; the session then continues after the lost request.
 //
 // The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
 // their deadline and then continue. They throw kEpoch if the server was restored with older states.
@@ -33,13 +33,21 @@
 
 namespace shearbus {
 
+using wire::AbsentNodes;
 using wire::Batch;
 using wire::Code;
 using wire::Error;
 using wire::Field;
+using wire::Form;
 using wire::Policy;
 using wire::Status;
 using wire::TransferId;
+
+// The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump
+// that its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that
+// explains the difference; the server also warns of doubtful times and units. kError compares every step and throws
+// kClosure before it is sent. kOff is for hosts whose jump has other changes, too, as where an interface turns.
+enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
   std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
@@ -50,7 +58,9 @@ struct ClientOptions {
   std::chrono::milliseconds connect_deadline{5'000};  // deadline of connecting and the first exchange
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
-  // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for.
+  CheckClosure check_closure = CheckClosure::kWarn;
+  // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
+  // "warning: " and a warning of a step. Without it warnings are lines of standard error.
   std::function<void(const std::string& line)> log;
 };
 
@@ -66,6 +76,7 @@ struct OpenOptions {
   // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
   // sessions. A session outside of any domain (empty) must be opened with at least one node.
   std::string domain;
+  std::uint64_t idle_limit_s = 0;  // the server closes the session after so long without a request; 0: never
 };
 
 struct StepOptions {
@@ -77,6 +88,9 @@ struct StepOptions {
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
+  // Effect of a request_for() on the other nodes of the session. kOpen: they are stepped with P = 0, jump 0 and no
+  // forces, so that they cool; the result has no rows of them.
+  AbsentNodes absent_nodes = AbsentNodes::kKeep;
 };
 
 // The reply to a step. A column has one value per row of the request, in the order of the request, and is valid until
@@ -117,10 +131,12 @@ class Session {
   ~Session();  // closes a session that is still open, without waiting for the reply
 
   // The required columns of a step of all nodes, with rows in the order of node_ids(), zeroed, and the given optional
-  // columns.
-  Batch request(std::span<const Field> optional_columns = {}) const;
-  // The required columns of a step of some nodes, with rows in the order of `node_ids`, and the given optional columns.
-  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
+  // columns. A force-driven request has one of two forms: stresses and masses of both half zones (kFarField), or stick
+  // stress and impedance (kStick).
+  Batch request(std::span<const Field> optional_columns = {}, Form form = Form::kFarField) const;
+  // The same for a step of some nodes, with rows in the order of `node_ids`.
+  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
+                    Form form = Form::kFarField) const;
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the result
   const StepResult& trial(const Batch& request, const StepOptions& step);    // steps; commit() or rollback() follows

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/src/client.hpp"
+#include "client/src/closure_check.hpp"
 #include "client/src/connection.hpp"
 
 namespace shearbus {
@@ -60,14 +61,17 @@ struct Session::Impl {
   std::optional<wire::Request> posted;  // the request of start_trial(), until finish_trial()
   bool closed = false;
   StepResult result;
+  std::optional<ClosureCheck> closure;  // of force-driven sessions
+  StepOptions step_options;             // of the present step
 
+  void check_closure();  // begins to, if the options of the connection and the session ask for it
   wire::Request next_request() const;
 
   // Sends the session's next request. The sequence number advances only when the reply has arrived and accept() has
   // adopted it. A request without a reply keeps its id, so that a repeated call has the same bytes and the server
   // recognises it; so does a request for whose reply accept() finds no memory.
   template <typename Accept>
-  Received exchange(wire::Request request, const Accept& accept);
+  Received exchange(wire::Request&& request, const Accept& accept);
   template <typename Answer, typename Question, typename Accept>
   Answer exchange(Question question, wire::Batch batch, const Accept& accept) {
     wire::Request request = next_request();
@@ -88,11 +92,11 @@ struct Session::Impl {
   void adopt_position(Received& where);
   void remove_nodes(std::span<const std::uint64_t> nodes);
 
-  wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const;
+  wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode);
   const StepResult& exchange_step(wire::Request request);
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
   void start(const Batch& columns, const StepOptions& options, wire::Mode mode);
-  Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const;
+  Batch columns(std::span<const Field> optional_columns, Form form, bool with_node_ids, std::size_t count) const;
 
  private:
   void resynchronise();

@@ -28,6 +28,7 @@ void check_session_size(std::size_t nodes);
 
 // Refuses a name of a mark or a domain that is empty or too long.
 void check_name(const std::string& name, const std::string& field);
+void check_printable(const std::string& text, const std::string& field);  // no control character
 
 // Refuses a step because some of its nodes have no answer.
 [[noreturn]] void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
@@ -41,6 +42,10 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
                        const shard::NodeTable& nodes);
 
 // The columns of the reply: the wanted columns, or all default columns of the strategy.
-std::vector<wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options);
+std::vector<wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
+                                      bool check_closure);
+
+// Warnings about numbers of a checked first step that are possible, but more often in wrong units.
+std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch);
 
 }  // namespace shearbus::service

@@ -103,6 +103,7 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_text(group, "domain", session.domain);
+  if (session.idle_limit_s != 0) put_number(group, "idle_limit_s", session.idle_limit_s);
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
@@ -136,6 +137,7 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   session.identity = text_of(group, "identity");
   session.resume_token = key_from(text_of(group, "resume_token"));
   session.domain = text_of(group, "domain");
+  if (has_attribute(group, "idle_limit_s")) session.idle_limit_s = number_of(group, "idle_limit_s");
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
   if (!session.open) return session;
@@ -195,7 +197,8 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
     for (const TransferImage& transfer : snapshot.transfers) put_transfer(transfers, transfer);
   }
   std::vector<std::byte> bytes = bytes_of_image(file);
-  CheckpointFooter footer{.image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes)};
+  CheckpointFooter footer{
+      .image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes), .store = snapshot.store};
   footer.sum = sum_of_footer(footer);
   const Bytes end = std::as_bytes(std::span(&footer, 1));
   bytes.insert(bytes.end(), end.begin(), end.end());
@@ -226,6 +229,9 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
   try {
     const hdf5::File opened = open_image(image);
     Snapshot snapshot;
+    CheckpointFooter footer;
+    std::memcpy(&footer, file.data() + file.size() - sizeof footer, sizeof footer);
+    snapshot.store = footer.store;
     if (text_of(opened, "format") != kFormat || number_of(opened, "format_version") != kCheckpointVersion)
       throw Hdf5Error("find the format it was written for");
     snapshot.server_version = text_of(opened, "server_version");

@@ -34,10 +34,11 @@ struct TransferImage {
 
 struct SessionImage {
   SessionKey id{};
-  bool open = true;           // a closed session keeps only its last request and reply
-  std::string identity;       // identity that owns the session
-  SessionKey resume_token{};  // all zero: the session cannot be resumed
-  std::string domain;         // empty: the session is in no domain
+  bool open = true;                // a closed session keeps only its last request and reply
+  std::string identity;            // identity that owns the session
+  SessionKey resume_token{};       // all zero: the session cannot be resumed
+  std::string domain;              // empty: the session is in no domain
+  std::uint64_t idle_limit_s = 0;  // 0: none
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes
   std::vector<std::byte> reply_header;   // header frame of the kept reply
@@ -76,6 +77,7 @@ struct Capsule {
 };
 
 struct Snapshot {
+  StoreId store{};                     // id of the state directory
   std::uint64_t next_index = 0;        // index of the first journal record that is not in these states
   std::string server_version;          // version of the server that wrote the checkpoint
   std::vector<SessionImage> sessions;  // closed sessions in the order in which they were closed
