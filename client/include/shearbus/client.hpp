@@ -10,8 +10,8 @@
 //   bus.step(step.dt(1e-9));
 //   bus.close();
 //
-// Faults throw shearbus::Error. What shearbus.h says of codes, repeated calls, deadlines, threads, units and environment
-// variables holds here, too.
+// Faults throw shearbus::Error. What shearbus.h says of codes, repeated calls, deadlines, threads, units and
+// environment variables holds here, too.
 #pragma once
 
 #include <array>

@@ -22,8 +22,8 @@
  * No call throws, aborts or blocks beyond its deadline, or prints anything but warnings of steps (which go to the log
  * if there is one). A session belongs to one thread at a time; sessions
  * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the
- * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so each
- * struct starts from its _INIT. Members that are zero have their default.
+ * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so
+ * each struct starts from its _INIT. Members that are zero have their default.
  *
  * Environment variables that a user sets, without a change of the host:
  *   SHEARBUS_ENDPOINT  replaces shearbus_options.endpoint
@@ -283,8 +283,8 @@ SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request
                                shearbus_status* status);
 
 /* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
- * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the memory
- * of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
+ * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the
+ * memory of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
  * request. */
 SHEARBUS_API int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status);
 SHEARBUS_API int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status);
