@@ -42,6 +42,9 @@ module shearbus
     real(real64), allocatable :: stress_soft(:), stress_soft2(:)   ! Pa, shear stress half a zone inside the soft body
     real(real64), allocatable :: stress_hard(:), stress_hard2(:)   ! Pa, shear stress half a zone inside the hard body
     real(real64), allocatable :: mass_soft(:), mass_hard(:)        ! kg/m2, of the half zone that moves with the interface
+    ! The stick form of a force-driven step, used if the host allocates impedance; then the stresses and masses above are not.
+    real(real64), allocatable :: stick_stress(:), stick_stress2(:) ! Pa, traction that would make the new jump zero
+    real(real64), allocatable :: impedance(:)                      ! Pa s/m, 1/(dt (1/m_soft + 1/m_hard))
     real(real64), allocatable :: soft_shear_rate(:)                ! 1/s, optional
     real(real64), allocatable :: soft_plastic_strain_rate(:)       ! 1/s, optional
     ! Columns of the answer.
@@ -52,6 +55,8 @@ module shearbus
     real(real64), allocatable :: heat(:)                           ! J/m2, that entered the layer in the step
     integer, allocatable :: regime(:), outcome(:)
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
+    real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
+    real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
     type(c_ptr), private :: handle = c_null_ptr
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
@@ -60,7 +65,8 @@ module shearbus
     !      connect_deadline, reply_deadline, state_dir, threads, stat, msg])
     generic :: open => open_32, open_64
     procedure :: resume          ! resume(ticket [, endpoint, ..., stat, msg]) continues a session of a process that has ended
-    ! step(dt [, time [, n]] [, trial, commit_previous, all_or_nothing, mask, stat, msg]); mask: the rows that are stepped
+    ! step(dt [, time [, n]] [, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg]); mask: the rows that
+    ! are stepped; open_absent: the others are stepped without contact, so that they cool
     generic :: step => step_plain, step_32, step_64
     procedure :: commit, rollback                    ! of a trial
     procedure :: mark, rollback_to                   ! (name [, stat, msg]) states on the server, beside the host's dump
@@ -94,6 +100,8 @@ module shearbus
     type(c_funptr) :: log
     type(c_ptr) :: log_user, state_dir
     integer(c_int32_t) :: threads
+    integer(c_int) :: check_closure
+    integer(c_int64_t) :: idle_limit_s
   end type
   type, bind(c) :: c_column
     integer(c_int32_t) :: field, component
@@ -111,10 +119,14 @@ module shearbus
     integer(c_size_t) :: n_inputs
     type(c_ptr) :: outputs
     integer(c_size_t) :: n_outputs
+    integer(c_int) :: open_absent
   end type
   type, bind(c) :: c_result
     integer(c_size_t) :: size
     integer(c_int64_t) :: nodes, flagged_nodes, state_version, solver_ns, service_ns, round_trip_ns
+    real(c_double) :: largest_closure
+    integer(c_int64_t) :: closure_node
+    real(c_double) :: layer_time
   end type
   type, bind(c) :: c_info
     integer(c_size_t) :: size
@@ -348,38 +360,38 @@ contains
   ! ---- opening and ending ----
 
   subroutine open_64(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir
+                                              state_dir, check_closure
     real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
-    integer, intent(in), optional :: threads
+    integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int32), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir
+                                              state_dir, check_closure
     real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
-    integer, intent(in), optional :: threads
+    integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
   end subroutine
 
   subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
-                    state_dir, threads, stat, msg)
+                    state_dir, threads, check_closure, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     character(len=*), intent(in) :: ticket
-    character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir
+    character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure
     real(real64), intent(in), optional :: connect_deadline, reply_deadline
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
@@ -387,19 +399,19 @@ contains
     integer(int64) :: none(0)
     call enter(self, none, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-               state_dir=state_dir, threads=threads, stat=stat, msg=msg)
+               state_dir=state_dir, threads=threads, check_closure=check_closure, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
   subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir
+                                              state_dir, check_closure
     real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
-    integer, intent(in), optional :: threads
+    integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     character(kind=c_char, len=:), allocatable, target :: texts_1, texts_2, texts_3, texts_4, texts_5, texts_6, texts_7, texts_8
@@ -426,7 +438,13 @@ contains
     options%threads = 0
     if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
     if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
+    options%check_closure = 0
+    options%idle_limit_s = 0
     if (present(threads)) options%threads = int(threads, c_int32_t)
+    if (present(idle_limit)) options%idle_limit_s = idle_limit
+    if (present(check_closure)) then  ! an unknown word is a number that the library refuses
+      options%check_closure = findloc([character(5) :: 'warn', 'off', 'error'], check_closure, dim=1) - 1
+    end if
     call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
     if (code == 0 .and. len(ticket) > 0) then
       code = c_resume(self%handle, options, ticket, status)
@@ -473,6 +491,9 @@ contains
     call fit(self%stress_hard2, has(self, 0, 13) .and. two)
     call fit(self%mass_soft, has(self, 0, 14))
     call fit(self%mass_hard, has(self, 0, 15))
+    call fit(self%stick_stress, .false.)
+    call fit(self%stick_stress2, .false.)
+    call fit(self%impedance, .false.)
     call fit(self%soft_shear_rate, .false.)
     call fit(self%soft_plastic_strain_rate, .false.)
     call fit(self%stress, has(self, 2, 30))
@@ -568,6 +589,9 @@ contains
     call take(self%stress_hard2, other%stress_hard2)
     call take(self%mass_soft, other%mass_soft)
     call take(self%mass_hard, other%mass_hard)
+    call take(self%stick_stress, other%stick_stress)
+    call take(self%stick_stress2, other%stick_stress2)
+    call take(self%impedance, other%impedance)
     call take(self%soft_shear_rate, other%soft_shear_rate)
     call take(self%soft_plastic_strain_rate, other%soft_plastic_strain_rate)
     call take(self%stress, other%stress)
@@ -619,44 +643,44 @@ contains
 
   ! ---- steps ----
 
-  subroutine step_64(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+  subroutine step_64(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     real(real64), intent(in) :: dt, time
     integer(int64), intent(in) :: n
-    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    call run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+    call run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
   end subroutine
 
-  subroutine step_32(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+  subroutine step_32(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     real(real64), intent(in) :: dt, time
     integer(int32), intent(in) :: n
-    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    call run(self, dt, time, int(n, int64), trial, commit_previous, all_or_nothing, mask, stat, msg)
+    call run(self, dt, time, int(n, int64), trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
   end subroutine
 
-  subroutine step_plain(self, dt, time, trial, commit_previous, all_or_nothing, mask, stat, msg)
+  subroutine step_plain(self, dt, time, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     real(real64), intent(in) :: dt
     real(real64), intent(in), optional :: time
-    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     real(real64) :: end_time
     end_time = 0
     if (present(time)) end_time = time
-    call run(self, dt, end_time, 0_int64, trial, commit_previous, all_or_nothing, mask, stat, msg)
+    call run(self, dt, end_time, 0_int64, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
   end subroutine
 
-  subroutine run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+  subroutine run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     real(real64), intent(in) :: dt, time
     integer(int64), intent(in) :: n
-    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_column), target :: inputs(columns_at_most), outputs(columns_at_most)
@@ -690,6 +714,7 @@ contains
     request%mode = number_of(trial)
     request%commit_previous = number_of(commit_previous)
     request%all_or_nothing = number_of(all_or_nothing)
+    request%open_absent = number_of(open_absent)
     request%n = int(count, c_size_t)
     request%node_ids = c_null_ptr
     if (allocated(rows)) then
@@ -701,12 +726,18 @@ contains
     call give(self%jump, 'jump', 10, 0)
     call give(self%jump2, 'jump2', 10, 1)
     call give(self%pressure, 'pressure', 11, 0)
-    call give(self%stress_soft, 'stress_soft', 12, 0)
-    call give(self%stress_soft2, 'stress_soft2', 12, 1)
-    call give(self%stress_hard, 'stress_hard', 13, 0)
-    call give(self%stress_hard2, 'stress_hard2', 13, 1)
-    call give(self%mass_soft, 'mass_soft', 14, 0)
-    call give(self%mass_hard, 'mass_hard', 15, 0)
+    if (allocated(self%impedance)) then
+      call give(self%stick_stress, 'stick_stress', 18, 0)
+      call give(self%stick_stress2, 'stick_stress2', 18, 1)
+      call give(self%impedance, 'impedance', 19, 0)
+    else
+      call give(self%stress_soft, 'stress_soft', 12, 0)
+      call give(self%stress_soft2, 'stress_soft2', 12, 1)
+      call give(self%stress_hard, 'stress_hard', 13, 0)
+      call give(self%stress_hard2, 'stress_hard2', 13, 1)
+      call give(self%mass_soft, 'mass_soft', 14, 0)
+      call give(self%mass_hard, 'mass_hard', 15, 0)
+    end if
     call give(self%soft_shear_rate, 'soft_shear_rate', 16, 0)
     call give(self%soft_plastic_strain_rate, 'soft_plastic_strain_rate', 17, 0)
     n_out = 0
@@ -779,6 +810,8 @@ contains
     ! Rows that were not stepped keep their former answers.
     subroutine adopt()
       self%flagged = int(answer%flagged_nodes)
+      self%closure = answer%largest_closure
+      self%layer_time = answer%layer_time
       if (.not. masked) then
         self%regime = iand(int(regime(:count)), 255)
         self%outcome = iand(int(outcome(:count)), 255)
@@ -977,6 +1010,9 @@ contains
     call follow(self%stress_hard2)
     call follow(self%mass_soft)
     call follow(self%mass_hard)
+    call follow(self%stick_stress)
+    call follow(self%stick_stress2)
+    call follow(self%impedance)
     call follow(self%soft_shear_rate)
     call follow(self%soft_plastic_strain_rate)
     call follow(self%stress)

@@ -14,8 +14,8 @@
 #include <string_view>
 #include <utility>
 
-#include "client/src/client.hpp"
 #include "client/include/shearbus/shearbus.h"
+#include "client/src/client.hpp"
 #include "client/src/embedded_server.hpp"
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/key_file.hpp"
@@ -180,6 +180,20 @@ std::chrono::milliseconds seconds(double value, std::chrono::milliseconds otherw
   return std::chrono::milliseconds(std::max<long long>(1, std::llround(value * 1e3)));
 }
 
+CheckClosure check_of(int option) {
+  switch (option) {
+    case SHEARBUS_CHECK_WARN:
+      return CheckClosure::kWarn;
+    case SHEARBUS_CHECK_OFF:
+      return CheckClosure::kOff;
+    case SHEARBUS_CHECK_ERROR:
+      return CheckClosure::kError;
+    default:
+      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0, 1 or 2", option),
+             "Use SHEARBUS_CHECK_WARN, _OFF or _ERROR.", "check_closure");
+  }
+}
+
 struct Scene {
   std::string text;
   std::string name;  // by which messages cite the scene
@@ -291,6 +305,8 @@ struct shearbus_session {
     to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
     to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");
     if (log.wanted()) to.log = log;
+    to.check_closure = check_of(options.check_closure);
+    check = to.check_closure;
     where = embedded ? "in this process" : "at " + endpoint;
     client.emplace(std::move(to));
   }
@@ -311,6 +327,8 @@ struct shearbus_session {
   std::optional<Session> session;  // none: the opening has an unknown outcome
   std::string where;
   std::string warnings;
+  CheckClosure check = CheckClosure::kWarn;
+  std::uint64_t steps = 0;  // answered so far
   // The present step.
   Batch batch;
   std::vector<Field> batch_fields;  // columns that `batch` was made with
@@ -375,11 +393,13 @@ void check_column(const Session& session, std::uint32_t number, std::uint32_t co
 // The fields of the inputs, each once. Every input must have all its components, and none twice.
 std::vector<Field> fields_of(const Session& session, std::span<const shearbus_input> inputs, bool with_node_ids) {
   const wire::SessionOpened& opened = session.opened();
+  std::vector<Field> others = opened.optional_columns;
+  if (opened.strategy == wire::Strategy::kForceDriven)
+    others.insert(others.end(), wire::kStickColumns.begin(), wire::kStickColumns.end());
   std::vector<Field> fields;
   if (with_node_ids) fields.push_back(Field::kNodeId);
   for (const shearbus_input& input : inputs) {
-    check_column(session, input.field, input.component, input.values, "input", opened.required_columns,
-                 opened.optional_columns);
+    check_column(session, input.field, input.component, input.values, "input", opened.required_columns, others);
     if (!contains(fields, static_cast<Field>(input.field))) fields.push_back(static_cast<Field>(input.field));
   }
   for (const Field field : fields) {
@@ -397,6 +417,13 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
     }
   }
   return fields;
+}
+
+// Whether the core compares the next step with the answer of this one. It needs the columns of that answer.
+bool watches_closure(const shearbus_session& handle) {
+  constexpr std::uint64_t kStepsWatched = 101;  // that many answers are compared with the step after them, and one more
+  return handle.check != CheckClosure::kOff && handle.session->opened().strategy == wire::Strategy::kForceDriven &&
+         (handle.check == CheckClosure::kError || handle.steps < kStepsWatched);
 }
 
 // Prepares the step in the session: its batch with the values of the inputs, the wanted columns, and the outputs.
@@ -435,13 +462,17 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
     }
   }
   handle.outputs.assign(outputs.begin(), outputs.end());
+  if (!wanted.empty() && watches_closure(handle))
+    for (const Field field : {Field::kVelocityJumpNew, Field::kShearStress, Field::kOutcome})
+      if (!contains(wanted, field)) wanted.push_back(field);
   session.want(std::move(wanted));
   return {.dt_s = request.dt_s,
           .time_s = request.time_s,
           .step = request.step,
           .attempt = request.attempt,
           .commit_previous = request.commit_previous != 0,
-          .policy = request.all_or_nothing != 0 ? Policy::kAllOrNothing : Policy::kAccept};
+          .policy = request.all_or_nothing != 0 ? Policy::kAllOrNothing : Policy::kAccept,
+          .absent_nodes = request.open_absent != 0 ? AbsentNodes::kOpen : AbsentNodes::kKeep};
 }
 
 template <typename T>
@@ -454,7 +485,7 @@ void copy_out(std::span<const T> from, const shearbus_output& output) {
   }
 }
 
-void deliver(const shearbus_session& handle, const StepResult& answer, shearbus_result* result) {
+void deliver(shearbus_session& handle, const StepResult& answer, shearbus_result* result) {
   const Batch& batch = answer.batch();
   for (const shearbus_output& output : handle.outputs) {
     const auto field = static_cast<Field>(output.field);
@@ -471,6 +502,7 @@ void deliver(const shearbus_session& handle, const StepResult& answer, shearbus_
     else
       copy_out(batch.f64(field, output.component), output);
   }
+  ++handle.steps;
   if (result == nullptr) return;
   const wire::Upscale& upscale = answer.upscale();
   give({.nodes = upscale.nodes,
@@ -478,7 +510,10 @@ void deliver(const shearbus_session& handle, const StepResult& answer, shearbus_
         .state_version = upscale.state_version,
         .solver_ns = upscale.solver_ns,
         .service_ns = upscale.service_ns,
-        .round_trip_ns = static_cast<std::uint64_t>(answer.round_trip().count())},
+        .round_trip_ns = static_cast<std::uint64_t>(answer.round_trip().count()),
+        .largest_closure_m_per_s = upscale.largest_closure_m_per_s,
+        .closure_node = upscale.closure_node,
+        .layer_time_s = upscale.layer_time_s},
        result);
 }
 
@@ -557,9 +592,10 @@ int shearbus_open(shearbus_session** session, const shearbus_options* options, s
     const auto ids = values_of(node_ids, n, "node_ids");
     const std::span<const double> temperatures(initial_temperature_k, initial_temperature_k == nullptr ? 0 : n);
     shearbus_session& handle = handle_for(session, given);
-    handle.opened(
-        handle.client->open(scene.text, scene.name, ids,
-                            {.initial_temperature_k = temperatures, .domain = std::string(text_or(given.domain))}));
+    handle.opened(handle.client->open(scene.text, scene.name, ids,
+                                      {.initial_temperature_k = temperatures,
+                                       .domain = std::string(text_or(given.domain)),
+                                       .idle_limit_s = given.idle_limit_s}));
   });
   if (code != SHEARBUS_OK && !is_in_doubt(code)) drop_unopened(session);
   return code;

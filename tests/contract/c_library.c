@@ -107,6 +107,7 @@ static shearbus_options options_of(void) {
   options.endpoint = endpoint;
   options.scene_file = scene;
   options.connect_deadline_s = 20;
+  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
   return options;
 }
 static shearbus_session* open_session(const char* domain, uint64_t first) {
@@ -181,6 +182,9 @@ static void bad_openings(void) {
   options = options_of();
   options.state_dir = directory;
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNSUPPORTED, "state_dir");
+  options = options_of();
+  options.check_closure = 7;
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_VALUE, "check_closure is 7");
   options = options_of();
   options.endpoint = "carrier-pigeon";
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, "not an endpoint");
@@ -410,6 +414,74 @@ static void environment(void) {
   if (log != NULL) fclose(log);
 }
 
+/* A host that does not apply the answer is warned once, or refused, though it asks for no column that tells. */
+static void closure(void) {
+  shearbus_request request = request_of(SHEARBUS_ADVANCE);
+  request.outputs = &outputs[1];
+  request.n_outputs = 1;
+  shearbus_options options = options_of();
+  options.log = on_line;
+  options.log_user = &lines_told;
+  for (int mode = SHEARBUS_CHECK_WARN; mode <= SHEARBUS_CHECK_ERROR; mode += 2) {
+    shearbus_session* session = NULL;
+    shearbus_result result = SHEARBUS_RESULT_INIT;
+    options.check_closure = mode;
+    reset();
+    OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+    OK(shearbus_step(session, &request, NULL, &status));
+    const int told_before = lines_told;
+    if (mode == SHEARBUS_CHECK_ERROR) {
+      REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_NOT_CLOSED, "jump");
+      CHECK(last_sequence(session) == 1);
+    } else {
+      OK(shearbus_step(session, &request, &result, &status));
+      CHECK(lines_told == told_before + 1 && strstr(last_line, "warning: ") != NULL);
+      CHECK(result.largest_closure_m_per_s > 1.0 && result.layer_time_s == 1e-9);
+      OK(shearbus_step(session, &request, NULL, &status));
+      CHECK(lines_told == told_before + 1);
+    }
+    OK(shearbus_close(&session, &status));
+  }
+}
+
+/* Stick stress and impedance in place of stresses and masses: the same answers to rounding. Nodes that are not named
+ * cool. */
+static void stick_form(void) {
+  node far_field[N];
+  double stick[N], impedance[N];
+  shearbus_session* session = open_session(NULL, 0);
+  shearbus_request request = request_of(SHEARBUS_ADVANCE);
+  OK(shearbus_mark(session, "start", &status));
+  OK(shearbus_step(session, &request, NULL, &status));
+  keep(far_field);
+  OK(shearbus_rollback_to(session, "start", &status));
+  for (int i = 0; i < N; ++i) {
+    const double dt = request.dt_s, rate = 1 / nodes[i].mass_soft + 1 / nodes[i].mass_hard;
+    const double free =
+        nodes[i].jump + dt * (nodes[i].stress_soft / nodes[i].mass_soft + nodes[i].stress_hard / nodes[i].mass_hard);
+    impedance[i] = 1 / (dt * rate);
+    stick[i] = impedance[i] * free;
+  }
+  const shearbus_input stick_inputs[4] = {
+      inputs[0], inputs[1], {SHEARBUS_STICK_STRESS, 0, stick, 0}, {SHEARBUS_IMPEDANCE, 0, impedance, 0}};
+  request.inputs = stick_inputs;
+  request.n_inputs = 4;
+  OK(shearbus_step(session, &request, NULL, &status));
+  for (int i = 0; i < N; ++i) {
+    CHECK(fabs(nodes[i].stress - far_field[i].stress) <= 1e-9 * fabs(far_field[i].stress));
+    CHECK(fabs(nodes[i].temperature - far_field[i].temperature) < 1e-6);
+  }
+  request.n = 1;
+  request.node_ids = ids;
+  request.open_absent = 1;
+  OK(shearbus_step(session, &request, NULL, &status));
+  request = request_of(SHEARBUS_ADVANCE);
+  for (int i = 0; i < N; ++i) nodes[i].pressure = -1.0;
+  OK(shearbus_step(session, &request, NULL, &status));
+  CHECK(nodes[3].temperature < far_field[3].temperature);
+  OK(shearbus_close(&session, &status));
+}
+
 /* A server that hangs, and one that is killed: the same call again is the same request, and the bits are those of a run
  * that nothing happened to. */
 static void interruptions(pid_t* server) {
@@ -469,6 +541,8 @@ int main(int argc, char** argv) {
   steps();
   moves_and_tickets();
   environment();
+  closure();
+  stick_form();
   interruptions(&server);
   const int code = stop(server, SIGTERM);
   CHECK(WIFEXITED(code) && WEXITSTATUS(code) == 0);

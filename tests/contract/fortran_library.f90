@@ -13,6 +13,7 @@ program fortran_library
   call bad_openings()
   call steps()
   call columns()
+  call stick_form()
   call moves()
   call scopes()
   if (faults > 0) error stop 1
@@ -47,7 +48,9 @@ contains
     type(shearbus_interface), intent(inout) :: bus
     integer(int64), intent(in) :: first
     character(len=*), intent(in), optional :: domain
-    call bus%open(nodes=[(first + 7*i, i=1, n)], scene=scene, endpoint=endpoint, domain=domain, stat=stat, msg=msg)
+    ! The steps of this program apply no answer.
+    call bus%open(nodes=[(first + 7*i, i=1, n)], scene=scene, endpoint=endpoint, domain=domain, check_closure='off', &
+                  idle_limit=3600, stat=stat, msg=msg)
     call ok('open')
     if (stat /= 0) error stop 1
     call fill(bus)
@@ -73,6 +76,8 @@ contains
     call refused('a doubled node', 303, 'DUPLICATE_NODE')
     call bus%open(scene=scene, nodes=[1, 2], initial_temperature=[300.0_real64], endpoint=endpoint, stat=stat, msg=msg)
     call refused('temperatures', 105, 'initial_temperature has the size 1, expected 2')
+    call bus%open(scene=scene, nodes=[1], check_closure='maybe', endpoint=endpoint, stat=stat, msg=msg)
+    call refused('a word', 301, 'check_closure is -1')
     call bus%open(scene=scene, nodes=[1], endpoint='ipc:///nowhere', connect_deadline=0.2_real64, stat=stat, msg=msg)
     call refused('no server', 500, 'UNREACHABLE')
     call check('no session', .not. bus%is_open() .and. bus%ticket() == '')
@@ -159,6 +164,38 @@ contains
     call bus%step(1e-9_real64, stat=stat, msg=msg)
     call refused('inputs that were never set', 301, 'nan')
     call bus%close()
+  end subroutine
+
+  ! Stick stress and impedance in place of stresses and masses: the same answers to rounding.
+  subroutine stick_form()
+    type(shearbus_interface) :: far_field, stick
+    real(real64), parameter :: dt = 1e-9_real64
+    real(real64) :: rate(n)
+    call open_six(far_field, 600_int64)
+    call open_six(stick, 700_int64)
+    call far_field%step(dt)
+    rate = dt*(1/stick%mass_soft + 1/stick%mass_hard)
+    allocate (stick%impedance(n), source=1/rate)
+    allocate (stick%stick_stress(n), source=stick%impedance*(stick%jump + &
+              dt*(stick%stress_soft/stick%mass_soft + stick%stress_hard/stick%mass_hard)))
+    deallocate (stick%stress_soft)
+    call stick%step(dt, stat=stat, msg=msg)
+    call ok('step in stick form')
+    call check('stick form', all(abs(stick%stress - far_field%stress) <= 1e-9_real64*abs(far_field%stress)) .and. &
+               all(abs(stick%temperature - far_field%temperature) < 1e-6_real64))
+    call far_field%close()
+    call stick%close()
+    call far_field%open(nodes=[1], scene=scene, endpoint=endpoint, check_closure='error')
+    far_field%jump = [90.0_real64]
+    far_field%pressure = [2e8_real64]
+    far_field%stress_soft = [0.0_real64]
+    far_field%stress_hard = [0.0_real64]
+    far_field%mass_soft = [4e-3_real64]
+    far_field%mass_hard = [12e-3_real64]
+    call far_field%step(dt)
+    call far_field%step(dt, stat=stat, msg=msg)
+    call refused('an answer that is not applied', 504, 'CLOSURE')
+    call far_field%close()
   end subroutine
 
   subroutine moves()

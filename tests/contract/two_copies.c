@@ -1,5 +1,5 @@
-/* Two copies of the client library in one process, as two plugins of a host bring them: two_copies LIBRARY COPY SCENE.toml
- * ENDPOINT... Each opens a session at each endpoint while the other has its own open. */
+/* Two copies of the client library in one process, as two plugins of a host bring them:
+ * two_copies LIBRARY COPY SCENE.toml ENDPOINT... Each opens a session at each endpoint while the other has its own open. */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
 #include <shearbus/shearbus.h>

@@ -10,8 +10,8 @@
 //   bus.step(step.dt(1e-9));
 //   bus.close();
 //
-// Faults throw shearbus::Error. What shearbus.h says of codes, repeated calls, deadlines, threads, units and environment
-// variables holds here, too.
+// Faults throw shearbus::Error. What shearbus.h says of codes, repeated calls, deadlines, threads, units and
+// environment variables holds here, too.
 #pragma once
 
 #include <array>
@@ -69,6 +69,8 @@ struct Options {
   std::function<void(const std::string& line)> log;  // what a call waits for, after 2, 4, 8, ... s
   std::string state_dir;                             // embedded: directory of a durable server's states
   std::uint32_t threads = 0;                         // embedded: threads that solve layers
+  int check_closure = SHEARBUS_CHECK_WARN;
+  std::uint64_t idle_limit_s = 0;  // the server closes the session after so long without a request; 0: never
 };
 
 // The columns of a step, which point to arrays of the host that stay where they are: one value per row, in a container
@@ -114,6 +116,7 @@ class Step {
     return request_.step = step, request_.attempt = attempt, *this;
   }
   Step& commit_previous(bool yes) { return request_.commit_previous = yes, *this; }
+  Step& open_absent(bool yes) { return request_.open_absent = yes, *this; }
   Step& all_or_nothing(bool yes) { return request_.all_or_nothing = yes, *this; }
 
  private:
@@ -268,6 +271,8 @@ class Session {
     given.retry_after_s = options.retry_after_s;
     given.state_dir = text_or_null(options.state_dir);
     given.threads = options.threads;
+    given.check_closure = options.check_closure;
+    given.idle_limit_s = options.idle_limit_s;
     if (log_) {
       given.log = [](void* log, const char* line) { (*static_cast<Log*>(log))(line); };
       given.log_user = log_.get();

@@ -19,10 +19,11 @@
  * server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or may not have
  * run. The same call with the same values is then the same request: it does not run twice, and its answer is kept.
  *
- * No call throws, aborts, prints, or blocks beyond its deadline. A session belongs to one thread at a time; sessions
+ * No call throws, aborts or blocks beyond its deadline, or prints anything but warnings of steps (which go to the log
+ * if there is one). A session belongs to one thread at a time; sessions
  * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the
- * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so each
- * struct starts from its _INIT. Members that are zero have their default.
+ * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so
+ * each struct starts from its _INIT. Members that are zero have their default.
  *
  * Environment variables that a user sets, without a change of the host:
  *   SHEARBUS_ENDPOINT  replaces shearbus_options.endpoint
@@ -125,8 +126,9 @@ enum {
   SHEARBUS_MASS_HARD = 15,                /* kg/m2, of the hard half zone that moves with the interface */
   SHEARBUS_SOFT_SHEAR_RATE = 16,          /* 1/s */
   SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* 1/s */
-  SHEARBUS_STICK_STRESS = 18,             /* Pa, stick form: traction that would make the new jump zero; tangential */
-  SHEARBUS_IMPEDANCE = 19,                /* Pa s/m, stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)) */
+  /* stick form of a force-driven step, in place of the columns 12 to 15 */
+  SHEARBUS_STICK_STRESS = 18, /* Pa, traction that would make the new jump zero; tangential */
+  SHEARBUS_IMPEDANCE = 19,    /* Pa s/m, Z = 1 / (dt (1/m_soft + 1/m_hard)) */
   /* outputs, double except for the regime and the outcome, which are uint8_t */
   SHEARBUS_SHEAR_STRESS = 30,          /* Pa; positive when the jump is: it pulls the soft body back; tangential */
   SHEARBUS_SLIDING_VELOCITY = 31,      /* m/s, slip at the interface; tangential */
@@ -146,7 +148,7 @@ enum {
   SHEARBUS_HEAT_RESIDUAL = 47,
   SHEARBUS_ENERGY_RESIDUAL = 48,
   SHEARBUS_ERROR_ESTIMATE = 60, /* 1; scenes with a tolerance */
-  SHEARBUS_CLOSURE = 61         /* m/s, jump of the step less the jump answered before; tangential */
+  SHEARBUS_CLOSURE = 61         /* m/s, jump of the request less the jump answered before; tangential */
 };
 
 enum {
@@ -185,6 +187,14 @@ SHEARBUS_API uint32_t shearbus_field_number(const char* name);
  * with what it waits for. The callback must not call this library. */
 typedef void (*shearbus_log_fn)(void* user, const char* line);
 
+/* A force-driven host that applies the answered stress has, but for rounding, the jump that its last step answered. By
+ * default the first 100 steps are compared, and a difference is one warning that names the host's mistake. */
+enum {
+  SHEARBUS_CHECK_WARN = 0,
+  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump has other changes, too, as where an interface turns */
+  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent: SHEARBUS_NOT_CLOSED */
+};
+
 typedef struct shearbus_options {
   size_t size;
   const char* endpoint;        /* tcp://host:port or ipc://path; NULL, "" or "embedded": a server in this process */
@@ -201,9 +211,11 @@ typedef struct shearbus_options {
   void* log_user;
   const char* state_dir; /* embedded: directory of a durable server's states; NULL: they end with the session */
   uint32_t threads;      /* embedded: threads that solve layers; default 1 */
+  int check_closure;     /* SHEARBUS_CHECK_ */
+  uint64_t idle_limit_s; /* the server closes the session after so long without a request; 0: never */
 } shearbus_options;
 #define SHEARBUS_OPTIONS_INIT \
-  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 
 /* Opens a session with n nodes; *session is NULL before. initial_temperature_k: one value per node, or NULL for the
  * scene's value. After a fault *session is NULL again, with two exceptions: after SHEARBUS_UNKNOWN_OUTCOME and
@@ -245,9 +257,10 @@ typedef struct shearbus_request {
   size_t n_inputs;
   const shearbus_output* outputs;
   size_t n_outputs;
+  int open_absent; /* with node_ids. 1: the other nodes are stepped without contact, so that they cool; 0: they stay */
 } shearbus_request;
 #define SHEARBUS_REQUEST_INIT \
-  { sizeof(shearbus_request), 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+  { sizeof(shearbus_request), 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 
 typedef struct shearbus_result {
   size_t size;
@@ -257,17 +270,21 @@ typedef struct shearbus_result {
   uint64_t solver_ns;     /* time of the solvers */
   uint64_t service_ns;    /* time in the server, the solvers included */
   uint64_t round_trip_ns; /* time from the request to its answer, as this side saw it */
+  /* Force-driven sessions, unless check_closure is off: */
+  double largest_closure_m_per_s; /* largest difference of the jumps from those answered before, and its node */
+  uint64_t closure_node;
+  double layer_time_s; /* of that node: sum of the dt_s of its steps */
 } shearbus_result;
 #define SHEARBUS_RESULT_INIT \
-  { sizeof(shearbus_result), 0, 0, 0, 0, 0, 0 }
+  { sizeof(shearbus_result), 0, 0, 0, 0, 0, 0, 0.0, 0, 0.0 }
 
 /* Steps nodes and fills the outputs, which are unchanged after a fault. result may be NULL. */
 SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
                                shearbus_status* status);
 
 /* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
- * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the memory
- * of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
+ * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the
+ * memory of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
  * request. */
 SHEARBUS_API int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status);
 SHEARBUS_API int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status);
