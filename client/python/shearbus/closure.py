@@ -53,8 +53,8 @@ FAR_FIELD = {
     "mass_hard must be twice that sent": (1, .5, 1, .5),
     "mass_hard must be half of that sent": (1, 2, 1, 2),
 }
-# The same for the balance in stick form, [V]now = (stick stress - s) / Z: factors of the stick stress, of the answer, and of
-# the old jump in addition.
+# The same for the balance in stick form, [V]now = (stick stress - s) / Z: factors of the stick stress, of the answer,
+# and of the old jump in addition.
 STICK = {
     "stick_stress has the wrong sign": (-1, 1, 0),
     "jump has the wrong sign: it is V_soft - V_hard": (-1, -1, 0),
