@@ -13,8 +13,8 @@ struct shearbus_embedded_server {  // what a client needs to reach the server
   const char* endpoint;            // "inproc://..."
 };
 
-// Starts a server on a thread of this process. state_dir: directory of its states, or empty. Returns true; or false, with
-// the reason in `error`.
+// Starts a server on a thread of this process. state_dir: directory of its states, or empty. Returns true; or false,
+// with the reason in `error`.
 __attribute__((visibility("default"))) bool shearbus_embedded_start_1(const char* state_dir, unsigned threads,
                                                                       shearbus_embedded_server* started, char* error,
                                                                       std::size_t error_bytes) noexcept;

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 
 namespace shearbus::ctl {
 

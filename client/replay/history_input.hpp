@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/wire/recording.hpp"
 
 namespace shearbus::replay {

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
 #include "proto/scene/reader.hpp"

@@ -1,5 +1,5 @@
-// The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return codes.
-// Nothing leaves a function but its code: see guarded().
+// The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return
+// codes. Nothing leaves a function but its code: see guarded().
 #include <fmt/format.h>
 #include <pthread.h>
 
@@ -14,7 +14,7 @@
 #include <string_view>
 #include <utility>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "client/include/shearbus/shearbus.h"
 #include "client/src/embedded_server.hpp"
 #include "proto/wire/enum_names.hpp"
@@ -38,8 +38,8 @@ bool has_sound_size(const Struct& given) {
   return given.size >= sizeof(Struct) && given.size <= kLargestStruct;
 }
 
-// The members of a caller's struct that this library knows. A caller that was compiled with a later header may have more
-// of them; if it uses these, it is refused.
+// The members of a caller's struct that this library knows. A caller that was compiled with a later header may have
+// more of them; if it uses these, it is refused.
 template <typename Struct>
 Struct known(const Struct* given, const char* type) {
   if (given == nullptr)

@@ -1,4 +1,4 @@
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 
 #include <fmt/format.h>
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "client/src/diagnosis.hpp"
 
 namespace shearbus {

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus {

@@ -12,7 +12,7 @@
 #include <variant>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "client/src/closure_check.hpp"
 #include "client/src/connection.hpp"
 

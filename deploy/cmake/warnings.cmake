@@ -30,7 +30,8 @@ function(shearbus_library name)
   add_library(${name} SHARED ${LIB_SOURCES})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE shearbus_settings ${LIB_LINK})
-  target_link_options(${name} PRIVATE -Wl,--version-script=${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map -Wl,-z,defs -Wl,--as-needed)
+  target_link_options(${name} PRIVATE -Wl,--version-script=${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map -Wl,--as-needed
+                                     $<$<NOT:$<BOOL:${SHEARBUS_SANITIZE}>>:-Wl,-z,defs>)
   set_target_properties(${name} PROPERTIES CXX_VISIBILITY_PRESET hidden SOVERSION 1 VERSION 1.0.0 LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/lib
                                            LINK_DEPENDS ${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map)
 endfunction()

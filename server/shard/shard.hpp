@@ -161,7 +161,7 @@ class Shard {
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
-  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // last used first
+  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // newest first
 };
 
 class Shard::Attempt {

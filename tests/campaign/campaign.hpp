@@ -27,7 +27,7 @@ using testing::SearchEffort;
 struct Host {
   double pressure = 11.2e9;        // [Pa]
   double half_zone_soft = 2.5e-6;  // half the zone width at the interface; times the density, the mass in DLP (61)  [m]
-  double half_zone_hard = 2.5e-6;  // the same width in the hard body  [m]
+  double half_zone_hard = 2.5e-6;  // half the zone width in the hard body  [m]
   double dt = 1e-9;                // step length  [s]
 };
 

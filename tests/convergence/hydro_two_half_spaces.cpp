@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "client/src/client.hpp"
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "server/embedded.hpp"
-#include "shearbus/client.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/two_half_spaces.hpp"
 

@@ -56,7 +56,7 @@ class Bingham {
       const bool solid = loaded.T[l] < loaded.T_melt[l];
       const double g = solid ? 1.0 - loaded.T[l] / loaded.T_melt[l] : 1.0;
       const double dep = solid ? A_ * (loaded.load[l] / g - 1.0) / (per_strain_ * g) : 1e50;
-      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);  // fall of ln(g) per ln(stress)
+      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);  // decrease of ln(g) by ln(a)
       const double slope = solid ? A_ * loaded.load[l] * (1.0 + lost) / (per_strain_ * g * g) + dep * lost : 1e50;
       take(l, excess[l] > 0.0 ? dep : 0.0, excess[l] > 0.0 ? slope : 0.0);
     }

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "server/server.hpp"
 #include "tests/support/scratch.hpp"
 

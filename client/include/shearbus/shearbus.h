@@ -17,11 +17,11 @@
  * Every function that may fail returns a code: SHEARBUS_OK (0) or the code of the fault, and fills the caller's status
  * (which may be NULL) with what was expected and found, and with what to do. A call that fails changes no state of the
  * server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or may not have
- * run. The same call with the same values is then the same request: it is not run a second time, and its answer is kept.
+ * run. The same call with the same values is then the same request: it does not run twice, and its answer is kept.
  *
  * No call throws, aborts, prints, or blocks beyond its deadline. A session belongs to one thread at a time; sessions
- * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the next
- * call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so each
+ * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the
+ * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so each
  * struct starts from its _INIT. Members that are zero have their default.
  *
  * Environment variables that a user sets, without a change of the host:
@@ -49,7 +49,7 @@ typedef struct shearbus_session shearbus_session;
 /* ---- codes ---- */
 
 /* The hundreds are classes: 1xx the message, 2xx the session, 3xx the content, 4xx the server, 5xx this side. The
- * numbers, 0 and 504 and above excepted, are those of shearbus.v1.Code (proto/WIRE.md). */
+ * numbers, 0 and 510 and above excepted, are those of shearbus.v1.Code (proto/WIRE.md). */
 enum {
   SHEARBUS_OK = 0,
   SHEARBUS_BAD_FRAMING = 100,
@@ -87,8 +87,8 @@ enum {
   SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
   SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
   SHEARBUS_AUTH = 503,             /* the server does not admit this client */
-  SHEARBUS_NO_MEMORY = 504,
-  SHEARBUS_LIBRARY_FAULT = 505 /* any other fault of this library; its text names it */
+  SHEARBUS_NO_MEMORY = 510,
+  SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
 };
 
 /* The name of a code, such as "INVALID_VALUE". Never NULL. */
@@ -170,8 +170,8 @@ typedef struct shearbus_output {
   ptrdiff_t stride_bytes;
 } shearbus_output;
 
-/* The name of a column on the wire, with its unit ("pressure_pa"), NULL if there is none; and the reverse, 0 if there is
- * none. */
+/* The name of a column on the wire, with its unit ("pressure_pa"), NULL if there is none; and the reverse, 0 if there
+ * is none. */
 SHEARBUS_API const char* shearbus_field_name(uint32_t field);
 SHEARBUS_API uint32_t shearbus_field_number(const char* name);
 
@@ -261,8 +261,8 @@ typedef struct shearbus_result {
 SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
                                shearbus_status* status);
 
-/* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two the
- * caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the memory
+/* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
+ * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the memory
  * of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
  * request. */
 SHEARBUS_API int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status);
@@ -301,7 +301,8 @@ SHEARBUS_API const uint64_t* shearbus_node_ids(const shearbus_session* session);
 
 /* ---- what the server has understood ---- */
 
-/* The scene as TOML text with every default and constant, and the server's warnings about it, one a line. "" for NULL. */
+/* The scene as TOML text with every default and constant; and the server's warnings about it, one a line. "" for a
+ * session that is NULL. */
 SHEARBUS_API const char* shearbus_effective_scene(const shearbus_session* session);
 SHEARBUS_API const char* shearbus_warnings(const shearbus_session* session);
 

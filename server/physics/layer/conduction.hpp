@@ -61,7 +61,7 @@ struct HeatOperator {
   double inward_hard;          // elimination factor at z = 0 from the hard side; from the soft side: inward[interface]
   std::span<double> response;  // response B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
-  const double* layer_response() const { return response.data() + interface; }  // B from z = 0 into the soft body
+  const double* layer_response() const { return response.data() + interface; }  // response B of the layer's vertices
 
  private:
   std::unique_ptr<double[]> memory_;  // one block, so that a new step length needs few allocations

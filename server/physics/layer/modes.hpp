@@ -25,7 +25,7 @@ struct HeatKernel {
 
   double at(double t) const;
   double integral(double t) const;       // integral of K from 0 to t, which is the exact response B0  [K m2/W]
-  double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
+  double moment(double t) const;         // first moment of K, the integral of s K(s) from 0 to t  [K m2 s/W]
   bool far_face_unfelt(double t) const;  // whether the image sources are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]

@@ -99,7 +99,7 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what the law adds, for OPTIONS.md
   { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for OPTIONS.md
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
-  { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
+  { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks the constants of the law together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
   { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // strength H; separable laws ignore P and T

@@ -17,12 +17,12 @@
 //   5. tau is multiplied by 1 + 1e-9 min(ln r, 0). Where erf is 1 to its last digit and hardening has saturated, the
 //      printed law has one stress for many rates; this keeps rate and strain functions of the stress.
 //
-// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse is
-// closed. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest rate and 1,
-// by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by bisection where
-// a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed from tau_y up,
-// tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing. The loops over lanes have no
-// branches, so that the compiler vectorises them.
+// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
+// has a closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest
+// rate and 1, by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by
+// bisection where a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed
+// from tau_y up, tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing. The loops over lanes
+// have no branches, so that the compiler vectorises them.
 #pragma once
 
 #include <algorithm>
@@ -59,9 +59,9 @@ class PrestonTonksWallace {
   static constexpr bool kHasCeiling = false;
   static constexpr bool kHasWaveReturn = false;
 
-  static constexpr double kSlowestRate = 1e-3;  // [1/s]; slower flow has the strength of this rate
+  static constexpr double kSlowestRate = 1e-3;  // slowest rate  [1/s]; slower flow has the strength of this rate
 
-  // What makes Y rise with strain and rate, fall with temperature and reach its overdriven branch at r = 1.
+  // Checks that Y rises with strain and rate, falls with temperature and is on its overdriven branch from r = 1 on.
   static LawFault fault_of(const Material& m) {
     if (m.saturation_hot > m.saturation_cold)
       return {"saturation_stress_hot", "expected at most saturation_stress_cold"};
@@ -94,7 +94,7 @@ class PrestonTonksWallace {
     return {stiffening * modulus * melting, -stiffening * melting * (per_kelvin + modulus * melting_rate)};
   }
 
-  // As for Steinberg's law: the melting factor is steepest at a distance 0.0005 T_melt from melting, or at an end.
+  // The melting factor is steepest at the distance 0.0005 T_melt from melting or, without this point, at an end.
   static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
     const double nearest = std::max(0.0, m.melting_temperature - hottest);
@@ -102,7 +102,7 @@ class PrestonTonksWallace {
     const double stiffening = bracket_at(m, pressure);
     if (farthest <= 0.0 || stiffening <= 0.0) return 0.0;
     const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
+    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
     const double per_kelvin = m.modulus_temperature / m.melting_temperature;
     return stiffening * (per_kelvin + (1.0 - per_kelvin * coldest) * melting * c / (x * x));
   }
@@ -174,7 +174,7 @@ class PrestonTonksWallace {
       const double yields = excess[l] > 0.0 ? 1.0 : 0.0;
       const double moves = target < s0_ ? yields : 0.0;
       roots.y[l] = target < s0_ ? glides : overdriven;
-      roots.by_log_rate[l] = beta_ * target;  // as of an overdriven vertex, to which the search does not come
+      roots.by_log_rate[l] = beta_ * target;  // that of an overdriven vertex, which the search leaves out
       roots.by_strain[l] = roots.by_T_hat[l] = roots.crept[l] = 0.0;
       roots.moves[l] = moves;
       roots.creeps[l] = above_rest <= theta_ * slowest_strain_ + kNearRest * target ? moves : 0.0;
@@ -188,7 +188,8 @@ class PrestonTonksWallace {
       const double searched = exponential(log_strain < kMostLogStrain ? log_strain : kMostLogStrain);
       const double dep = roots.creeps[l] > 0.0 ? roots.crept[l] : searched;
       const double rise = loaded.rise[l];
-      // tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) + by_strain ddep + by_T_hat dT^, dT = rise dlna.
+      // The balance is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) + by_strain ddep + by_T_hat dT^, with
+      // dT = rise dlna.
       const double by_dep = roots.by_log_rate[l] + roots.by_strain[l] * dep;
       const double pull = roots.target[l] * (1.0 - vertex.log_g * rise) +
                           roots.by_log_rate[l] * (0.5 * vertex.log_modulus * rise) -
@@ -202,65 +203,65 @@ class PrestonTonksWallace {
 
  private:
   static constexpr double kPi = 3.141592653589793;
-  static constexpr double kAvogadro = 6.02214076e23;  // [1/mol]
-  static constexpr double kLeastAttempts = 1.0;       // [1/s]
-  static constexpr double kMostSoftening = 0.6;       // alpha: up to here Y falls with T through xi too
-  static constexpr double kMostCurvature = 100.0;     // p: exp(p) stays a number
-  static constexpr double kLeastCurvature = 1e-12;    // p = 0 is Voce's law: computed with this p, as close as rounding
-  static constexpr double kRateSensitivity = 1e-9;    // departure 5
-  static constexpr double kLeastTarget = 1e-300;      // of tau: its logarithm is a number
-  static constexpr double kMostTarget = 1e100;        // of tau: dep is cut long before
-  static constexpr double kMostLogStrain = 230.0;     // the strain is then beyond any host's, and finite
-  static constexpr double kLeastSlope = 1e-30;        // of the target: a slope is no infinity
-  static constexpr double kNearRest = 1e-12;          // of the target: closer to rest, a vertex may creep
-  static constexpr double kArrived = 1e-8;            // of ln r: the next Newton step is below rounding
+  static constexpr double kAvogadro = 6.02214076e23;  // Avogadro constant  [1/mol]
+  static constexpr double kLeastAttempts = 1.0;       // smallest attempt rate gamma xi  [1/s]
+  static constexpr double kMostSoftening = 0.6;       // largest alpha: Y then falls with T although xi does, too
+  static constexpr double kMostCurvature = 100.0;     // largest p: exp(p) stays finite
+  static constexpr double kLeastCurvature = 1e-12;    // replaces p = 0 (Voce's law), equal to rounding
+  static constexpr double kRateSensitivity = 1e-9;    // coefficient of departure 5
+  static constexpr double kLeastTarget = 1e-300;      // smallest target of tau: its logarithm is finite
+  static constexpr double kMostTarget = 1e100;        // largest target of tau: dep is cut at smaller ones
+  static constexpr double kMostLogStrain = 230.0;     // largest ln of a strain: finite, but larger than any host's
+  static constexpr double kLeastSlope = 1e-30;        // smallest slope, relative to the target: its inverse is finite
+  static constexpr double kNearRest = 1e-12;          // relative distance from rest of a vertex that may creep
+  static constexpr double kArrived = 1e-8;            // longest last step of ln r: the next step is below rounding
   // A step by two points leaves an error of ln r of the order of the squared product of the distances to the points.
-  // This product is the largest one whose square is below rounding.
+  // kArrivedByTwo is the largest product whose square is below rounding.
   static constexpr double kArrivedByTwo = 3e-8;
-  static constexpr double kSmooth = 3e-4;   // longest last step by two points; no branch of tau ends within three of it
-  static constexpr double kMostBend = 4.0;  // largest correction of Newton's step by the second point, of its square
-  static constexpr double kRounding = 1e-15;    // of the target
-  static constexpr int kNewtonIterations = 12;  // it takes 2 to 5; from then on every second step bisects
+  static constexpr double kSmooth = 3e-4;   // longest last step by two points; no branch of tau ends within 3 kSmooth
+  static constexpr double kMostBend = 4.0;  // largest correction by the second point, over the square of Newton's step
+  static constexpr double kRounding = 1e-15;    // rounding error of tau, relative to the target
+  static constexpr int kNewtonIterations = 12;  // 2 to 5 are usual; after these every second step bisects
   static constexpr int kMostIterations = 150;
 
-  // tau and its derivatives with respect to ln r, ep and T^.
+  // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.
   struct Reduced {
     double stress, by_log_rate, by_strain, by_T_hat;
-    double branch;  // number of the branches that form tau_s and tau_y; NaN near the end of one of them
+    double branch;  // code of the branches that form tau_s and tau_y; NaN near the end of a branch
   };
 
-  // What a vertex at a temperature has, whatever its load and strain.
+  // Properties of a vertex that depend on its temperature, but not on its load and strain.
   struct Vertex {
-    double g;            // (G/G0) m; 0 where molten
-    double T_hat;        // T/T_melt
-    double log_scale;    // ln of dep of the step at r = 1
-    double log_slowest;  // ln r at the slowest rate
+    double g;            // softening (G/G0) m; 0 where molten
+    double T_hat;        // relative temperature T/T_melt
+    double log_scale;    // ln of the strain increment dep of the step at r = 1
+    double log_slowest;  // logarithm of r at the slowest rate
   };
   struct Slopes {
     double inverse_T_melt;  // [1/K]
-    double log_g;           // dln(g)/dT      [1/K]
-    double log_modulus;     // dln(G)/dT      [1/K]
+    double log_g;           // logarithmic slope dln(g)/dT      [1/K]
+    double log_modulus;     // logarithmic slope dln(G)/dT      [1/K]
   };
 
-  // The roots of N vertices.
+  // The search for ln r at N vertices, and its results.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];      // tau
-    alignas(64) double above_rest[N];  // target less tau at the slowest rate, without the strain of this step
+    alignas(64) double target[N];      // value that tau must reach
+    alignas(64) double above_rest[N];  // target less tau at the slowest rate and old strain
     alignas(64) double T_hat[N];
     alignas(64) double log_scale[N];
-    alignas(64) double lo[N];  // bracket of ln r
+    alignas(64) double lo[N];  // bracket of the root ln r: lo, hi
     alignas(64) double hi[N];
-    alignas(64) double y[N];            // ln r
-    alignas(64) double by_log_rate[N];  // of tau there
+    alignas(64) double y[N];            // ln r, the unknown of the search
+    alignas(64) double by_log_rate[N];  // derivative of tau by ln r at the root
     alignas(64) double by_strain[N];
     alignas(64) double by_T_hat[N];
-    alignas(64) double crept[N];   // dep where the rate has no effect
-    alignas(64) double creeps[N];  // 1 where the root is crept; before creep(), where it may be
-    alignas(64) double moves[N];   // 1 where the search goes on
+    alignas(64) double crept[N];   // strain increment dep of a vertex on which the rate has no effect
+    alignas(64) double creeps[N];  // 1 where the root is `crept`; before creep(), where it may be
+    alignas(64) double moves[N];   // 1 where the search goes on, else 0
   };
 
-  // gamma xi at G0   [1/s]
+  // The attempt rate gamma xi at the modulus G0   [1/s]
   static double attempts(const Material& m) {
     const double per_length = 4.0 * kPi * m.density * kAvogadro / (3.0 * m.molar_mass);
     return m.attempt_rate * 0.5 * power(per_length, 1.0 / 3.0) * std::sqrt(m.shear_modulus / m.density);
@@ -294,18 +295,18 @@ class PrestonTonksWallace {
     return {1.0 / T_melt, solid ? log_modulus - kMeltingFactor * T_melt * inverse_x * inverse_x : 0.0, log_modulus};
   }
 
-  // tau_s and tau_y at y = ln r, their derivatives with respect to y and T^, and what hardening makes of them.
+  // The stresses tau_s and tau_y at y = ln r, their derivatives by y and T^, and the hardening between the two.
   struct Branches {
     double tau_s, tau_y;
     double s_rate, y_rate;
     double s_T, y_T;
-    double branch;   // of Reduced
-    double hardens;  // positive where tau_y < tau_s
-    double d;        // s0 - tau_y
-    double share;    // (tau_s - tau_y) / d, at most 1
+    double branch;   // as Reduced::branch
+    double hardens;  // hardening tau_s - tau_y, at most d
+    double d;        // largest hardening, s0 - tau_y
+    double share;    // hardening relative to the largest, (tau_s - tau_y) / d, at most 1
   };
   [[gnu::always_inline]] Branches branches(double y, double T_hat) const {
-    const double slower = y < 0.0 ? -y : 0.0;  // ln(1/r)
+    const double slower = y < 0.0 ? -y : 0.0;  // logarithm of 1/r; 0 if r > 1
     const double activated = kappa_ * T_hat;
     const ErrorFunction erf = error_function(activated * slower);
     const double over = s0_ * exponential(beta_ * y);
@@ -345,7 +346,7 @@ class PrestonTonksWallace {
     return difference < -reach ? -1.0 : larger;
   }
 
-  // tau at y = ln r.
+  // The flow stress tau at y = ln r, and its derivatives.
   [[gnu::always_inline]] Reduced reduced(double y, double ep, double T_hat) const {
     const double slower = y < 0.0 ? -y : 0.0;
     const Branches at = branches(y, T_hat);
@@ -371,8 +372,8 @@ class PrestonTonksWallace {
             at.branch};
   }
 
-  // The roots of the vertices whose strength at the slowest rate, after the strain of a step at this rate, reaches the
-  // target: there the rate has no effect, and dep follows from the inverse of Voce's hardening.
+  // Finds the roots of vertices whose strength at the slowest rate, after the strain of a step at this rate, reaches
+  // the target: there the rate has no effect, and dep follows from the inverse of Voce's hardening.
   template <int N>
   [[gnu::always_inline]] void creep(const double* ep, Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {
