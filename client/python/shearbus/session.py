@@ -433,7 +433,8 @@ class Session:
         """Raises MessageError where the server lacks a capability that it may ignore without a word."""
         if capability not in self.welcome.capabilities:
             raise MessageError(Code.UNSUPPORTED,
-                               f"the server (version {self.welcome.server_version}) has no {capability}", "Use a newer server.", field)
+                               f"the server (version {self.welcome.server_version}) has no {capability}",
+                               "Use a newer server.", field)
 
     def _plan(self, named, names):
         """Returns (columns, places) of requests with these keywords: where each keyword's values begin in the frame,
