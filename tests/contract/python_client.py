@@ -197,6 +197,14 @@ class Steps(Live):
         fault = self.assert_refused(shearbus.ContentError, "INVALID_SCENE",
                                     lambda: self.open(VELOCITY_DRIVEN.replace("cells", "cels")), "layer.cels")
         self.assertIn("scene:9:1: ", fault.text)
+        edited = shearbus.Scene(file)
+        edited["interface.friction_coefficient"] = 0.25
+        edited["layer.initial_temperature_k"] = edited["layer.cells"] * 10.0
+        scene = shearbus.Scene(self.open(edited).scene)
+        self.assertEqual((scene["interface.friction_coefficient"], scene["layer.initial_temperature_k"]), (0.25, 400.0))
+        self.assertEqual(self.open(scene).scene, self.open(edited).scene)
+        with self.assertRaises(KeyError):
+            scene["interface.mu"]
         for wrong in ("no_such_file.toml", 3, {"name": None}):
             self.assert_refused(shearbus.ContentError, "INVALID_SCENE", lambda: self.open(wrong))
 
@@ -598,7 +606,7 @@ class Hosts(Live):
             self.addCleanup(os.environ.pop, name)
         self.assertEqual(self.open(endpoint="ipc:///nowhere").name, "constant_friction")
 
-    def test_the_example_runs_as_printed(self):
+    def test_the_examples_run_as_printed(self):
         done = subprocess.run([
             sys.executable, "-B", OPTIONS.source / "client/examples/host.py", OPTIONS.endpoint
         ],
@@ -606,6 +614,12 @@ class Hosts(Live):
                               stdout=subprocess.PIPE,
                               env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
         self.assertEqual(done.returncode, 0)
+        swept = subprocess.run([sys.executable, "-B", OPTIONS.source / "client/examples/sweep.py", OPTIONS.endpoint],
+                               text=True, stdout=subprocess.PIPE,
+                               env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+        hottest = [[float(word) for word in line.split()[1::2]] for line in swept.stdout.splitlines()[1:]]
+        self.assertEqual((swept.returncode, numpy.shape(hottest)), (0, (3, 3)))
+        self.assertTrue((numpy.diff(hottest, axis=0) > 0).all() and (numpy.diff(hottest, axis=1) > 0).all(), hottest)
         self.assertIn("node  5  P   500 MPa  [V] 92.183880 m/s  exact 92.183880\n", done.stdout)
 
 
