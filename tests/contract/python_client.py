@@ -209,6 +209,83 @@ class Steps(Live):
             self.assert_refused(shearbus.ContentError, "INVALID_SCENE", lambda: self.open(wrong))
 
 
+class Forms(Live):
+    """What a force-driven host may leave to the server."""
+
+    FAR = {"jump": numpy.array([100.0, 50, -80]), "pressure": 1e9, "stress_soft": 30e6,
+           "stress_hard": numpy.array([0.0, 1e7, -1e7]), "mass_soft": 0.0043, "mass_hard": 0.0123}
+
+    def setUp(self):
+        self.scene = OPTIONS.source / "client/examples/constant_friction.toml"
+
+    def stick(self, dt):
+        """Returns FAR in stick form."""
+        soft, hard = self.FAR["mass_soft"], self.FAR["mass_hard"]
+        z = 1 / (dt * (1 / soft + 1 / hard))
+        free = self.FAR["jump"] + dt * (self.FAR["stress_soft"] / soft + self.FAR["stress_hard"] / hard)
+        return {"jump": self.FAR["jump"], "pressure": 1e9, "stick_stress": z * free, "impedance": z}
+
+    def test_the_stick_form_has_the_answers_of_the_far_field_form(self):
+        far, stick = self.open(self.scene), self.open(self.scene)
+        for dt in (1e-9, 3e-9):
+            a, b = (bus.step(dt, **values) for bus, values in ((far, self.FAR), (stick, self.stick(dt))))
+            for name in ("stress", "jump_new", "temperature"):
+                numpy.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-12)
+            far._closure.forget()
+            stick._closure.forget()
+        both = {**self.FAR, **self.stick(1e-9)}
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **both), "stress_soft")
+        part = {name: value for name, value in self.stick(1e-9).items() if name != "impedance"}
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **part), "impedance", text="missing")
+
+    def test_a_wrong_host_in_stick_form_is_told_its_mistake(self):
+        for factor, text in ((-1, "wrong sign"), (0, "is not applied"), (.5, "to one side only"), (2, "half of that")):
+            bus = self.open(self.scene, closure="error")
+            sent = self.stick(1e-9)
+            answer = bus.step(1e-9, **sent)
+            sent["jump"] = (sent["stick_stress"] - factor * answer.stress) / sent["impedance"]
+            self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: bus.step(1e-9, **sent), "jump", text=text)
+
+    def test_absent_nodes_cool_where_the_host_says_so(self):
+        keep, opened, plain = (self.open(self.scene, closure="off") for _ in range(3))
+        one = {**self.FAR, "jump": 70.0, "stress_hard": 0.0}
+        for bus in (keep, opened, plain):
+            bus.step(1e-9, **self.FAR)
+        for _ in range(3):
+            keep.step(1e-9, nodes=[7], **one)
+            answer = opened.step(1e-9, nodes=[7], absent_nodes="open", **one)
+            named = {name: numpy.array([0.0, value, 0.0]) for name, value in one.items() if not name.startswith("mass")}
+            expected = plain.step(1e-9, **named, mass_soft=one["mass_soft"], mass_hard=one["mass_hard"])
+            self.assertEqual(answer.stress[0], expected.stress[1])
+        hot, cool, same = (bus.step(1e-12, **self.FAR).temperature for bus in (keep, opened, plain))
+        numpy.testing.assert_array_equal(cool, same)
+        self.assertTrue((cool[[0, 2]] < hot[[0, 2]]).all())
+        self.assert_refused(shearbus.MessageError, "SHAPE",
+                            lambda: opened.step(1e-9, nodes=[7], absent_nodes="cool", **one), "absent_nodes")
+
+    def test_the_server_tells_closure_times_and_units(self):
+        bus = self.open(self.scene, want="closure")
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            first = bus.step(2e-6, time=2e-6, **self.FAR)
+            second = bus.step(2e-6, time=7e-6, **self.FAR)
+        self.assertTrue(numpy.isnan(first.closure).all())
+        numpy.testing.assert_array_equal(second.closure, self.FAR["jump"] - first.jump_new)
+        worst = abs(second.closure).argmax()
+        self.assertEqual((second.largest_closure, second.closure_node), (abs(second.closure[worst]), NODES[worst]))
+        self.assertAlmostEqual(second.layer_time, 4e-6)
+        told = [str(w.message).split(":")[0] for w in caught if pathlib.Path(w.filename).name == "python_client.py"]
+        self.assertEqual(sorted(told), sorted(set(told)))
+        self.assertLessEqual({"dt_s", "time_s", "closure"}, set(told))
+
+    def test_a_server_that_lacks_a_capability_is_named(self):
+        bus = self.open(self.scene, idle_limit=3600)
+        bus.welcome.capabilities = ()
+        for call, field in ((lambda: bus.step(1e-9, **self.stick(1e-9)), "stick_stress"),
+                            (lambda: bus.step(1e-9, absent_nodes="open", **self.FAR), "absent_nodes")):
+            self.assert_refused(shearbus.MessageError, "UNSUPPORTED", call, field)
+
+
 class Decisions(Live):
     def test_a_trial_commits_on_leaving_and_rolls_back_otherwise(self):
         bus, plain = self.open(), self.open()

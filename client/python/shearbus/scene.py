@@ -41,8 +41,8 @@ class Scene(dict):
     """A scene to be edited, as nested dicts; a key with dots names a value in a table:
     scene["interface.friction_coefficient"] = 0.2. shearbus.open() takes it as it takes any dict.
 
-    scene: path of a TOML file, TOML text (anything with a line break), or a dict. Raises tomllib.TOMLDecodeError or OSError;
-    what the keys mean is checked by the server when the scene is opened."""
+    scene: path of a TOML file, TOML text (anything with a line break), or a dict. Raises tomllib.TOMLDecodeError or
+    OSError; what the keys mean is checked by the server when the scene is opened."""
 
     def __init__(self, scene):
         if not isinstance(scene, dict):
