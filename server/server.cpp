@@ -32,6 +32,13 @@ std::uint64_t random_epoch() {
   return epoch != 0 ? epoch : 1;
 }
 
+store::StoreId random_store_id() {
+  std::random_device source;
+  store::StoreId id{};
+  for (std::uint8_t& byte : id) byte = static_cast<std::uint8_t>(source());
+  return id;
+}
+
 std::uint64_t three_quarters_of_memory() {
   const auto pages = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES));
   return pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 4 * 3;
@@ -61,6 +68,7 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
           .epoch = epoch,
           .checkpoint_bytes = options.checkpoint_after_mb << 20,
           .max_capsules = options.max_capsules,
+          .fresh_id = random_store_id(),
           .accept_empty = options.accept_empty,
           .log = log.info};
 }

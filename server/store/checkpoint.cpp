@@ -195,7 +195,8 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
     for (const TransferImage& transfer : snapshot.transfers) put_transfer(transfers, transfer);
   }
   std::vector<std::byte> bytes = bytes_of_image(file);
-  CheckpointFooter footer{.image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes)};
+  CheckpointFooter footer{
+      .image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes), .store = snapshot.store};
   footer.sum = sum_of_footer(footer);
   const Bytes end = std::as_bytes(std::span(&footer, 1));
   bytes.insert(bytes.end(), end.begin(), end.end());
@@ -226,6 +227,9 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
   try {
     const hdf5::File opened = open_image(image);
     Snapshot snapshot;
+    CheckpointFooter footer;
+    std::memcpy(&footer, file.data() + file.size() - sizeof footer, sizeof footer);
+    snapshot.store = footer.store;
     if (text_of(opened, "format") != kFormat || number_of(opened, "format_version") != kCheckpointVersion)
       throw Hdf5Error("find the format it was written for");
     snapshot.server_version = text_of(opened, "server_version");

@@ -14,6 +14,8 @@ namespace shearbus::store {
 namespace {
 
 Snapshot read(const std::filesystem::path& path) {
+  if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path))
+    throw std::runtime_error(path.string() + ": no file; expected a checkpoint, such as checkpoint-000000000001.h5");
   std::ifstream file(path, std::ios::binary | std::ios::ate);
   const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
   if (size < 0) throw std::runtime_error(path.string() + ": cannot be read");

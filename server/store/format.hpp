@@ -20,25 +20,47 @@ class DamagedFile : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint32_t kJournalVersion = 2;
-inline constexpr std::uint32_t kCheckpointVersion = 2;
+inline constexpr std::uint32_t kJournalVersion = 3;
+inline constexpr std::uint32_t kCheckpointVersion = 3;
+inline constexpr std::uint32_t kIdentityVersion = 1;
 inline constexpr std::uint32_t kCapsuleVersion = 1;
 inline constexpr std::array<char, 8> kJournalMagic = {'S', 'H', 'B', 'J', 'R', 'N', 'L', '\n'};
 inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K', 'P', 'T', '\n'};
+inline constexpr std::array<char, 8> kIdentityMagic = {'S', 'H', 'B', 'S', 'T', 'O', 'R', '\n'};
 
 using SessionKey = std::array<std::uint8_t, 16>;
+using StoreId = std::array<std::uint8_t, 16>;  // random number of a state directory; stands in each of its files
+
+// The file `store`: the directory's id, and the newest files that the directory has held. The file is written and
+// synced before the first record of a segment and after every checkpoint, so that a lost file is noticed.
+struct StoreIdentity {
+  std::array<char, 8> magic = kIdentityMagic;
+  std::uint32_t version = kIdentityVersion;
+  std::uint32_t reserved = 0;
+  StoreId id{};
+  std::uint64_t last_segment = 0;     // number of the newest segment; 0: there has been none
+  std::uint64_t first_index = 0;      // of that segment
+  std::uint64_t last_checkpoint = 0;  // newest generation; 0: there has been none
+  std::uint64_t sum = 0;              // XXH3-64 of the fields above
+};
+static_assert(sizeof(StoreIdentity) == 64);
+inline constexpr const char* kIdentityName = "store";
 
 // Header at the start of every journal segment.
 struct SegmentHeader {
   std::array<char, 8> magic = kJournalMagic;
   std::uint32_t version = kJournalVersion;
-  std::uint32_t header_bytes = 48;
+  std::uint32_t header_bytes = 80;
   std::uint64_t number = 0;       // number of the segment, as in its file name
   std::uint64_t epoch = 0;        // epoch of the server that wrote the segment, as in the replies that it sent
   std::uint64_t first_index = 0;  // index of its first record
+  StoreId store{};                // id of the directory
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
+  // Written again, in place, whenever records have been settled: index behind the last settled record.
+  std::uint64_t settled = 0;
+  std::uint64_t settled_sum = 0;  // XXH3-64 of `settled`, with `sum` as seed
 };
-static_assert(sizeof(SegmentHeader) == 48);
+static_assert(sizeof(SegmentHeader) == 80);
 
 // Header before the bytes of every record. The XXH3-64 of header and bytes follows the bytes.
 struct RecordHeader {
@@ -61,12 +83,13 @@ struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
   std::uint64_t generation = 0;              // generation, as in the file name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
+  StoreId store{};                           // id of the directory
   std::uint32_t version = kCheckpointVersion;
   std::uint32_t reserved = 0;
   std::array<char, 8> magic = kCheckpointMagic;
   std::uint64_t sum = 0;  // XXH3-64 of the fields above
 };
-static_assert(sizeof(CheckpointFooter) == 56);
+static_assert(sizeof(CheckpointFooter) == 72);
 
 inline std::string segment_name(std::uint64_t number);
 inline std::string checkpoint_name(std::uint64_t generation);

@@ -16,8 +16,11 @@ std::uint64_t never_zero(std::uint64_t sum) {
 
 template <typename Header>
 std::uint64_t sum_of_header(const Header& header) {
-  static_assert(offsetof(Header, sum) + sizeof header.sum == sizeof header);
   return never_zero(XXH3_64bits(&header, offsetof(Header, sum)));
+}
+
+std::uint64_t sum_of_settled(std::uint64_t settled, std::uint64_t header_sum) {
+  return never_zero(XXH3_64bits_withSeed(&settled, sizeof settled, header_sum));
 }
 
 // The sum of each part is the seed of the next part's sum.
@@ -59,9 +62,13 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
                 std::to_string(kJournalVersion) + ". Finish the run with the server that wrote it");
   if (header.sum != sum_of_header(header) || header.header_bytes != sizeof header)
     damaged(name, 0, "the segment's header does not match its sum");
+  if (header.settled_sum != sum_of_settled(header.settled, header.sum))
+    damaged(name, offsetof(SegmentHeader, settled), "the number of settled records does not match its sum");
   segment.number = header.number;
   segment.epoch = header.epoch;
   segment.first_index = header.first_index;
+  segment.store = header.store;
+  segment.settled = header.settled;
   return true;
 }
 
@@ -105,19 +112,26 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
 }  // namespace
 
 JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
-                             bool durable)
+                             bool durable, const StoreId& store)
     : file_(storage.create(segment_name(number))),
       number_(number),
       first_index_(first_index),
-      next_index_(first_index) {
-  SegmentHeader header{.number = number, .epoch = epoch, .first_index = first_index};
-  header.sum = sum_of_header(header);
+      next_index_(first_index),
+      durable_(durable) {
+  SegmentHeader header{
+      .number = number, .epoch = epoch, .first_index = first_index, .store = store, .settled = first_index};
+  header.sum = header_sum_ = sum_of_header(header);
+  header.settled_sum = sum_of_settled(header.settled, header.sum);
   const std::array parts = {bytes_of(header)};
-  file_->append(parts);
   bytes_ = sizeof header;
-  if (durable) {
+  try {
+    file_->append(parts);
+    if (!durable) return;
     file_->sync();
     storage.sync_directory();
+  } catch (const StorageError&) {
+    discard(storage, segment_name(number));
+    throw;
   }
 }
 
@@ -145,16 +159,23 @@ void JournalWriter::append(const Record& record) {
   }
   for (const Bytes part : parts) bytes_ += part.size();
   ++next_index_;
-  unsynced_ = true;
+  unsettled_ = true;
 }
 
-void JournalWriter::sync() {
+void JournalWriter::settle() {
   if (broken_) throw StorageError("the journal is broken", EIO);
-  if (!unsynced_) return;
+  if (!unsettled_) return;
   broken_ = true;
-  file_->sync();
+  if (durable_) file_->sync();
+  // The note follows the sync, so no disk can hold the note without the records. The next sync brings it to the disk.
+  const std::array<std::uint64_t, 2> note = {next_index_, sum_of_settled(next_index_, header_sum_)};
+  try {
+    file_->overwrite(offsetof(SegmentHeader, settled), bytes_of(note));
+  } catch (const StorageError& fault) {
+    if (!fault.no_space()) throw;  // the older note stays, which is true as well
+  }
   broken_ = false;
-  unsynced_ = false;
+  unsettled_ = false;
 }
 
 Segment read_segment(Bytes bytes, const std::string& name) {

@@ -28,13 +28,17 @@ struct Record {
 // Appends records to a new segment, which is one file of the journal.
 class JournalWriter {
  public:
-  // Creates the file. With `durable` the name and the header are on the disk when the constructor returns.
-  JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable);
+  // Creates the file. With `durable` the name and the header are on the disk when the constructor returns. A file that
+  // cannot be finished is removed.
+  JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable,
+                const StoreId& store = {});
 
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
   // failure the journal must not be used.
   void append(const Record& record);
-  void sync();  // calls File::sync if anything was appended since the last call
+  // Notes in the segment's header that all appended records are settled, after File::sync if the journal is durable.
+  // Does nothing if no record was appended since the last call. A failure is final.
+  void settle();
 
   std::uint64_t number() const { return number_; }
   std::uint64_t next_index() const { return next_index_; }
@@ -48,7 +52,9 @@ class JournalWriter {
   std::uint64_t first_index_;
   std::uint64_t next_index_;
   std::uint64_t bytes_ = 0;
-  bool unsynced_ = false;
+  std::uint64_t header_sum_ = 0;
+  bool durable_;
+  bool unsettled_ = false;
   bool broken_ = false;
 };
 
@@ -57,6 +63,8 @@ struct Segment {
   std::uint64_t number = 0;
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
+  StoreId store{};            // id of the directory that the segment belongs to
+  std::uint64_t settled = 0;  // index behind the last record that was settled; such records may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
   bool torn = false;              // the last record is incomplete, so its request was never answered

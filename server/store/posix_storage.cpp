@@ -52,8 +52,15 @@ class PosixFile final : public File {
       }
     }
   }
+  void overwrite(std::uint64_t offset, Bytes bytes) override {
+    const auto written =
+        retried([&] { return ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(offset)); });
+    if (written != static_cast<ssize_t>(bytes.size()))
+      throw StorageError("cannot write " + name_, written < 0 ? errno : EIO);
+  }
   void truncate(std::uint64_t size) override {
-    if (retried([&] { return ::ftruncate(file_, static_cast<off_t>(size)); }) < 0)
+    const auto end = static_cast<off_t>(size);
+    if (retried([&] { return ::ftruncate(file_, end); }) < 0 || ::lseek(file_, end, SEEK_SET) < 0)
       throw StorageError("cannot shorten " + name_, errno);
   }
   void sync() override {
@@ -83,21 +90,44 @@ PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(direc
         "the state directory " + path_.string() +
         " must belong to the user of the server and be writable by nobody else: chmod go-w, or choose another");
   }
-  lock_ = ::openat(directory_, kLockName, O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (lock_ < 0 || ::flock(lock_, LOCK_EX | LOCK_NB) < 0) {
-    const int fault = errno;
+  try {
+    // A file system that locks no directories, such as NFS, fails otherwise: there the lock file has to do.
+    if (::flock(directory_, LOCK_EX | LOCK_NB) < 0 && errno == EWOULDBLOCK) refuse_held();
+    hold_lock();
+  } catch (const std::exception&) {
     if (lock_ >= 0) ::close(lock_);
     ::close(directory_);
-    if (fault == EWOULDBLOCK)
-      throw std::runtime_error("another server holds the state directory " + path_.string() +
-                               "; stop it first, or choose another directory");
-    throw StorageError("cannot lock the state directory " + path_.string(), fault);
+    throw;
   }
 }
 
 PosixStorage::~PosixStorage() {
   ::close(lock_);
   ::close(directory_);
+}
+
+void PosixStorage::refuse_held() const {
+  throw StorageError(
+      "another server holds the state directory " + path_.string() + "; stop it first, or choose another directory",
+      EBUSY);
+}
+
+// Locks the file of that name in the directory, unless the file locked before has the name still.
+void PosixStorage::hold_lock() {
+  struct stat held {
+  }, named{};
+  if (lock_ >= 0 && ::fstat(lock_, &held) == 0 && ::fstatat(directory_, kLockName, &named, AT_SYMLINK_NOFOLLOW) == 0 &&
+      held.st_dev == named.st_dev && held.st_ino == named.st_ino)
+    return;
+  const int file = ::openat(directory_, kLockName, O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0 || ::flock(file, LOCK_EX | LOCK_NB) < 0) {
+    const int fault = errno;
+    if (file >= 0) ::close(file);
+    if (fault == EWOULDBLOCK) refuse_held();
+    throw StorageError("cannot lock the state directory " + path_.string(), fault);
+  }
+  if (lock_ >= 0) ::close(lock_);
+  lock_ = file;
 }
 
 std::vector<std::string> PosixStorage::list() {
@@ -119,12 +149,17 @@ std::vector<std::string> PosixStorage::list() {
 }
 
 std::vector<std::byte> PosixStorage::read(const std::string& name) {
-  const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  // Without O_NONBLOCK the call would wait for the writer of a pipe of that name.
+  const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (file < 0) throw StorageError("cannot open " + name, errno);
   struct stat found {};
   std::vector<std::byte> bytes;
   std::size_t size = 0;
   ssize_t taken = ::fstat(file, &found);
+  if (taken == 0 && !S_ISREG(found.st_mode)) {
+    ::close(file);
+    throw StorageError("cannot read " + name + ", which is no regular file", EINVAL);
+  }
   if (taken == 0) {
     bytes.resize(static_cast<std::size_t>(found.st_size));
     while (size < bytes.size() &&
@@ -139,15 +174,9 @@ std::vector<std::byte> PosixStorage::read(const std::string& name) {
 }
 
 std::unique_ptr<File> PosixStorage::create(const std::string& name) {
-  const int file =
-      ::openat(directory_, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  hold_lock();
+  const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) throw StorageError("cannot make " + name, errno);
-  return std::make_unique<PosixFile>(file, name);
-}
-
-std::unique_ptr<File> PosixStorage::open(const std::string& name) {
-  const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NOFOLLOW);
-  if (file < 0) throw StorageError("cannot open " + name, errno);
   return std::make_unique<PosixFile>(file, name);
 }
 

@@ -9,8 +9,9 @@ namespace shearbus::store {
 
 class PosixStorage final : public Storage {
  public:
-  // Creates the directory (mode 0700) if it does not exist, and locks it. Throws std::runtime_error if another process
-  // holds the lock, or if another user owns the directory or can write to it: write access to the directory is control
+  // Creates the directory (mode 0700) if it does not exist, and locks it: the directory itself and, for file systems
+  // that lock no directories, the file `lock` in it. Throws std::runtime_error if another process
+  // holds a lock, or if another user owns the directory or can write to it: write access to the directory is control
   // over the states.
   explicit PosixStorage(const std::filesystem::path& directory);
   PosixStorage(const PosixStorage&) = delete;
@@ -19,13 +20,16 @@ class PosixStorage final : public Storage {
 
   std::vector<std::string> list() override;
   std::vector<std::byte> read(const std::string& name) override;
+  // Locks the directory again if somebody has removed the lock file, and throws if another process holds it then.
   std::unique_ptr<File> create(const std::string& name) override;
-  std::unique_ptr<File> open(const std::string& name) override;
   void rename(const std::string& from, const std::string& to) override;
   void remove(const std::string& name) override;
   void sync_directory() override;
 
  private:
+  [[noreturn]] void refuse_held() const;
+  void hold_lock();
+
   std::filesystem::path path_;
   int directory_ = -1;
   int lock_ = -1;

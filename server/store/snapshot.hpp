@@ -76,6 +76,7 @@ struct Capsule {
 };
 
 struct Snapshot {
+  StoreId store{};                     // id of the state directory
   std::uint64_t next_index = 0;        // index of the first journal record that is not in these states
   std::string server_version;          // version of the server that wrote the checkpoint
   std::vector<SessionImage> sessions;  // closed sessions in the order in which they were closed

@@ -1,11 +1,15 @@
 #include "server/store/store.hpp"
 
+#include <xxhash.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
+#include <cstring>
 #include <exception>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -18,15 +22,45 @@ constexpr std::string_view kUnfinished = ".tmp";
 constexpr std::string_view kSetAside = ".unused";
 constexpr std::size_t kGenerationsKept = 2;
 
-// Returns the number in a file name of this kind, or nothing for another name.
-std::optional<std::uint64_t> number_in(std::string_view name, std::string_view prefix, std::string_view suffix) {
-  if (!name.starts_with(prefix) || !name.ends_with(suffix) || name.size() <= prefix.size() + suffix.size()) return {};
-  name.remove_prefix(prefix.size());
-  name.remove_suffix(suffix.size());
+constexpr const char* kOfRestoring =
+    ". Restore the file from a backup, or start with --accept-empty to set every file aside and lose the states";
+constexpr const char* kOfLoss =
+    ". Restore the file from a backup, or start once with --durability process, which goes on from what is there";
+
+// Returns the number in a file name of this kind, or nothing for any other name.
+std::optional<std::uint64_t> number_in(const std::string& file, std::string_view prefix,
+                                       std::string (*name_of)(std::uint64_t)) {
+  constexpr std::size_t kDigits = 12;
   std::uint64_t number = 0;
-  const auto [end, fault] = std::from_chars(name.data(), name.data() + name.size(), number);
-  if (fault != std::errc() || end != name.data() + name.size()) return {};
+  if (!file.starts_with(prefix) || file.size() < prefix.size() + kDigits) return {};
+  const char* const digits = file.data() + prefix.size();
+  if (std::from_chars(digits, digits + kDigits, number).ec != std::errc() || file != name_of(number)) return {};
   return number;
+}
+
+std::string hexadecimal(const StoreId& id) {
+  std::string text;
+  for (const std::uint8_t byte : id) {
+    text += "0123456789abcdef"[byte >> 4];
+    text += "0123456789abcdef"[byte & 15];
+  }
+  return text;
+}
+
+std::uint64_t sum_of(const StoreIdentity& identity) {
+  return XXH3_64bits(&identity, offsetof(StoreIdentity, sum));
+}
+
+StoreIdentity identity_in(Bytes bytes) {
+  const std::string file = kIdentityName;
+  StoreIdentity identity;
+  if (bytes.size() != sizeof identity)
+    throw DamagedFile(file + ": " + std::to_string(bytes.size()) + " bytes, expected " +
+                      std::to_string(sizeof identity));
+  std::memcpy(&identity, bytes.data(), sizeof identity);
+  if (identity.magic != kIdentityMagic || identity.sum != sum_of(identity))
+    throw DamagedFile(file + ": its bytes do not match their sum");
+  return identity;
 }
 
 }  // namespace
@@ -49,6 +83,7 @@ struct Store::Found {
   std::vector<std::uint64_t> segments;
   std::vector<std::uint64_t> capsules;
   std::vector<std::string> unfinished;
+  std::set<std::string> names;  // of every file
 };
 
 Store::Store(Storage& storage, StoreOptions options) : storage_(storage), options_(std::move(options)) {}
@@ -59,11 +94,23 @@ void Store::log(const std::string& line) const {
 
 Store::Found Store::find() {
   Found found;
-  for (const std::string& file : storage_.list()) {
-    if (const auto generation = number_in(file, "checkpoint-", ".h5")) found.checkpoints.push_back(*generation);
-    if (const auto number = number_in(file, "journal-", ".log")) found.segments.push_back(*number);
-    if (const auto number = number_in(file, "capsule-", ".h5")) found.capsules.push_back(*number);
-    if (file.ends_with(kUnfinished)) found.unfinished.push_back(file);
+  for (std::string& file : storage_.list()) {
+    std::string_view finished = file;
+    if (finished.ends_with(kUnfinished)) finished.remove_suffix(kUnfinished.size());
+    const std::string kept(finished);
+    const auto checkpoint = number_in(kept, "checkpoint-", checkpoint_name);
+    const auto segment = number_in(kept, "journal-", segment_name);
+    const auto capsule = number_in(kept, "capsule-", capsule_name);
+    if (kept != file) {
+      if (checkpoint || capsule || kept == kIdentityName) found.unfinished.push_back(file);
+    } else if (checkpoint) {
+      found.checkpoints.push_back(*checkpoint);
+    } else if (segment) {
+      found.segments.push_back(*segment);
+    } else if (capsule) {
+      found.capsules.push_back(*capsule);
+    }
+    found.names.insert(std::move(file));
   }
   std::sort(found.checkpoints.begin(), found.checkpoints.end());
   std::sort(found.segments.begin(), found.segments.end());
@@ -73,108 +120,307 @@ Store::Found Store::find() {
 
 void Store::recover(Recovery& recovery) {
   const Found found = find();
-  for (const std::string& file : found.unfinished) storage_.remove(file);
-  if (!found.checkpoints.empty()) next_generation_ = found.checkpoints.back() + 1;
-  if (!found.segments.empty()) next_segment_ = found.segments.back() + 1;
+  for (const std::string& file : found.names)
+    if ((file.starts_with("checkpoint-") || file.starts_with("journal-")) &&
+        (file.ends_with(".h5") || file.ends_with(".log")) && !number_in(file, "checkpoint-", checkpoint_name) &&
+        !number_in(file, "journal-", segment_name))
+      log(file + " is no file of this server: it is left alone");
+  for (const std::string& file : found.unfinished) discard(storage_, file);
   try {
     recover_from(found, recovery);
   } catch (const std::exception& fault) {
-    recovery.clear();
-    if (!options_.accept_empty) throw;
-    log(std::string("the states on disk cannot be used: ") + fault.what());
-    set_aside(found);
+    const std::string text = fault.what();
+    if (options_.accept_empty) return start_empty(found, recovery, text);
+    if (dynamic_cast<const DamagedFile*>(&fault) == nullptr || text.ends_with(kOfLoss)) throw;
+    throw DamagedFile(text + kOfRestoring);
   }
-  if (journaling()) start_segment();
 }
 
 void Store::recover_from(const Found& found, Recovery& recovery) {
-  replay_segments(found, restore_newest(found, recovery), recovery);
+  const bool identified = read_identity(found);
+  const Restored restored = restore_newest(found, recovery);
+  const bool lost = replay_segments(found, restored, recovery);
+  next_segment_ = std::max(identity_.last_segment, segments_.empty() ? 0 : segments_.back().number) + 1;
+  next_generation_ = std::max(identity_.last_checkpoint, checkpoints_.empty() ? 0 : checkpoints_.back().number) + 1;
+  if (!identified) {
+    if (found.names.contains(kIdentityName))
+      storage_.rename(kIdentityName, kIdentityName + unused_suffix(found, {kIdentityName}));
+    write_identity(identity_);
+    publish_identity(identity_);
+  }
+  if (lost && journaling()) start_segment();  // from here on the loss is accepted
 }
 
-// Returns the index of the first record that is not part of the restored checkpoint.
-std::uint64_t Store::restore_newest(const Found& found, Recovery& recovery) {
-  std::string faults;
+// Reads the directory's id. Returns false if the directory has none: it is new, or the file is lost or damaged. Then
+// the id is the one of the newest sound file.
+bool Store::read_identity(const Found& found) {
+  const bool there = found.names.contains(kIdentityName);
+  std::string fault = "it is missing";
+  if (there) {
+    try {
+      identity_ = identity_in(storage_.read(kIdentityName));
+      if (identity_.version == kIdentityVersion) return true;
+    } catch (const DamagedFile& why) {
+      fault = why.what();
+    }
+    if (identity_.version != kIdentityVersion)
+      throw DamagedFile(kIdentityName + std::string(": version ") + std::to_string(identity_.version) +
+                        "; this server reads version " + std::to_string(kIdentityVersion));
+  }
+  identity_ = {.id = options_.fresh_id};
+  if (!found.checkpoints.empty() || !found.segments.empty()) {
+    const std::string text = std::string(kIdentityName) +
+                             ", the file that names the newest checkpoint and segment: " + fault +
+                             "; expected beside " + std::to_string(found.checkpoints.size()) + " checkpoints and " +
+                             std::to_string(found.segments.size()) + " segments";
+    if (options_.durability == Durability::kPower) throw DamagedFile(text + kOfLoss);
+    log("LOST: " + text + ". Whether later files are lost cannot be known");
+    if (!found.segments.empty()) identity_.last_segment = found.segments.back();
+    adopt_id(found);
+  }
+  return false;
+}
+
+void Store::adopt_id(const Found& found) {
+  for (auto generation = found.checkpoints.rbegin(); generation != found.checkpoints.rend(); ++generation) {
+    const std::string file = checkpoint_name(*generation);
+    try {
+      identity_.id = read_checkpoint(storage_.read(file), file, *generation).store;
+      return;
+    } catch (const std::exception&) {
+      // restore_newest() reports the fault.
+    }
+  }
+  for (auto number = found.segments.rbegin(); number != found.segments.rend(); ++number) {
+    const std::string file = segment_name(*number);
+    try {
+      const std::vector<std::byte> bytes = storage_.read(file);
+      const Segment segment = read_segment(bytes, file);
+      if (segment.sound_bytes == 0) continue;
+      identity_.id = segment.store;
+      return;
+    } catch (const std::exception&) {
+      // replay_segments() reports the fault.
+    }
+  }
+}
+
+bool Store::is_foreign(const StoreId& id, const std::string& file) const {
+  if (id == identity_.id) return false;
+  log("FOREIGN: " + file + " belongs to the state directory " + hexadecimal(id) + ", this is " +
+      hexadecimal(identity_.id) + "; it is not used and left as it is");
+  return true;
+}
+
+Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
+  Restored restored;
   std::optional<Snapshot> newest;
   for (auto generation = found.checkpoints.rbegin(); generation != found.checkpoints.rend(); ++generation) {
     const std::string file = checkpoint_name(*generation);
     try {
       Snapshot snapshot = read_checkpoint(storage_.read(file), file, *generation);
+      if (is_foreign(snapshot.store, file)) continue;
       checkpoints_.insert(checkpoints_.begin(), {*generation, snapshot.next_index});
       if (!newest) newest = std::move(snapshot);
-    } catch (const DamagedFile& fault) {
+    } catch (const std::exception& fault) {  // damaged, unreadable or too large for the memory
+      if (dynamic_cast<const StorageError*>(&fault) != nullptr && !restored.unread)
+        restored.unread = std::current_exception();
       log(std::string("DAMAGED checkpoint, not loaded: ") + fault.what());
-      faults += (faults.empty() ? "" : "; ") + std::string(fault.what());
+      restored.faults += (restored.faults.empty() ? "" : "; ") + std::string(fault.what());
     }
   }
-  if (!newest) {
-    if (found.checkpoints.empty()) return 0;
-    throw DamagedFile(
-        "no checkpoint can be loaded: " + faults +
-        ". Restore the files from a backup, or start with --accept-empty to set them aside and lose the states");
+  const std::string last = checkpoint_name(identity_.last_checkpoint);
+  if (identity_.last_checkpoint != 0 && !found.names.contains(last)) {
+    log("LOST: " + last + ", the newest checkpoint, is missing");
+    restored.faults += (restored.faults.empty() ? "" : "; ") + last + " is missing";
   }
+  if (!newest) return restored;
   recovery.restore(*newest);
   log("restored " + checkpoint_name(checkpoints_.back().number) + ": " + std::to_string(newest->sessions.size()) +
       " sessions");
-  return newest->next_index;
+  restored.next_index = newest->next_index;
+  return restored;
 }
 
-void Store::replay_segments(const Found& found, std::uint64_t base, Recovery& recovery) {
-  next_index_ = base;
-  std::string torn;  // name of the segment whose last record is incomplete
-  for (const std::uint64_t number : found.segments) {
-    const std::string file = segment_name(number);
-    const std::vector<std::byte> bytes = storage_.read(file);
-    const Segment segment = read_segment(bytes, file);
-    if (!torn.empty() && !segment.records.empty())
-      throw DamagedFile(torn + ": it ends in the middle of a record, and " + file + " goes on");
+// Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory, and for a
+// file that may have held some, whose fault is put into `missed`.
+std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t number, std::vector<std::byte>& bytes,
+                                         Missed& missed) {
+  // The newest segment is noted before its first record, so no later file holds a record.
+  const bool noted = number <= identity_.last_segment;
+  try {
+    bytes = storage_.read(file);
+    Segment segment = read_segment(bytes, file);
     if (segment.sound_bytes == 0) {
-      storage_.remove(file);  // an incomplete header: the segment never held a record
-      continue;
+      if (noted)
+        missed = {.text = file + " is empty or zeroed", .cause = {}};
+      else
+        log(file + " holds no record and is left alone");
+      return {};
+    }
+    if (is_foreign(segment.store, file)) {
+      if (noted) missed = {.text = file + " is a file of another directory", .cause = {}};
+      return {};
     }
     if (segment.number != number)
       throw DamagedFile(file + ": it is segment " + std::to_string(segment.number) + " under the name of another");
-    if (segment.first_index > next_index_)
-      throw DamagedFile(file + ": it begins with record " + std::to_string(segment.first_index) + "; records from " +
-                        std::to_string(next_index_) + " on are missing");
-    for (const Record& record : segment.records) {
+    return segment;
+  } catch (const std::exception& why) {
+    if (noted)
+      missed = {.text = why.what(), .cause = std::current_exception()};
+    else
+      log(std::string(why.what()) + "; it is no file of this server and left alone");
+    return {};
+  }
+}
+
+// Throws if a record is missing between the records read so far, which end before `end`, and the segment.
+void Store::check_order(const Segment& segment, const std::string& file, std::uint64_t end, const Missed& missed,
+                        const Restored& restored) const {
+  const std::string begins = file + ": it begins with record " + std::to_string(segment.first_index);
+  if (segment.first_index > next_index_) {
+    for (const std::exception_ptr& cause : {missed.cause, restored.unread})
+      if (cause) std::rethrow_exception(cause);
+    throw DamagedFile((restored.faults.empty() ? "" : "no checkpoint can be loaded: " + restored.faults + "; ") +
+                      (missed.text.empty() ? "" : missed.text + "; ") + begins + "; records from " +
+                      std::to_string(next_index_) + " on are missing");
+  }
+  if (segment.first_index < end)
+    throw DamagedFile(begins + "; expected record " + std::to_string(end) +
+                      ", since the segments before hold the ones up to there: these are two histories");
+}
+
+// Replays what the restored checkpoint has not seen. Returns true if settled records at the end are lost and the
+// durability allows to go on.
+bool Store::replay_segments(const Found& found, const Restored& restored, Recovery& recovery) {
+  next_index_ = restored.next_index;
+  Missed missed;          // fault of a segment behind the last usable one
+  std::string lost;       // settled records that are lost at the end of the last usable segment
+  std::uint64_t end = 0;  // index behind the last record of the segments read so far
+  for (const std::uint64_t number : found.segments) {
+    const std::string file = segment_name(number);
+    std::vector<std::byte> bytes;
+    const auto segment = segment_in(file, number, bytes, missed);
+    if (!segment) continue;
+    check_order(*segment, file, end, missed, restored);
+    if (!missed.text.empty()) log(missed.text + "; the other files hold its records");
+    missed = {};
+    lost.clear();
+    for (const Record& record : segment->records) {
       if (record.index < next_index_) continue;
-      recovery.replay(record, segment.epoch);
+      recovery.replay(record, segment->epoch);
       ++next_index_;
       ++counters_.replayed;
     }
-    if (segment.torn) {
-      torn = file;
-      log(file + ": cut after its last whole record; a request that was never answered was being written");
-      const auto opened = storage_.open(file);
-      opened->truncate(segment.sound_bytes);
-      opened->sync();
-    }
-    bytes_since_checkpoint_ += segment.sound_bytes;
-    segments_.push_back({number, segment.first_index});
+    end = segment->next_index();
+    if (segment->settled > std::max(end, restored.next_index))
+      lost = file + ": it held records " + std::to_string(segment->first_index) + " to " +
+             std::to_string(segment->settled - 1) + ", found " +
+             (segment->records.empty() ? "none" : "them up to " + std::to_string(end - 1));
+    else if (segment->torn)
+      log(file + ": it ends in the middle of a record, whose request was never answered");
+    bytes_since_checkpoint_ += segment->sound_bytes;
+    segments_.push_back({number, segment->first_index});
   }
   changed_ = counters_.replayed != 0;
   if (changed_) log("replayed " + std::to_string(counters_.replayed) + " requests from the journal");
+  if (missed.cause) std::rethrow_exception(missed.cause);
+  if (segments_.empty() && checkpoints_.empty() && restored.unread) std::rethrow_exception(restored.unread);
+  if (segments_.empty() && checkpoints_.empty() && !restored.faults.empty())
+    throw DamagedFile("no checkpoint can be loaded: " + restored.faults);
+  if (identity_.last_segment > (segments_.empty() ? 0 : segments_.back().number))
+    lost = segment_name(identity_.last_segment) + ", the newest segment, held the records from " +
+           std::to_string(identity_.first_index) +
+           " on; found: " + (missed.text.empty() ? "no such file" : missed.text);
+  if (lost.empty()) return false;
+  if (options_.durability == Durability::kPower) throw DamagedFile(lost + kOfLoss);
+  log("LOST: " + lost + ". The sessions go on from record " + std::to_string(next_index_));
+  return true;
 }
 
-void Store::set_aside(const Found& found) {
-  const auto aside = [&](const std::string& file) { storage_.rename(file, file + std::string(kSetAside)); };
-  for (const std::uint64_t generation : found.checkpoints) aside(checkpoint_name(generation));
-  for (const std::string& file : storage_.list())
-    if (number_in(file, "journal-", ".log")) aside(file);
+// Returns the first suffix under which none of the files has been set aside before.
+std::string Store::unused_suffix(const Found& found, const std::vector<std::string>& files) const {
+  std::string suffix(kSetAside);
+  for (int again = 2; std::ranges::any_of(files, [&](const auto& file) { return found.names.contains(file + suffix); });
+       ++again)
+    suffix = std::string(kSetAside) + "-" + std::to_string(again);
+  return suffix;
+}
+
+void Store::start_empty(const Found& found, Recovery& recovery, const std::string& fault) {
+  recovery.clear();
+  log("the states on disk cannot be used: " + fault);
+  std::vector<std::string> files;
+  for (const std::uint64_t generation : found.checkpoints) files.push_back(checkpoint_name(generation));
+  for (const std::uint64_t number : found.segments) files.push_back(segment_name(number));
+  const Found now = find();
+  if (now.names.contains(kIdentityName)) files.emplace_back(kIdentityName);
+  const std::string suffix = unused_suffix(now, files);
+  for (const std::string& file : files) storage_.rename(file, file + suffix);
   storage_.sync_directory();
-  log("every file was renamed to *.unused; starting with no states");
+  log("every file was renamed to *" + suffix + "; starting with no states");
   checkpoints_.clear();
   segments_.clear();
   next_index_ = 0;
   bytes_since_checkpoint_ = 0;
   counters_.replayed = 0;
   changed_ = false;
+  identity_ = {.id = options_.fresh_id};
+  write_identity(identity_);
+  publish_identity(identity_);
 }
 
+// Writes a new file, or removes what could be written of it and throws.
+void Store::write_new(const std::string& file, Bytes bytes, bool synced) {
+  const auto opened = storage_.create(file);
+  try {
+    const std::array<Bytes, 1> parts = {bytes};
+    opened->append(parts);
+    if (synced) opened->sync();
+  } catch (const StorageError&) {
+    discard(storage_, file);
+    throw;
+  }
+}
+
+void Store::write_identity(StoreIdentity identity) {
+  identity.sum = sum_of(identity);
+  write_new(kIdentityName + std::string(kUnfinished), std::as_bytes(std::span(&identity, 1)), true);
+}
+
+void Store::publish_identity(const StoreIdentity& identity) {
+  const std::string unfinished = kIdentityName + std::string(kUnfinished);
+  try {
+    storage_.rename(unfinished, kIdentityName);
+  } catch (const StorageError&) {
+    discard(storage_, unfinished);
+    throw;
+  }
+  storage_.sync_directory();
+  identity_ = identity;
+}
+
+// Begins a segment, which the next record needs, and notes it as the newest one. Numbers of files that exist are left
+// out, whoever made them.
 void Store::start_segment() {
-  const std::uint64_t number = next_segment_++;  // counted even if the creation fails, since the file may exist then
-  journal_ = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
-                                             options_.durability == Durability::kPower);
+  const Found found = find();
+  while (found.names.contains(segment_name(next_segment_))) ++next_segment_;
+  const std::uint64_t number = next_segment_++;
+  auto journal = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
+                                                 options_.durability == Durability::kPower, identity_.id);
+  StoreIdentity identity = identity_;
+  identity.last_segment = number;
+  identity.first_index = next_index_;
+  try {
+    write_identity(identity);
+  } catch (const StorageError&) {
+    discard(storage_, segment_name(number));
+    throw;
+  }
+  failed_ = true;
+  publish_identity(identity);
+  failed_ = false;
+  journal_ = std::move(journal);
   segments_.push_back({number, next_index_});
 }
 
@@ -183,13 +429,27 @@ void Store::append(const Record& record) {
   changed_ = true;
   if (!journaling()) {
     bytes_since_checkpoint_ += record.header_frame.size() + record.payload_frame.size();
+    ++next_index_;  // so that a later journal does not seem to begin with this record
     return;
   }
-  const std::uint64_t before = journal_->bytes();
-  try {
+  std::uint64_t before = 0;
+  const auto write = [&] {
+    if (!journal_) start_segment();
+    before = journal_->bytes();
     journal_->append(record);
-  } catch (const StorageError&) {
-    failed_ = journal_->broken();
+  };
+  try {
+    try {
+      write();
+    } catch (const StorageError& fault) {
+      // A segment of the largest size that a file may have is continued in another file.
+      if (fault.code() != EFBIG || !journal_ || journal_->broken() || journal_->next_index() == journal_->first_index())
+        throw;
+      journal_.reset();
+      write();
+    }
+  } catch (const StorageError& fault) {
+    failed_ = failed_ || (journal_ ? journal_->broken() : !fault.no_space());
     throw;
   }
   const std::uint64_t written = journal_->bytes() - before;
@@ -201,9 +461,9 @@ void Store::append(const Record& record) {
 
 void Store::settle() {
   if (failed_) throw StorageError("the journal has failed before", EIO);
-  if (options_.durability != Durability::kPower) return;
+  if (!journal_) return;
   failed_ = true;
-  journal_->sync();
+  journal_->settle();
   failed_ = false;
 }
 
@@ -228,8 +488,12 @@ bool Store::checkpoint(Snapshot snapshot) {
   retry_at_bytes_ = 0;
   changed_ = false;
   ++counters_.checkpoints;
+  if (journal_ && journal_->next_index() != journal_->first_index()) journal_.reset();
   try {
-    if (journaling() && journal_->next_index() != journal_->first_index()) start_segment();
+    StoreIdentity identity = identity_;
+    identity.last_checkpoint = checkpoints_.back().number;
+    write_identity(identity);
+    publish_identity(identity);
     prune();
   } catch (const std::exception& fault) {
     log(std::string("old files could not be put away: ") + fault.what());
@@ -237,27 +501,19 @@ bool Store::checkpoint(Snapshot snapshot) {
   return true;
 }
 
-void Store::write_checkpoint(const Snapshot& snapshot) {
+void Store::write_checkpoint(Snapshot& snapshot) {
+  const Found found = find();
+  while (found.names.contains(checkpoint_name(next_generation_))) ++next_generation_;
   const std::uint64_t generation = next_generation_;
   const std::string file = checkpoint_name(generation);
   const std::string unfinished = file + std::string(kUnfinished);
-  const std::vector<std::byte> bytes = checkpoint_bytes(snapshot, generation);
-  try {
-    const auto opened = storage_.create(unfinished);
-    const std::array<Bytes, 1> parts = {Bytes(bytes)};
-    opened->append(parts);
-    opened->sync();
-  } catch (const std::exception&) {
-    try {
-      storage_.remove(unfinished);
-    } catch (const std::exception&) {
-      // The next recovery removes the unfinished file.
-    }
-    throw;
-  }
+  snapshot.store = identity_.id;
+  write_new(unfinished, checkpoint_bytes(snapshot, generation), true);
+  attempts_.push_back(generation);
   storage_.rename(unfinished, file);
   storage_.sync_directory();
   const Bytes image = verified_image(storage_.read(file), file, generation);
+  attempts_.pop_back();
   counters_.checkpoint_bytes = image.size() + sizeof(CheckpointFooter);
   checkpoints_.push_back({generation, snapshot.next_index});
   ++next_generation_;
@@ -270,22 +526,23 @@ std::size_t Store::capsule_room() {
 std::string Store::leave_capsule(const Capsule& capsule) {
   const auto there = find().capsules;
   const std::string file = capsule_name(there.empty() ? 1 : there.back() + 1);
-  const std::vector<std::byte> bytes = capsule_bytes(capsule);
-  const std::array<Bytes, 1> parts = {Bytes(bytes)};
-  storage_.create(file + std::string(kUnfinished))->append(parts);
+  write_new(file + std::string(kUnfinished), capsule_bytes(capsule), false);
   storage_.rename(file + std::string(kUnfinished), file);
   return file;
 }
 
 // Keeps the newest kGenerationsKept sound checkpoints and every segment with a record later than the oldest of them.
-// Older checkpoints are removed, including damaged ones and the files of failed attempts. Their removal is durable
-// before the first segment is removed, because a checkpoint without the later segments cannot be used.
+// Removes only files that this store has read or written: the older checkpoints and those that a failed attempt left.
+// Damaged and foreign files stay. The removal of checkpoints is durable before the first segment is removed, because a
+// checkpoint without the later segments cannot be used.
 void Store::prune() {
-  if (checkpoints_.size() > kGenerationsKept)
-    checkpoints_.erase(checkpoints_.begin(), checkpoints_.end() - kGenerationsKept);
+  for (const std::uint64_t generation : attempts_)
+    for (const std::string_view suffix : {std::string_view(), kUnfinished})
+      discard(storage_, checkpoint_name(generation).append(suffix));
+  attempts_.clear();
   if (checkpoints_.size() < kGenerationsKept) return;
-  for (const std::uint64_t generation : find().checkpoints)
-    if (generation < checkpoints_.front().number) storage_.remove(checkpoint_name(generation));
+  for (; checkpoints_.size() > kGenerationsKept; checkpoints_.erase(checkpoints_.begin()))
+    storage_.remove(checkpoint_name(checkpoints_.front().number));
   storage_.sync_directory();
   while (segments_.size() > 1 && segments_[1].index <= checkpoints_.front().index) {
     storage_.remove(segment_name(segments_.front().number));

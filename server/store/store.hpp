@@ -2,13 +2,16 @@
 // is kept of each request and when a checkpoint is due. It does not interpret requests.
 //
 // Recovery loads the newest sound checkpoint and replays every later record. A damaged file is never loaded and never
-// skipped without a message. A damaged checkpoint is replaced by the checkpoint before it and the journal since
-// then. A damaged journal has no replacement: the server stops and an operator must decide.
+// skipped without a message. A checkpoint that is damaged or cannot be read is replaced by the checkpoint before it and
+// the journal since then. A damaged journal has no replacement: the server stops and an operator must decide. A file of
+// another directory is never used. No file that this store has not written or read is removed or overwritten.
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +33,7 @@ struct StoreOptions {
   std::uint64_t epoch = 1;                                    // random number of this start of the server
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // journal size at which a checkpoint is due
   std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
+  StoreId fresh_id{};             // id that a new directory gets; random
   bool accept_empty = false;      // rename unusable files and start without states, instead of refusing to start
   std::function<void(const std::string&)> log;  // lines for the operator; may be empty
 };
@@ -85,20 +89,41 @@ class Store {
 
  private:
   struct Found;
+  struct Missed {  // a segment that cannot be used; without `cause` it is empty
+    std::string text;
+    std::exception_ptr cause;
+  };
+  struct Restored {
+    std::uint64_t next_index = 0;  // index of the first record that the restored checkpoint has not seen
+    std::string faults;            // of the checkpoints that were not loaded
+    std::exception_ptr unread;     // the first StorageError among them
+  };
 
   Found find();
   void recover_from(const Found& found, Recovery& recovery);
-  std::uint64_t restore_newest(const Found& found, Recovery& recovery);
-  void replay_segments(const Found& found, std::uint64_t base, Recovery& recovery);
-  void set_aside(const Found& found);
+  bool read_identity(const Found& found);
+  void adopt_id(const Found& found);
+  bool is_foreign(const StoreId& id, const std::string& file) const;
+  Restored restore_newest(const Found& found, Recovery& recovery);
+  std::optional<Segment> segment_in(const std::string& file, std::uint64_t number, std::vector<std::byte>& bytes,
+                                    Missed& missed);
+  void check_order(const Segment& segment, const std::string& file, std::uint64_t end, const Missed& missed,
+                   const Restored& restored) const;
+  bool replay_segments(const Found& found, const Restored& restored, Recovery& recovery);
+  std::string unused_suffix(const Found& found, const std::vector<std::string>& files) const;
+  void start_empty(const Found& found, Recovery& recovery, const std::string& fault);
+  void write_new(const std::string& file, Bytes bytes, bool synced);
+  void write_identity(StoreIdentity identity);
+  void publish_identity(const StoreIdentity& identity);
   void start_segment();
-  void write_checkpoint(const Snapshot& snapshot);
+  void write_checkpoint(Snapshot& snapshot);
   void prune();
   void log(const std::string& line) const;
 
   Storage& storage_;
   StoreOptions options_;
-  std::unique_ptr<JournalWriter> journal_;
+  StoreIdentity identity_;
+  std::unique_ptr<JournalWriter> journal_;  // null until the next record begins a segment
   std::uint64_t next_index_ = 0;
   std::uint64_t next_segment_ = 1;
   std::uint64_t next_generation_ = 1;
@@ -110,8 +135,9 @@ class Store {
     std::uint64_t number;  // number of the file
     std::uint64_t index;   // of a checkpoint: Snapshot::next_index; of a segment: first_index
   };
-  std::vector<Kept> checkpoints_;  // sound checkpoints, oldest first
-  std::vector<Kept> segments_;     // oldest first
+  std::vector<Kept> checkpoints_;        // sound checkpoints, oldest first
+  std::vector<Kept> segments_;           // oldest first
+  std::vector<std::uint64_t> attempts_;  // generations of checkpoints that were written and not found sound
   StoreCounters counters_;
 };
 

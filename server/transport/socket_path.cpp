@@ -2,7 +2,9 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <array>
@@ -51,6 +53,19 @@ void check_directory(const std::string& path, bool private_to_owner) {
            directory);
 }
 
+// Whether a process accepts connections there. The lock of a server whose lock file was removed keeps nobody out.
+bool is_served(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.size() >= sizeof address.sun_path) return false;  // the bind says so
+  std::memcpy(address.sun_path, path.data(), path.size());
+  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const bool served =
+      ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
+  ::close(probe);
+  return served;
+}
+
 int take_lock(const std::string& path) {
   struct stat existing {};
   if (::lstat(path.c_str(), &existing) == 0 && !S_ISSOCK(existing.st_mode))
@@ -67,6 +82,11 @@ int take_lock(const std::string& path) {
       throw std::runtime_error("another server listens on ipc://" + path + " (it holds " + lock +
                                "); stop it first, or choose another path");
     throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(fault));
+  }
+  if (is_served(path)) {
+    ::close(file);
+    throw std::runtime_error("another server listens on ipc://" + path + ", although its lock file " + lock +
+                             " was removed; stop it first, or choose another path");
   }
   return file;
 }

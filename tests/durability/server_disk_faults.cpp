@@ -115,7 +115,7 @@ TEST(DiskFaults, EveryFailingOrFatalSystemCallLosesNothingThatWasAnswered) {
   // SIGTERM makes the server write a checkpoint, whose calls are among those that fail.
   for (const std::string call : {"writev", "fdatasync", "fsync", "renameat"})
     for (const std::string kind : {"signal=SIGKILL", "error=EIO", "error=ENOSPC"})
-      for (int n = 1; n <= (call == "writev" ? 5 : call == "fdatasync" ? 4 : 1); ++n) {
+      for (int n = 1; n <= (call == "writev" ? 7 : call == "fdatasync" ? 6 : 2); ++n) {
         const ScratchDirectory scratch;
         const std::string when = call + " " + std::to_string(n) + " " + kind;
         Host host;
@@ -133,8 +133,9 @@ TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   const ScratchDirectory scratch;
   Host host;
-  // Of the calls of fdatasync, number 1 syncs the new journal segment, 2 the opening of the session, 3 the first step.
-  Server server(scratch, "power", "fdatasync:error=EIO:when=4");
+  // Of the calls of fdatasync, number 1 syncs the directory's id, 2 the new journal segment, 3 the note of its name,
+  // 4 the opening of the session, 5 the first step.
+  Server server(scratch, "power", "fdatasync:error=EIO:when=6");
   ASSERT_TRUE(server.ready()) << server.log();
   host.client.emplace(server.client(500ms));
   host.session.emplace(host.client->open(support::text_of(support::velocity_scene()), "scene", kNodes));

@@ -277,13 +277,13 @@ TEST(Journal, AnyOtherFailureIsFinal) {
     EXPECT_THROW(
         {
           writer.append({.sequence = 0, .header_frame = header});
-          writer.sync();
+          writer.settle();
         },
         StorageError);
     disk.heal();
     EXPECT_TRUE(writer.broken());
     EXPECT_THROW(writer.append({.sequence = 1, .header_frame = header}), StorageError);
-    EXPECT_THROW(writer.sync(), StorageError);
+    EXPECT_THROW(writer.settle(), StorageError);
   }
 }
 

@@ -3,76 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 #include <optional>
 #include <random>
 
 #include "server/store/checkpoint.hpp"
-#include "server/store/store.hpp"
-#include "tests/support/memory_storage.hpp"
+#include "tests/support/store_server.hpp"
 
 namespace shearbus::store {
 namespace {
 
-using support::MemoryStorage;
 using Call = MemoryStorage::Call;
-
-std::vector<std::byte> bytes_of(std::uint64_t value) {
-  std::vector<std::byte> bytes(64);
-  std::memcpy(bytes.data(), &value, sizeof value);
-  return bytes;
-}
-std::uint64_t value_of(Bytes bytes) {
-  std::uint64_t value = 0;
-  std::memcpy(&value, bytes.data(), sizeof value);
-  return value;
-}
-
-// Stands in for a server. Its state is the list of the requests that it has received.
-struct Counter final : Recovery {
-  void restore(const Snapshot& snapshot) override {
-    seen.clear();
-    for (const std::uint64_t value : snapshot.sessions.at(0).node_ids) seen.push_back(value);
-  }
-  void replay(const Record& record, std::uint64_t epoch) override {
-    EXPECT_NE(epoch, 0u);
-    seen.push_back(value_of(record.header_frame));
-  }
-  void clear() override { seen.clear(); }
-  Snapshot snapshot() const {
-    SessionImage session{.scene = "-", .node_ids = seen};
-    return {.server_version = "test", .sessions = {session}};
-  }
-  std::vector<std::uint64_t> seen;
-};
-
-struct Server {
-  explicit Server(MemoryStorage& disk, Durability durability = Durability::kPower, bool accept_empty = false)
-      : store(disk, {.durability = durability,
-                     .epoch = 5,
-                     .accept_empty = accept_empty,
-                     .log = [this](const std::string& line) { log += line + "\n"; }}) {
-    store.recover(counter);
-  }
-  // Writes a request to the journal and settles it. Throws if the request must not be answered.
-  void run(std::uint64_t value) {
-    const auto frame = bytes_of(value);
-    store.append({.sequence = value, .header_frame = frame});
-    counter.seen.push_back(value);
-    store.settle();
-  }
-  bool checkpoint() { return store.checkpoint(counter.snapshot()); }
-
-  std::string log;
-  Counter counter;
-  Store store;
-};
-
-std::vector<std::uint64_t> up_to(std::uint64_t last) {
-  std::vector<std::uint64_t> values;
-  for (std::uint64_t i = 1; i <= last; ++i) values.push_back(i);
-  return values;
-}
 
 TEST(Store, RecordsComeBackWithoutACheckpoint) {
   MemoryStorage disk;
@@ -108,7 +48,7 @@ TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
     if (i % 5 == 0) server.checkpoint();
   }
   EXPECT_EQ(disk.names(),
-            (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), segment_name(7)}));
+            (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), kIdentityName}));
 }
 
 TEST(Store, ADamagedCheckpointGivesWayToTheOneBeforeAndTheJournal) {
@@ -135,6 +75,7 @@ TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
     server.checkpoint();
   }
   disk.bytes(checkpoint_name(1))[1000] ^= std::byte{4};
+  disk.remove(segment_name(1));  // a journal of the whole history would replace the checkpoint
   try {
     Server refused(disk);
     FAIL() << "it started";

@@ -26,7 +26,7 @@ struct Died : store::StorageError {
 
 class MemoryStorage final : public store::Storage {
  public:
-  enum class Call { kAppend, kTruncate, kSync, kCreate, kOpen, kRename, kRemove, kSyncDirectory, kRead, kList };
+  enum class Call { kAppend, kOverwrite, kTruncate, kSync, kCreate, kRename, kRemove, kSyncDirectory, kRead, kList };
   struct Fault {
     std::uint64_t at_call = 0;  // number of the call, from 1, among the calls selected by `of`
     int code = 0;               // errno of the failure; 0: process or machine dies at this call
@@ -61,6 +61,9 @@ class MemoryStorage final : public store::Storage {
     changes_.clear();
     for (auto& [name, node] : names_) {
       Node& file = *node;
+      // Bytes written over others have reached the disk, or have not.
+      if (random() % 2 == 0)
+        std::copy_n(file.synced.begin(), std::min(file.synced.size(), file.written.size()), file.written.begin());
       if (file.written.size() > file.synced.size()) {
         const std::size_t more =
             std::uniform_int_distribution<std::size_t>(0, file.written.size() - file.synced.size())(random);
@@ -69,7 +72,7 @@ class MemoryStorage final : public store::Storage {
         if (random() % 4 == 0)
           std::fill(file.written.begin() + static_cast<std::ptrdiff_t>(file.synced.size()), file.written.end(),
                     std::byte{0});
-      } else {
+      } else if (file.written.size() < file.synced.size()) {
         file.written = file.synced;
       }
       file.synced = file.written;
@@ -92,10 +95,6 @@ class MemoryStorage final : public store::Storage {
     auto node = std::make_shared<Node>();
     change([=](Names& names) { names[name] = node; });
     return std::make_unique<OpenFile>(*this, node);
-  }
-  std::unique_ptr<store::File> open(const std::string& name) override {
-    enter(Call::kOpen);
-    return std::make_unique<OpenFile>(*this, find(name));
   }
   void rename(const std::string& from, const std::string& to) override {
     enter(Call::kRename);
@@ -148,6 +147,10 @@ class MemoryStorage final : public store::Storage {
       if (fails) all.resize(all.size() / 2);
       node_->written.insert(node_->written.end(), all.begin(), all.end());
       if (fails) disk_.fail();
+    }
+    void overwrite(std::uint64_t offset, store::Bytes bytes) override {
+      disk_.enter(Call::kOverwrite);
+      std::copy(bytes.begin(), bytes.end(), node_->written.begin() + static_cast<std::ptrdiff_t>(offset));
     }
     void truncate(std::uint64_t size) override {
       disk_.enter(Call::kTruncate);

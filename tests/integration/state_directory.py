@@ -1,0 +1,172 @@
+"""The server program on state directories that something has happened to: files lost, emptied, zeroed, replaced or
+taken from another directory, a lock file removed, a disk that takes no more. A replay is the host."""
+import os
+import pathlib
+import resource
+import shutil
+import signal
+import subprocess
+import time
+import unittest
+
+import replay_support as support
+
+
+class StateDirectory(support.ReplayTest):
+    def setUp(self):
+        super().setUp()
+        self.state = self.path / "state"
+        self.bus = "ipc://" + str(self.path / "bus")
+        self.write(**support.velocity_history(steps=12, nodes=4))
+        self.starts = 0
+
+    def start(self, *arguments, bus=None, state=None, preexec=None):
+        """Starts a server. Its process gets the members `text`, a function that returns its log."""
+        self.starts += 1
+        log = self.path / f"log{self.starts}"
+        with open(log, "w", encoding="utf8") as out:
+            server = subprocess.Popen(
+                [support.PROGRAMS["server"], "--bind", bus or self.bus, "--threads", "1", "--state-dir",
+                 str(state or self.state), *arguments], stderr=out, stdout=out, preexec_fn=preexec)
+        server.text = lambda: log.read_text(encoding="utf8")
+
+        def end():
+            if server.poll() is None:
+                server.kill()
+            server.wait()
+        self.addCleanup(end)
+        return server
+
+    def serve(self, *arguments, **options):
+        server = self.start(*arguments, **options)
+        end = time.monotonic() + 20
+        while "listening on" not in server.text():
+            self.assertIsNone(server.poll(), server.text())
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.01)
+        return server
+
+    def refused(self, *arguments, words=(), **options):
+        server = self.start(*arguments, **options)
+        try:
+            code = server.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            self.fail("it started: " + server.text())
+        self.assertEqual(code, 1, server.text())
+        for word in words:
+            self.assertIn(word, server.text())
+
+    def stop(self, server, number=signal.SIGTERM):
+        server.send_signal(number)
+        return server.wait(timeout=20)
+
+    def run_host(self):
+        run = self.replay("--server", self.bus)
+        self.assertEqual(run.returncode, 0, run.stderr)
+
+    def segments(self, state=None):
+        return sorted((state or self.state).glob("journal-*.log"))
+
+    def test_a_directory_in_place_of_a_checkpoint_stops_nothing(self):
+        for _ in range(2):
+            server = self.serve()
+            self.run_host()
+            self.assertEqual(self.stop(server), 0)
+        newest = sorted(self.state.glob("checkpoint-*.h5"))[-1]
+        for kind in ("directory", "pipe", "link"):
+            newest.rename(self.path / "kept")
+            {"directory": newest.mkdir, "pipe": lambda: os.mkfifo(newest), "link": lambda: newest.symlink_to("/dev/zero")}[kind]()
+            server = self.serve()
+            self.assertIn(newest.name, server.text())
+            self.assertIn("not loaded", server.text())
+            self.assertIn("replayed", server.text())
+            self.stop(server, signal.SIGKILL)
+            newest.rmdir() if kind == "directory" else newest.unlink()
+            (self.path / "kept").rename(newest)
+
+    def test_lost_last_records_are_refused_under_power_and_told_under_process(self):
+        server = self.serve("--durability", "power")
+        self.run_host()
+        self.stop(server, signal.SIGKILL)
+        [segment] = self.segments()
+        whole = segment.read_bytes()
+        for what, data in {"zeroed": whole[:300] + bytes(len(whole) - 300), "cut": whole[: len(whole) // 2], "empty": b"",
+                           "all zeros": bytes(len(whole)), "missing": None}.items():
+            with self.subTest(what):
+                broken = self.path / what.replace(" ", "")
+                shutil.copytree(self.state, broken)
+                if data is None:
+                    (broken / segment.name).unlink()
+                else:
+                    (broken / segment.name).write_bytes(data)
+                before = {file.name: file.read_bytes() for file in broken.iterdir()}
+                self.refused("--durability", "power", state=broken, bus=f"ipc://{broken}-bus", words=[segment.name])
+                self.assertEqual({file.name: file.read_bytes() for file in broken.iterdir()}, before)
+                if what in ("empty", "all zeros", "missing"):
+                    server = self.serve("--durability", "process", state=broken)
+                    self.assertIn("LOST: " + segment.name, server.text())
+                    self.stop(server, signal.SIGKILL)
+                    if data is not None:
+                        self.assertEqual((broken / segment.name).read_bytes(), data, "evidence stays")
+                    self.stop(self.serve("--durability", "power", state=broken))
+
+    def test_a_checkpoint_of_another_directory_is_named_and_not_used(self):
+        other = self.path / "other"
+        for state, runs in ((self.state, 1), (other, 3)):
+            for _ in range(runs):
+                server = self.serve(state=state)
+                self.run_host()
+                self.stop(server)
+        foreign = sorted(other.glob("checkpoint-*.h5"))[-1]
+        shutil.copy(foreign, self.state)
+        server = self.serve()
+        self.assertIn("FOREIGN: " + foreign.name, server.text())
+        self.run_host()
+        self.stop(server)
+        self.assertEqual((self.state / foreign.name).read_bytes(), foreign.read_bytes())
+
+    def test_a_stray_file_stops_nothing(self):
+        self.stop(self.serve())
+        for name in ("journal-7.log", "journal-000000000009.log"):
+            (self.state / name).write_text("a note\n")
+        (self.state / "journal-000000000008.log").mkdir()
+        server = self.serve()
+        for number in "789":
+            self.assertRegex(server.text(), f"journal-0*{number}.log")
+
+    def test_starts_without_requests_leave_no_segment(self):
+        for _ in range(3):
+            self.stop(self.serve())
+        self.assertEqual(self.segments(), [])
+
+    def test_without_the_lock_file_a_second_server_is_still_refused(self):
+        server = self.serve()
+        (self.state / "lock").unlink()
+        self.refused(bus="ipc://" + str(self.path / "second"), words=["another server holds the state directory"])
+        self.run_host()
+        self.assertTrue((self.state / "lock").exists(), "the first server has locked a new file")
+        self.assertEqual(self.stop(server), 0)
+
+    def test_without_its_lock_file_an_address_is_still_refused(self):
+        server = self.serve()
+        (self.path / "bus.lock").unlink()
+        self.refused(state=self.path / "second", words=["another server listens on"])
+        self.run_host()
+        self.stop(server, signal.SIGKILL)
+        self.serve()  # the socket of a dead server is no obstacle
+
+    def test_the_largest_size_of_a_file_starts_another_segment(self):
+        def limit():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))
+        server = self.serve(preexec=limit)
+        for _ in range(4):
+            self.run_host()
+        self.assertIsNone(server.poll(), server.text())
+        self.assertGreater(len(self.segments()), 1)
+        self.assertEqual(self.stop(server), 0)
+        self.assertIn("the checkpoint could not be written", server.text())
+        self.assertIn("replayed", self.serve().text())
+
+
+if __name__ == "__main__":
+    support.main()
