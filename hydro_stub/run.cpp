@@ -8,7 +8,6 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
-#include <fstream>
 #include <stdexcept>
 #include <system_error>
 
@@ -21,6 +20,7 @@
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -33,13 +33,6 @@ guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& 
   scene::set_numbers(physics::constants_of(problem.hard_material), *scene.mutable_scene()->mutable_hard());
   scene.mutable_hydro()->set_dt_s(problem.dt);
   return scene;
-}
-
-void write_text(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream stream(file, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) throw std::system_error(errno, std::generic_category(), "cannot write " + file.string());
 }
 
 }  // namespace
@@ -112,13 +105,13 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   time.solver = law_time.solver;
   time.bus = law_time.bus;
   summary.finish(column, time);
-  write_text(out / "summary.json", summary.json());
+  wire::write_whole(out / "summary.json", summary.json());
   fmt::print("{}", summary.text());
   law.close();
   const OmittedCost omitted = law.omitted_cost();
   for (const auto& [label, value] : omitted.lines) fmt::print("  {:<24}{}\n", label, value);
   summary.omitted(omitted);
-  write_text(out / "summary.json", summary.json());
+  wire::write_whole(out / "summary.json", summary.json());
 }
 
 namespace {

@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cstdlib>
 #include <ctime>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <system_error>
@@ -22,6 +21,7 @@
 #include "proto/wire/fields.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
+#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -68,13 +68,6 @@ void write_fields(wire::FieldWriter& writer, const Cycle& cycle) {
   const std::array<std::span<const double>, 6> zones = {s.temperature,    s.pressure, s.density,
                                                         s.plastic_strain, stress,     body};
   writer.frame(s.time, three(s.position), three(s.velocity), zones);
-}
-
-void write_text(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream stream(file, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) throw std::system_error(errno, std::generic_category(), "cannot write " + file.string());
 }
 
 class Run {
@@ -199,12 +192,12 @@ class Run {
                                .output = seconds(output_),
                                .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
-    write_text(options_.out / "summary.json", summary.json());
+    wire::write_whole(options_.out / "summary.json", summary.json());
     fmt::print("{}", summary.text());
     law_.close();
     summary.omitted = law_.omitted_cost();
     for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
-    write_text(options_.out / "summary.json", summary.json());
+    wire::write_whole(options_.out / "summary.json", summary.json());
     dumps_.remove();
   }
 

@@ -77,9 +77,7 @@ void DumpWriter::text(const std::string& name, std::string_view value) {
 
 void DumpWriter::close() {
   const Quiet quiet;
-  checked(H5Fflush(impl_->hdf, H5F_SCOPE_LOCAL), impl_->file, "cannot write to the disk");
-  checked(impl_->hdf.close(), impl_->file, "cannot close it");
-  publish(impl_->partial, impl_->file);
+  close_and_publish(impl_->hdf, impl_->partial, impl_->file);
 }
 
 namespace {

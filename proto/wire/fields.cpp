@@ -1,8 +1,6 @@
 #include "proto/wire/fields.hpp"
 
 #include <array>
-#include <cerrno>
-#include <fstream>
 #include <system_error>
 
 #include "proto/wire/recording_hdf5.hpp"
@@ -49,11 +47,7 @@ struct Part {
     return made;
   }
 
-  void close() {
-    checked(H5Fflush(hdf, H5F_SCOPE_LOCAL), file, "cannot write to the disk");
-    checked(hdf.close(), file, "cannot close it");
-    publish(partial, file);
-  }
+  void close() { close_and_publish(hdf, partial, file); }
 };
 
 std::string frame_name(std::size_t number) {
@@ -99,14 +93,7 @@ struct FieldWriter::Impl {
     return text + "</Grid>\n</Domain>\n</Xdmf>\n";
   }
 
-  void write_sidecar() const {
-    const std::filesystem::path partial = sidecar.string() + ".partial";
-    std::ofstream stream(partial, std::ios::binary);
-    stream << xdmf();
-    stream.close();
-    if (!stream) throw std::system_error(errno, std::generic_category(), "cannot write " + sidecar.string());
-    publish(partial, sidecar);
-  }
+  void write_sidecar() const { write_whole(sidecar, xdmf()); }
 };
 
 FieldWriter::FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,

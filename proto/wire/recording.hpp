@@ -5,8 +5,8 @@
 //
 // T is the number of steps, N the number of nodes.
 //
-// All functions throw wire::Error{kInvalidValue} with file and dataset in the text. A writer works on FILE.partial and
-// renames it when closed, so that an interrupted run leaves no file that looks complete.
+// Functions throw wire::Error with file and dataset in the text, kNoSpace for a full disk. A writer works on
+// FILE.partial and renames it when closed, so that an interrupted run leaves no file that looks complete.
 #pragma once
 
 #include <cstdint>

@@ -2,17 +2,16 @@
 // directory that write and read HDF5.
 #pragma once
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <filesystem>
 #include <string>
 #include <system_error>
 
 #include "proto/wire/hdf5.hpp"
+#include "proto/wire/output_driver.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::wire::hdf5 {
 
@@ -38,26 +37,29 @@ T checked(T returned, const std::filesystem::path& file, const char* what) {
 inline File create_file(const std::filesystem::path& file, const std::filesystem::path& named) {
   const Properties access(checked(H5Pcreate(H5P_FILE_ACCESS), named, "cannot prepare"));
   checked(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), named, "cannot ask for the 1.10 format");
-  return File(checked(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), named, "cannot create"));
+  checked(use_output_driver(access), named, "cannot prepare");
+  File made(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access));
+  if (made < 0 && fault_of_last_file() != 0) refuse_to_write(named, fault_of_last_file());
+  checked(hid_t{made}, named, "cannot create");
+  return made;
 }
 
-// Calls fsync, which HDF5 itself never does, neither on flush nor on close.
-inline void sync_to_disk(const std::filesystem::path& path, const std::filesystem::path& named) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
-  const int error = errno;
-  if (descriptor >= 0) ::close(descriptor);
-  if (!synced) refuse(named, fmt::format("cannot sync to disk: {}", std::generic_category().message(error)));
+// Throws if a write to the open file has failed. HDF5 itself reports none (output_driver.hpp).
+inline void check_written(hid_t file, const std::filesystem::path& named) {
+  if (const int fault = fault_of(file)) refuse_to_write(named, fault);
 }
 
-// Gives a finished file its name. The name survives a loss of power when the function has returned.
-inline void publish(const std::filesystem::path& partial, const std::filesystem::path& file) {
-  sync_to_disk(partial, file);
-  std::error_code error;
-  std::filesystem::rename(partial, file, error);
-  if (error) refuse(file, fmt::format("cannot give the finished file its name: {}", error.message()));
-  const std::filesystem::path directory = file.parent_path();
-  sync_to_disk(directory.empty() ? std::filesystem::path(".") : directory, file);
+// Closes a file of which no object is open, and gives it its name if every byte was written.
+inline void close_and_publish(File& file, const std::filesystem::path& partial, const std::filesystem::path& named) {
+  checked(H5Fflush(file, H5F_SCOPE_LOCAL), named, "cannot write to the disk");
+  check_written(file, named);
+  checked(file.close(), named, "cannot close");
+  if (const int fault = fault_of_last_file()) {
+    std::error_code ignored;
+    std::filesystem::remove(partial, ignored);
+    refuse_to_write(named, fault);
+  }
+  publish(partial, named);
 }
 
 }  // namespace shearbus::wire::hdf5

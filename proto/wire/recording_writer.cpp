@@ -65,16 +65,17 @@ struct HistoryWriter::Impl {
   ~Impl() {
     if (!created || closed) return;
     const Quiet quiet;
-    release();
+    close_objects();
+    handle.close();
     std::error_code ignored;
     fs::remove(partial, ignored);
   }
 
-  // Closes the datasets first, because a file with open objects stays open.
-  herr_t release() {
+  // A file with open objects would stay open.
+  herr_t close_objects() {
     herr_t worst = std::min(time.close(), dt.close());
     for (Series& one : series) worst = std::min({worst, one.dataset.close(), one.type.close()});
-    return std::min(worst, handle.close());
+    return worst;
   }
 
   template <typename T>
@@ -191,6 +192,7 @@ void HistoryWriter::Impl::write_waiting_rows() {
     one.numbers.clear();
     one.codes.clear();
   }
+  check_written(handle, file);  // a long run need not go on to its end
   rows_written += rows;
   waiting_times.clear();
   waiting_dts.clear();
@@ -320,10 +322,8 @@ void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta
   if (self.row_open) refuse(self.file, "closed inside a row", "Call end_row first.");
   self.write_waiting_rows();
   self.write_meta(closing_meta);
-  // On a full disk the flush fails but H5Fclose returns success, so the flush is checked.
-  self.check(H5Fflush(self.handle, H5F_SCOPE_LOCAL), "cannot write to the disk");
-  self.check(self.release(), "cannot close");
-  publish(self.partial, self.file);
+  self.check(self.close_objects(), "cannot close");
+  close_and_publish(self.handle, self.partial, self.file);
   self.closed = true;
 }
 

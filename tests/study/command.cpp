@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "proto/wire/whole_file.hpp"
 #include "shearbus_places.hpp"
 
 namespace shearbus::study {
@@ -55,10 +56,7 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   out.update(study);
   std::filesystem::create_directories(options.out);
   const auto path = options.out / (name + ".json");
-  std::ofstream file(path);
-  file << out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path.string());
+  wire::write_whole(path, out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');
   fmt::print("\nwritten: {}\n", path.string());
   static_cast<void>(std::fflush(stdout));
   if (!options.plot) return;

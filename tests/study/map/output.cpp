@@ -3,23 +3,15 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <system_error>
 
+#include "proto/wire/whole_file.hpp"
 #include "tests/study/map/limits.hpp"
 
 namespace shearbus::map {
 namespace {
-
-void save(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file)
-    throw std::runtime_error(fmt::format("{}: not written: {}", path.string(), std::generic_category().message(errno)));
-}
 
 std::string nodes_csv(const Map& map) {
   std::string text =
@@ -71,8 +63,8 @@ nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, c
 void write(const Map& map, const std::string& scene_name, const std::string& version,
            const std::filesystem::path& out) {
   std::filesystem::create_directories(out);
-  save(out / "nodes.csv", nodes_csv(map));
-  save(out / "map.json", map_json(map, scene_name, version).dump(1) + '\n');
+  wire::write_whole(out / "nodes.csv", nodes_csv(map));
+  wire::write_whole(out / "map.json", map_json(map, scene_name, version).dump(1) + '\n');
 }
 
 std::string summary(const Map& map) {
