@@ -32,6 +32,16 @@ bool is_utf8(std::string_view text) {
   return utf8::is_valid(text.begin(), text.end());
 }
 
+bool has_control_character(std::string_view text) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    if (byte < 0x20 || byte == 0x7f) return true;
+    // U+0080 to U+009F are the bytes C2 80 to C2 9F.
+    if (byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0) return true;
+  }
+  return false;
+}
+
 std::string as_utf8(std::string_view text, std::size_t max_bytes) {
   constexpr std::string_view kCut = "...";
   std::string out(text.substr(0, max_bytes));

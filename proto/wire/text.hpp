@@ -10,6 +10,9 @@ namespace shearbus::wire {
 
 bool is_utf8(std::string_view text);
 
+// Whether a valid UTF-8 text has a control character: U+0000 to U+001F or U+007F to U+009F. A name has none.
+bool has_control_character(std::string_view text);
+
 // `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes`; a text that was
 // cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);

@@ -187,6 +187,7 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
                  .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
                                      hello.newest_major, wire::kProtocolMajor),
                  .remedy = "Use a client and a server of the same major version."});
+  check_printable(hello.client_name, "hello.client_name");
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;

@@ -12,6 +12,7 @@
 #include "proto/wire/columns.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/columns.hpp"
 #include "server/shard/shard.hpp"
 
@@ -223,6 +224,13 @@ void check_name(const std::string& name, const std::string& field) {
     refuse(Code::kInvalidValue, field,
            fmt::format("{} has {} bytes; expected 1 to {}", field, name.size(), wire::kMaxNameBytes),
            "Choose another name.");
+  check_printable(name, field);
+}
+
+void check_printable(const std::string& text, const std::string& field) {
+  if (wire::has_control_character(text))
+    refuse(Code::kInvalidValue, field, fmt::format("{} has a control character; expected printable text", field),
+           "Choose another name. A text of fixed length must be cut after its last character.");
 }
 
 void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,

@@ -137,5 +137,40 @@ TEST_P(NodesOver, ASuccessorOfTheGiverLearnsOfItsOffers) {
   EXPECT_EQ(std::get<wire::SessionResumed>(where.reply.body).offers, std::vector{first});
 }
 
+// A checkpoint pads texts with zeros. Names that differ in those alone would become one: two domains, a node with two
+// owners.
+TEST(Names, WithControlCharactersAreRefusedWhereverANameComesIn) {
+  MemoryStorage disk;
+  const Ids ids = {1, 2};
+  const auto open = [&](DurableServer& server, std::uint8_t session, const std::string& domain,
+                        const char* name = "s") {
+    v1::Scene scene = support::scene_of(Strategy::kVelocityDriven);
+    scene.set_name(name);
+    wire::Request request = ServiceHarness::opening(scene, ids, session);
+    std::get<wire::OpenSession>(request.body).domain = domain;
+    return server.ask(request).code();
+  };
+  const std::vector<std::string> bad = {
+      std::string("run\0", 4), std::string("r\0un", 5), "run\n", "\trun", "run\x7f", "run\xc2\x85"};
+  {
+    DurableServer server(disk);
+    ASSERT_EQ(open(server, 1, "run"), Code::kOk);
+    std::uint64_t sequence = 0;
+    for (const std::string& name : bad) {
+      EXPECT_EQ(open(server, 2, name), Code::kInvalidValue) << name;
+      EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Mark{name}, sequence + 1)).code(), Code::kInvalidValue);
+      EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Hello{.client_name = name}, 0)).code(),
+                Code::kInvalidValue);
+    }
+    EXPECT_EQ(open(server, 2, "", "run\n"), Code::kInvalidScene);
+    EXPECT_EQ(open(server, 2, "", "r\x01un"), Code::kInvalidScene);
+    EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Mark{"dépôt"}, ++sequence)).code(), Code::kOk);
+    ASSERT_TRUE(server.service.checkpoint());
+  }
+  DurableServer server(disk);
+  EXPECT_EQ(open(server, 2, bad[0]), Code::kInvalidValue);
+  EXPECT_NE(open(server, 2, "run"), Code::kOk) << "the nodes have their owner still";
+}
+
 }  // namespace
 }  // namespace shearbus::service
