@@ -17,6 +17,7 @@
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
 #include "proto/scene/scene.hpp"
+#include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
@@ -131,14 +132,14 @@ int shearbus_hydro(int argc, char** argv) {
       file = load_scene(line.options.scene);
       carry_out(line.options, file);
     }
-    return 0;
+    return wire::end_program("shearbus-hydro", 0);
   } catch (const Interrupted& stopped) {
-    fmt::print(stderr, "shearbus-hydro: {}\n", stopped.what());
+    wire::complain(fmt::format("shearbus-hydro: {}", stopped.what()));
     return kInterrupted;
   } catch (const wire::Error& error) {
-    fmt::print(stderr, "shearbus-hydro: {}\n", describe(file.document.placed(error.status())));
+    wire::complain(fmt::format("shearbus-hydro: {}", describe(file.document.placed(error.status()))));
   } catch (const std::exception& error) {
-    fmt::print(stderr, "shearbus-hydro: {}\n", error.what());
+    wire::complain(fmt::format("shearbus-hydro: {}", error.what()));
   }
   return 1;
 }
@@ -147,5 +148,6 @@ int shearbus_hydro(int argc, char** argv) {
 }  // namespace shearbus::hydro
 
 int main(int argc, char** argv) {
+  shearbus::wire::begin_program();
   return shearbus::hydro::shearbus_hydro(argc, argv);
 }

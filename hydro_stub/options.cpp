@@ -56,6 +56,7 @@ CommandLine parse_command_line(int argc, char** argv) {
                "show how far a long run is, on a terminal (default: yes)");
   try {
     app.parse(argc, argv);
+    if (const std::string fault = wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
     if (scene->empty() == restart->empty()) throw CLI::RequiredError("a scene, or --restart DIR");
   } catch (const CLI::ParseError& error) {
     line.exit_code = app.exit(error) == 0 ? 0 : 2;

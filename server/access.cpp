@@ -58,6 +58,10 @@ void Access::read_authorized_keys() {
   if (same_file(found, keys_stat_)) return;
   keys_.clear();
   keys_stat_ = {};
+  if (found.st_uid != ::geteuid() && found.st_uid != 0)
+    throw std::runtime_error(keys_file_ + ": belongs to uid " + std::to_string(found.st_uid) +
+                             ", who can let anybody in; expected root or uid " + std::to_string(::geteuid()) +
+                             ", which the server runs as. chown it");
   if ((found.st_mode & 022) != 0)
     throw std::runtime_error(keys_file_ + ": others can write to it, and so let anybody in; chmod go-w it");
   for (const wire::KeyLine& line : wire::read_keys(keys_file_)) {

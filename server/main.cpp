@@ -1,5 +1,6 @@
 // shearbus-server: reads the options, constructs the parts of the server in the order of their dependencies, runs until
 // SIGTERM or SIGINT and destroys the parts in reverse order.
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <pthread.h>
@@ -17,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/program.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/server.hpp"
@@ -87,10 +89,14 @@ void add_options(CLI::App& app, ServerOptions& options) {
 
 void start_log(const ServerOptions& options) {
   spdlog::sink_ptr sink;
-  if (options.log_file.empty())
+  if (options.log_file.empty()) {
     sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
-  else
+  } else {
+    // The logging library would make the file with mode 0666.
+    const int made = ::open(options.log_file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0640);
+    if (made >= 0) ::close(made);
     sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(options.log_file);
+  }
   auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));
   logger->set_level(spdlog::level::from_str(options.log_level));
   logger->flush_on(spdlog::level::info);
@@ -98,13 +104,17 @@ void start_log(const ServerOptions& options) {
   spdlog::set_default_logger(std::move(logger));
 }
 
-// Returns a descriptor from which the stop signals are read. Must be called before any thread exists: all threads then
-// inherit the blocked signals, and no signal interrupts one of them.
+// Returns a descriptor from which the stop signals are read. A terminal that hangs up stops the server as well, unless
+// the caller has asked to ignore that (nohup). A reader that leaves the end of a pipe stops nothing. Must be called
+// before any thread exists: all threads then inherit the blocked signals, and no signal interrupts one of them.
 int block_stop_signals() {
   sigset_t stop;
   sigemptyset(&stop);
   sigaddset(&stop, SIGTERM);
   sigaddset(&stop, SIGINT);
+  struct sigaction hangup {};
+  if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) sigaddset(&stop, SIGHUP);
+  std::signal(SIGPIPE, SIG_IGN);
   pthread_sigmask(SIG_BLOCK, &stop, nullptr);
   return ::signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK);
 }
@@ -148,6 +158,7 @@ void run(const ServerOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  shearbus::wire::begin_program();
   CLI::App app{
       "The subgrid friction server of shearbus: it owns the shear layers of interface nodes and steps them for "
       "clients."};
@@ -155,13 +166,14 @@ int main(int argc, char** argv) {
   add_options(app, options);
   try {
     app.parse(argc, argv);
+    if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
   } catch (const CLI::ParseError& fault) {
     return app.exit(fault) == 0 ? 0 : kExitUsage;
   }
   try {
     run(options);
   } catch (const std::exception& fault) {
-    fmt::print(stderr, "shearbus-server: {}\n", fault.what());
+    shearbus::wire::complain(fmt::format("shearbus-server: {}", fault.what()));
     return kExitFault;
   }
   return 0;

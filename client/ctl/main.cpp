@@ -19,6 +19,7 @@
 #include "client/include/shearbus/client.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/key_file.hpp"
+#include "proto/wire/program.hpp"
 #include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
@@ -99,8 +100,13 @@ void keygen(const Options& options) {
     throw std::runtime_error(public_file.string() + ": exists already, and keys are never written over");
   shearbus::wire::write_secret_key(secret_file, pair.secret_key);
   const std::string name = std::filesystem::path(options.key_name).filename().string();
-  shearbus::wire::write_public_key(
-      public_file, {.key = pair.public_key, .words = (options.key_of_operator ? "operator " : "") + name});
+  try {
+    shearbus::wire::write_public_key(
+        public_file, {.key = pair.public_key, .words = (options.key_of_operator ? "operator " : "") + name});
+  } catch (const std::exception&) {
+    std::filesystem::remove(secret_file);  // of no use without its other half
+    throw;
+  }
   fmt::print("{}: keep it where only its user can read it\n{}: {}\n", secret_file.string(), public_file.string(),
              pair.public_key);
 }
@@ -275,23 +281,25 @@ class Commands {
 }  // namespace
 
 int main(int argc, char** argv) {
+  shearbus::wire::begin_program();
   CLI::App app{"Questions to a running shearbus server, and about scenes."};
   app.require_subcommand(1);
   app.set_version_flag("--version", std::string("shearbus-ctl ") + SHEARBUS_VERSION);
   Commands commands(app);
   try {
     app.parse(argc, argv);
+    if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
   } catch (const CLI::ParseError& fault) {
     return app.exit(fault) == 0 ? 0 : kExitUsage;
   }
   try {
-    return commands.run();
+    return shearbus::wire::end_program("shearbus-ctl", commands.run());
   } catch (const shearbus::Error& fault) {
     // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
     const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
-    fmt::print(stderr, "{}{}\n", scene ? "" : "shearbus-ctl: ", scene ? fault.status().text : describe(fault.status()));
+    shearbus::wire::complain(scene ? fault.status().text : "shearbus-ctl: " + describe(fault.status()));
   } catch (const std::exception& fault) {
-    fmt::print(stderr, "{}\n", fault.what());
+    shearbus::wire::complain(std::string("shearbus-ctl: ") + fault.what());
   }
   return commands.exit_code_of_trouble();
 }

@@ -8,6 +8,7 @@
 
 #include "client/replay/capsule.hpp"
 #include "client/replay/replay.hpp"
+#include "proto/wire/program.hpp"
 
 namespace {
 
@@ -49,6 +50,7 @@ void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys,
 }  // namespace
 
 int main(int argc, char** argv) {
+  shearbus::wire::begin_program();
   shearbus::replay::Options options{.version = SHEARBUS_VERSION};
   CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
   KeyFiles keys;
@@ -71,14 +73,15 @@ int main(int argc, char** argv) {
   try {
     if (explain) {
       shearbus::replay::explain(options.scene);
-      return 0;
+      return shearbus::wire::end_program("shearbus-replay", 0);
     }
-    if (!capsule.empty()) return shearbus::replay::run_capsule(capsule) ? 0 : kRunError;
+    if (!capsule.empty())
+      return shearbus::wire::end_program("shearbus-replay", shearbus::replay::run_capsule(capsule) ? 0 : kRunError);
     shearbus::wire::read_keys_into(options.server, keys.server, keys.own);
     shearbus::replay::run(options);
-    return 0;
+    return shearbus::wire::end_program("shearbus-replay", 0);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "shearbus-replay: {}\n", error.what());
+    shearbus::wire::complain(fmt::format("shearbus-replay: {}", error.what()));
     return kRunError;
   }
 }

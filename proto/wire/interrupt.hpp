@@ -1,5 +1,5 @@
-// Handles SIGINT and SIGTERM in programs that write files: the program finishes the present step and removes its
-// partial files.
+// Handles SIGINT, SIGTERM and SIGHUP in programs that write files: the program finishes the present step and removes
+// its partial files.
 #pragma once
 
 #include <csignal>
@@ -22,6 +22,9 @@ inline void stop_at_next_step() {
   action.sa_flags = static_cast<int>(SA_RESETHAND);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction hangup = {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // ignored under nohup
 }
 
 }  // namespace shearbus::wire

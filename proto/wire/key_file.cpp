@@ -46,6 +46,9 @@ std::string text_of(const std::filesystem::path& file, bool secret) {
   const OpenFile opened(file, O_RDONLY);
   struct stat found {};
   if (::fstat(opened.number(), &found) != 0) refuse(file, "cannot be looked at: {}", std::strerror(errno));
+  if (secret && found.st_uid != ::geteuid() && found.st_uid != 0)
+    refuse(file, "belongs to uid {}, who knows the secret key; expected root or uid {}. chown it, or make a new key",
+           found.st_uid, ::geteuid());
   if (secret && (found.st_mode & 077) != 0)
     refuse(file, "has mode {:04o}: others can read the secret key; expected 0600. chmod 600 it, or make a new key",
            found.st_mode & 07777);
@@ -90,9 +93,9 @@ std::string only_key(const std::filesystem::path& file, bool secret) {
 
 void write(const std::filesystem::path& file, const std::string& text, mode_t mode) {
   const OpenFile opened(file, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, mode);
-  if (::write(opened.number(), text.data(), text.size()) != static_cast<ssize_t>(text.size()) ||
-      ::fsync(opened.number()) != 0) {
-    const int fault = errno;
+  const ssize_t written = ::write(opened.number(), text.data(), text.size());
+  if (written != static_cast<ssize_t>(text.size()) || ::fsync(opened.number()) != 0) {
+    const int fault = written >= 0 && written != static_cast<ssize_t>(text.size()) ? ENOSPC : errno;
     ::unlink(file.c_str());
     refuse(file, "cannot be written: {}", std::strerror(fault));
   }

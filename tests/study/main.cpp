@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "proto/wire/program.hpp"
 #include "tests/campaign/report.hpp"
 #include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
@@ -60,6 +61,7 @@ void tolerance(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  shearbus::wire::begin_program();
   Options options;
   CLI::App app("What accuracy costs, what holds at the extremes, where the velocity-driven model is valid.");
   app.require_subcommand(1);
@@ -86,19 +88,20 @@ int main(int argc, char** argv) {
   const CLI::App* of_map = shearbus::map::add_command(app, map);
   try {
     app.parse(argc, argv);
+    if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
   try {
-    if (of_stability->parsed()) return run_stability(stability);
+    if (of_stability->parsed()) return shearbus::wire::end_program("shearbus-study", run_stability(stability));
     if (of_map->parsed()) {
       shearbus::map::run(map);
     } else {
       of_precision->parsed() ? precision(options) : tolerance(options);
     }
-    return 0;
+    return shearbus::wire::end_program("shearbus-study", 0);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "shearbus-study: {}\n", error.what());
+    shearbus::wire::complain(fmt::format("shearbus-study: {}", error.what()));
     return kExitFault;
   }
 }

@@ -14,6 +14,7 @@
 namespace shearbus::map {
 namespace {
 
+constexpr double kMostSteps = 1e9;
 constexpr double kWhole = 1e-6;  // relative tolerance of a time to a whole number of steps
 
 // Returns a message about the first fault in the ranges or times, or an empty text if there is none.
@@ -24,6 +25,9 @@ std::string fault_of(const CommandOptions& options) {
   for (const double time : options.times_s) {
     const double steps = time / options.dt_s;
     if (!(time > before)) return fmt::format("--times must increase, found {:g} after {:g} s", time, before);
+    if (!(steps <= kMostSteps))
+      return fmt::format("--times: {:g} s is {:g} steps of {:g} s, expected at most {:g}", time, steps, options.dt_s,
+                         kMostSteps);
     if (std::abs(steps - std::round(steps)) > kWhole * steps || steps < 0.5)
       return fmt::format("--times: {:g} s is not a whole number of steps of {:g} s", time, options.dt_s);
     before = time;

@@ -1,0 +1,50 @@
+// The beginning and the end of a program that writes files or to its standard output.
+#pragma once
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+namespace shearbus::wire {
+
+// Must be called first. A file of the largest size allowed becomes an error of the write that hits the limit. Standard
+// streams that the caller has closed are opened on /dev/null; otherwise the next file would get what is printed.
+inline void begin_program() {
+  std::signal(SIGXFSZ, SIG_IGN);
+  for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream)
+    if (::fcntl(stream, F_GETFD) < 0) static_cast<void>(::open("/dev/null", O_RDWR));  // gets the lowest free number
+}
+
+// Prints a line to standard error. A stream that takes nothing is no further fault.
+inline void complain(const std::string& line) noexcept {
+  static_cast<void>(std::fputs((line + '\n').c_str(), stderr));
+}
+
+// Returns `code`, or 1 after a complaint if not everything that was printed has reached standard output.
+inline int end_program(const std::string& program, int code) {
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+  complain(program + ": standard output could not be written: its results are not complete");
+  return code != 0 ? code : 1;
+}
+
+// Returns a complaint about the first option whose value is a number that is not finite, or an empty text. `app` is a
+// CLI::App that has parsed its arguments; its range checks let NaN pass.
+template <typename App>
+std::string not_finite_in(const App& app) {
+  for (const auto* option : app.get_options()) {
+    if (option->get_type_name().find("FLOAT") == std::string::npos) continue;
+    for (const std::string& text : option->results())
+      if (!std::isfinite(std::strtod(text.c_str(), nullptr)))
+        return option->get_name() + ": expected a finite number, found " + text;
+  }
+  for (const auto* command : app.get_subcommands())
+    if (std::string text = not_finite_in(*command); !text.empty()) return text;
+  return {};
+}
+
+}  // namespace shearbus::wire
