@@ -32,8 +32,8 @@ class CoulombTrescaLaw : public InterfaceLaw {
   physics::VelocityWeakening friction_;
   double yield_fraction_;  // factor mu_T of the Tresca limit
   physics::Material soft_;
-  double heat_share_;                     // beta_T: share of the friction heat that enters the soft body
-  std::vector<double> cell_temperature_;  // T_cell of each node  [K]
+  double heat_share_;                     // share beta_T of the friction heat that enters the soft body
+  std::vector<double> cell_temperature_;  // temperature T_cell of the soft zone at each node  [K]
   std::chrono::nanoseconds spent_{0};
 };
 

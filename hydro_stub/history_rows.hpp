@@ -32,7 +32,7 @@ class HistoryRows {
   std::vector<wire::Quantity> quantities_;
   std::size_t nodes_;
   std::vector<double> times_;
-  std::vector<std::vector<double>> values_;  // of each quantity: row after row, in each row one value per node
+  std::vector<std::vector<double>> values_;  // for each quantity its rows in turn; a row has one value per node
 };
 
 }  // namespace shearbus::hydro

@@ -27,7 +27,7 @@ struct InterfaceInputs {
         mass_hard(nodes) {}
 
   std::uint64_t step = 0;
-  double time = 0.0;                  // t(n+1/2)  [s]
+  double time = 0.0;                  // time of the velocities after the step, t(n+1/2)  [s]
   double dt = 0.0;                    // [s]
   std::vector<double> velocity_jump;  // velocity jump [V] at n-1/2  [m/s]
   std::vector<double> pressure;       // pressure at n, compression positive  [Pa]
@@ -52,7 +52,7 @@ struct InterfaceAnswer {
         regime(nodes) {}
 
   std::vector<double> shear_stress;           // stress s that acts during the step  [Pa]
-  std::vector<double> velocity_jump_new;      // [V] at n+1/2, from DLP (61) with this s  [m/s]
+  std::vector<double> velocity_jump_new;      // velocity jump [V] at n+1/2 under this stress, DLP (61)  [m/s]
   std::vector<double> sliding_velocity;       // slip [v] at the interface  [m/s]
   std::vector<double> interface_temperature;  // temperature T0 of the interface at n+1/2  [K]
   std::vector<double> friction_heat;          // heat that entered the soft body in the step  [J/m2]
@@ -111,7 +111,7 @@ class InterfaceLaw {
 // The momentum balance DLP (61) solved for the velocity jump at n+1/2: [V] = jump - s * compliance.
 struct FreeJump {
   double jump;        // jump at n+1/2 without friction  [m/s]
-  double compliance;  // dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
+  double compliance;  // fall of the jump per shear stress, dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
 };
 inline FreeJump free_jump(const InterfaceInputs& in, std::size_t i) {
   return {in.velocity_jump[i] + in.dt * (in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i]),

@@ -16,7 +16,7 @@ class PressureHistory {
   double at(double time, std::size_t column) const;
 
  private:
-  std::vector<double> times_;   // [s]; empty if values_ holds one value per column
+  std::vector<double> times_;   // times of the table  [s]; empty if values_ holds one value per column
   std::vector<double> values_;  // [Pa]
 };
 

@@ -31,7 +31,7 @@ struct Problem2d {
   std::uint32_t frames = 1;       // number of field outputs, at equal intervals up to the end
   physics::Material soft, hard;   // metals on the two sides of the interface, if there is one
 
-  std::function<bool(const lagrange::Cycle&)> over;                        // if set, the run ends when it returns true
+  std::function<bool(const lagrange::Cycle&)> over;                        // if set, ends the run by returning true
   std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // if set, compares with known solutions
 };
 

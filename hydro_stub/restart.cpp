@@ -53,7 +53,7 @@ fs::path server_directory(const fs::path& run) {
 
 void make_room_for_dumps(const fs::path& run) {
   if (dumps_of(run).empty()) {
-    fs::remove_all(restart_directory(run));  // left by a run that ended before its first dump
+    fs::remove_all(restart_directory(run));  // deletes the files of a run that ended before its first dump
     return;
   }
   throw wire::Error({.code = wire::Code::kInvalidValue,

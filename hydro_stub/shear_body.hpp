@@ -29,9 +29,9 @@ struct BodyMesh {
   guest::FarEnd far_end = guest::FAR_END_TRANSMITTING;
 
   double wave_speed() const;                                            // [m/s]
-  double impedance() const;                                             // rho c  [Pa s/m]
+  double impedance() const;                                             // shear impedance rho c  [Pa s/m]
   double transit_time() const { return zone_width / wave_speed(); }     // wave transit time of one zone  [s]
-  double half_zone_mass() const { return 0.5 * density * zone_width; }  // per area  [kg/m2]
+  double half_zone_mass() const { return 0.5 * density * zone_width; }  // mass per area  [kg/m2]
 };
 
 struct ShearBody {
@@ -44,7 +44,7 @@ struct ShearBody {
 
   BodyMesh mesh;
   std::vector<double> velocity;      // [zones+1][columns]  [m/s]
-  std::vector<double> stress;        // tau, [zones][columns]  [Pa]
+  std::vector<double> stress;        // shear stress tau, [zones][columns]  [Pa]
   std::vector<double> far_velocity;  // velocity of the undisturbed body behind a transmitting end  [m/s]
   std::vector<double> far_impulse;   // impulse of the far end on the body since the start  [Pa s]
   std::vector<double> far_work;      // work of the far end on the body since the start  [J/m2]

@@ -30,8 +30,8 @@ class ShearColumn {
 
   // Momentum and energy of one column since its first step. Both residuals are 0 in exact arithmetic.
   struct Ledger {
-    double momentum_start, momentum_end;  // [Pa s]
-    double impulse_of_far_ends;           // [Pa s]
+    double momentum_start, momentum_end;  // momentum of both bodies per area of interface  [Pa s]
+    double impulse_of_far_ends;           // impulse of the far ends on the bodies  [Pa s]
     double energy_start, energy_end;      // kinetic plus elastic energy  [J/m2]
     double friction_work;                 // work of the bodies against friction, summed over the steps  [J/m2]
     double work_of_far_ends;              // work on the bodies; negative if waves leave  [J/m2]

@@ -14,7 +14,7 @@
 
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
-#include "shearbus/client.hpp"
+#include "client/src/client.hpp"
 
 namespace shearbus::hydro {
 namespace {

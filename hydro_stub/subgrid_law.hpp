@@ -23,7 +23,7 @@ struct SubgridServer {
 
 // The scene in the form that the server reads.
 struct SceneText {
-  std::string text;  // TOML
+  std::string text;  // text of the scene  (TOML)
   std::string file;  // file name of the text, for messages
 };
 

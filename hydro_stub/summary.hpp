@@ -28,7 +28,7 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // to be called after InterfaceLaw::close()
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // call it after InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;

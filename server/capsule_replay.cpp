@@ -43,7 +43,10 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
 // The inputs of the step as a batch of one row. A column that is missing in the capsule is 0, as it was in the step.
 wire::Batch row_of(const store::Capsule& capsule, const physics::ModelOptions& options) {
   const wire::StrategyColumns& columns = wire::columns_of(service::strategy_of(options));
-  std::vector<wire::Field> fields(columns.required.begin(), columns.required.end());
+  const bool sticks = std::ranges::find(capsule.inputs, wire::name(wire::Field::kImpedance),
+                                        &store::CapsuleValue::name) != capsule.inputs.end();
+  const wire::Form form = sticks ? wire::Form::kStick : wire::Form::kFarField;
+  std::vector<wire::Field> fields = wire::columns_in(form, columns.required);
   fields.insert(fields.end(), columns.optional.begin(), columns.optional.end());
   wire::Batch row = wire::Batch::of(fields, 1, static_cast<std::uint32_t>(options.tangential_components));
   for (const wire::Column& column : row.columns())
@@ -87,7 +90,8 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   shard::TaskPool pool(1);
   const std::array node = {capsule.node_id};
   const std::array temperature = {made.options.initial_temperature};
-  shard::Shard shard(physics::Model(made.options), node, temperature, pool);
+  shard::Shard shard(physics::Model(made.options), node, temperature, pool,
+                     {.check_closure = shard::checks_closure(capsule.state)});
   shard.restore(capsule.state, nullptr, 0);
   const wire::Batch row = row_of(capsule, made.options);
   const auto reply = wire::columns_of(service::strategy_of(made.options)).reply;
@@ -98,7 +102,7 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   wire::Batch answer = wire::Batch::of(wanted, 1, static_cast<std::uint32_t>(made.options.tangential_components));
   shard::Rows rows;
   rows.all = true;
-  shard.step(rows, *shard.operators(capsule.dt_s), service::step_columns(row, answer));
+  shard.step(rows, *shard.operators(capsule.dt_s), service::step_columns(row, answer, capsule.dt_s));
   for (const store::CapsuleValue& recorded : capsule.answer) {
     const double found = value_in(std::as_const(answer), recorded.name);
     const bool same = std::bit_cast<std::uint64_t>(found) == std::bit_cast<std::uint64_t>(recorded.value);

@@ -10,11 +10,11 @@
 namespace shearbus::server {
 
 struct CapsuleReplay {
-  struct Part {  // a named part of the node's state before the step
+  struct Part {  // a part of the node's state before the step
     std::string name, units;
     std::size_t values = 0;
     std::size_t not_finite = 0;
-    double lowest = 0.0, highest = 0.0;  // bounds of the finite values
+    double lowest = 0.0, highest = 0.0;  // smallest and largest finite value of the part
   };
   struct Column {
     std::string name;

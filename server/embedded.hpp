@@ -14,7 +14,7 @@ class Embedded {
   explicit Embedded(const ServerOptions& options = {});  // options.endpoints is ignored
   Embedded(Embedded&&) noexcept;
   Embedded& operator=(Embedded&&) noexcept;
-  ~Embedded();  // completes the request in progress, then stops
+  ~Embedded();  // completes the request in progress, then stops the server
 
   const std::string& endpoint() const;  // "inproc://..."
   void* context() const;                // the libzmq context that clients must use

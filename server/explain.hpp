@@ -17,7 +17,7 @@ namespace shearbus::server {
 struct ScenePart {
   std::string name;                 // key of the part, for example "hard_layer"
   bool on = false;                  // whether the scene has the part
-  std::string meaning;              // the physics that it adds
+  std::string meaning;              // the physics that the part adds
   std::string excluded;             // reason why this scene cannot switch the part on or off; empty: it can
   std::int64_t bytes_per_node = 0;  // memory that the part adds, or would add
   double slipping_s = 0.0;          // time that the part adds, or would add, to a node-step
@@ -35,9 +35,9 @@ struct Explanation {
   SceneCost cost;
   std::vector<ScenePart> parts;
   SceneCost everything;               // cost of the scene with all compatible parts switched on
-  std::vector<std::string> together;  // names of these parts
+  std::vector<std::string> together;  // names of the parts that `everything` has in addition
 
-  std::string text(std::size_t nodes = 0) const;  // 0: text for one node
+  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of such a step
 };
 
 // Measures every part on this machine, for at most a second. Throws wire::Error if the scene is not valid.

@@ -14,7 +14,7 @@ struct ServerOptions {
   std::size_t nodes_per_task = 512;         // smallest number of nodes per thread if several threads share a step
   std::uint64_t max_state_bytes = 0;        // limit of all sessions' states; 0: three quarters of the machine's memory
   std::string state_dir;                    // directory of checkpoints and journal; empty: sessions end with the server
-  std::string durability = "process";       // with state_dir: none, process or power (server/store/store.hpp)
+  std::string durability = "process";       // with state_dir: "none", "process" or "power" (server/store/store.hpp)
   double checkpoint_every_s = 600.0;        // interval between checkpoints, if anything has changed
   std::uint64_t checkpoint_after_mb = 256;  // journal size that triggers a checkpoint earlier
   std::size_t max_capsules = 16;          // largest number of failure capsules in state_dir; later ones are not written

@@ -169,6 +169,7 @@ void Server::run(int stop_fd, ServiceManager* manager) {
   const bool sleeps = manager == nullptr && !store_;
   const transport::Pulse pulse = {.every_ms = sleeps ? -1 : kLookAfterMs, .beat = [&] {
                                     if (manager != nullptr) look_after();
+                                    service_.close_idle_sessions();
                                     checkpoint_if_due();
                                     return !service_.drained();
                                   }};

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "client/ctl/operations.hpp"
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/program.hpp"
@@ -42,6 +42,7 @@ struct Options {
   bool json = false;
   std::filesystem::path scene;
   std::string session;
+  std::string domain;
   shearbus::wire::Top top = shearbus::wire::Top::kHottest;
   std::uint32_t count = 10;
   bool exit = false;
@@ -229,9 +230,16 @@ class Commands {
 
   void add_operations() {
     CLI::App* close = ask("close", "Ends a session whose client is gone for good: its states are lost (operator)",
-                          [this](Client& client) { ctl::close(client, options_.session, options_.idle_s); });
-    close->add_option("SESSION", options_.session, "First digits of its id, or its scene's name where no other has it")
-        ->required();
+                          [this](Client& client) {
+                            if (options_.domain.empty())
+                              ctl::close(client, options_.session, options_.idle_s);
+                            else
+                              ctl::close_domain(client, options_.domain, options_.idle_s);
+                          });
+    CLI::Option_group* which = close->add_option_group("which");
+    which->add_option("SESSION", options_.session, "First digits of its id, or its scene's name where no other has it");
+    which->add_option("--domain", options_.domain, "All sessions of this domain");
+    which->require_option(1);
     close->add_option("--idle", options_.idle_s, "Only where no request has come for so long, in seconds")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();

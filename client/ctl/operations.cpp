@@ -25,7 +25,7 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// Returns the quantile `share` of the histogram as text: the upper bound of the bucket that contains it.
+// Returns the duration below which the fraction `share` of the counts lies: the upper bound of its bucket, as text.
 std::string quantile(const wire::Histogram& histogram, double share) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : histogram.counts) all += count;
@@ -44,6 +44,7 @@ void show_json(const wire::ServerStatus& s) {
                                        {"uptime_s", seconds(s.uptime_ns)},
                                        {"threads", s.threads},
                                        {"sessions", s.sessions},
+                                       {"domain", s.domain},
                                        {"nodes", s.nodes},
                                        {"state_bytes", s.state_bytes},
                                        {"requests", s.requests},
@@ -69,6 +70,7 @@ void show_json(const wire::SessionInfo& s) {
                                        {"trial_stands", s.trial_stands},
                                        {"age_s", seconds(s.age_ns)},
                                        {"idle_s", seconds(s.idle_ns)},
+                                       {"idle_limit_s", s.idle_limit_s},
                                        {"state_bytes", s.state_bytes},
                                        {"node_steps", s.node_steps},
                                        {"solver_s", seconds(s.solver_ns)}};
@@ -91,6 +93,21 @@ const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, co
     throw std::runtime_error(
         fmt::format("no open session has an id that begins with, or a scene called, \"{}\"", wanted));
   return *found;
+}
+
+// Refuses to close a session that may still be at work.
+void check_idle(const wire::SessionInfo& session, double idle_s) {
+  if (seconds(session.idle_ns) >= idle_s) return;
+  throw std::runtime_error(
+      fmt::format("session {} was at work {:.1f} s ago: it is closed only after {} s without a "
+                  "request (--idle), for its states are lost then",
+                  hexadecimal(session.session_id), seconds(session.idle_ns), idle_s));
+}
+
+void close_one(Client& client, const wire::SessionInfo& session) {
+  const wire::SessionClosed closed = client.close(session);
+  fmt::print("{} closed: \"{}\" of {}, {} nodes, {} requests; its states are gone\n", hexadecimal(session.session_id),
+             session.name, session.identity, session.nodes, closed.requests);
 }
 
 constexpr std::array<const char*, 5> kRegimes = {"open", "stick", "coulomb", "tresca", "melting"};
@@ -139,7 +156,7 @@ void show_sessions(Client& client, bool json) {
     else
       fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", hexadecimal(s.session_id), s.nodes,
                  s.state_version, s.last_sequence, seconds(s.age_ns), seconds(s.idle_ns), s.name, s.identity,
-                 s.trial_stands ? ", a trial stands" : "");
+                 (s.domain.empty() ? "" : ", domain " + s.domain) + (s.trial_stands ? ", a trial stands" : ""));
   }
 }
 
@@ -162,14 +179,16 @@ void show_top(Client& client, const std::string& session, wire::Top by, std::uin
 void close(Client& client, const std::string& session, double idle_s) {
   const auto sessions = client.sessions();
   const wire::SessionInfo& found = find(sessions, session);
-  if (seconds(found.idle_ns) < idle_s)
-    throw std::runtime_error(
-        fmt::format("session {} was at work {:.1f} s ago: it is closed only after {} s without a "
-                    "request (--idle), for its states are lost then",
-                    hexadecimal(found.session_id), seconds(found.idle_ns), idle_s));
-  const wire::SessionClosed closed = client.close(found);
-  fmt::print("{} closed: \"{}\" of {}, {} nodes, {} requests; its states are gone\n", hexadecimal(found.session_id),
-             found.name, found.identity, found.nodes, closed.requests);
+  check_idle(found, idle_s);
+  close_one(client, found);
+}
+
+void close_domain(Client& client, const std::string& domain, double idle_s) {
+  std::vector<wire::SessionInfo> sessions = client.sessions();
+  std::erase_if(sessions, [&](const wire::SessionInfo& session) { return session.domain != domain; });
+  if (sessions.empty()) throw std::runtime_error(fmt::format("no open session is in domain \"{}\"", domain));
+  for (const wire::SessionInfo& session : sessions) check_idle(session, idle_s);
+  for (const wire::SessionInfo& session : sessions) close_one(client, session);
 }
 
 void checkpoint(Client& client) {

@@ -16,7 +16,8 @@ HistoryInput::HistoryInput(wire::HistoryReader& history, const wire::SessionOpen
                  .text = fmt::format("a closed loop needs strategy force_driven; scene \"{}\" has velocity_driven",
                                      session.scene_name),
                  .remedy = "Leave --closed-loop out: the history imposes the jump."});
-  for (const Field field : session.required_columns) {
+  if (force_driven_) choose_form();
+  for (const Field field : wire::columns_in(form_, session.required_columns)) {
     if (field == Field::kVelocityJump && force_driven_)
       choose_jump(closed_loop);
     else if (field == Field::kMassSoft || field == Field::kMassHard)
@@ -61,6 +62,17 @@ void HistoryInput::use_optional(Field field, const wire::SessionOpened& session)
   optional_columns_.push_back(field);
 }
 
+void HistoryInput::choose_form() {
+  const auto has_any = [&](std::span<const Field> fields) {
+    return std::ranges::any_of(fields, [&](Field field) { return history_.has(wire::quantity_of(field)); });
+  };
+  if (!has_any(wire::kStickColumns)) return;
+  if (has_any(wire::kFarFieldColumns))
+    notes_.emplace_back("/stick_stress and /impedance are not used: the far-field stresses or masses are there");
+  else
+    form_ = Form::kStick;
+}
+
 void HistoryInput::choose_jump(bool closed_loop) {
   const bool recorded = history_.has("velocity_jump");
   const bool initial = history_.has("initial_velocity_jump");
@@ -69,6 +81,14 @@ void HistoryInput::choose_jump(bool closed_loop) {
     return;
   }
   closed_loop_ = closed_loop || !recorded;
+  if (closed_loop_ && form_ == Form::kStick)
+    throw Error(
+        {.code = Code::kInvalidValue,
+         .text = "a closed loop needs far-field stresses: /stick_stress contains the jump that the host had, so "
+                 "no other jump can be the next input",
+         .remedy = recorded ? "Leave --closed-loop out: the history has /velocity_jump."
+                            : "Record /velocity_jump, or /stress_soft, /stress_hard, /mass_soft and /mass_hard.",
+         .field = "stick_stress"});
   if (!closed_loop_) {
     require_rows(Field::kVelocityJump);
     jump_origin_ = "as recorded in /velocity_jump";

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/wire/recording.hpp"
 
 namespace shearbus::replay {
@@ -19,6 +19,7 @@ class HistoryInput {
   HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
+  Form form() const { return form_; }  // form of the requests: stick form if the history has only its quantities
   bool force_driven() const { return force_driven_; }
   std::uint32_t components() const { return components_; }  // number of components of slip and stress
   bool closed_loop() const { return closed_loop_; }
@@ -39,11 +40,13 @@ class HistoryInput {
   void require_rows(Field field);
   void require_constant(Field field);
   void use_optional(Field field, const wire::SessionOpened& session);
+  void choose_form();
   void choose_jump(bool closed_loop);
   void refuse_what_is_missing(const wire::SessionOpened& session) const;
 
   wire::HistoryReader& history_;
   bool force_driven_;
+  Form form_ = Form::kFarField;
   std::uint32_t components_;
   bool closed_loop_ = false;
   std::vector<Column> rows_;       // columns with values per step and node, [T,N]

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
 #include "proto/scene/reader.hpp"
@@ -33,7 +33,8 @@ struct Service {
                 .context = embedded ? embedded->context() : nullptr,
                 .server_key = server.server_key,
                 .secret_key = server.secret_key,
-                .name = "shearbus-replay"}) {}
+                .name = "shearbus-replay",
+                .check_closure = CheckClosure::kOff}) {}  // a history is no host: it does not react to the answers
   std::optional<server::Embedded> embedded;
   Client client;
 };
@@ -88,7 +89,7 @@ const StepResult& advance(Session& session, const Batch& request, const wire::Hi
 void replay(const Options& options, wire::HistoryReader& history, HistoryInput& input, Session& session,
             wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", history.steps(), options.progress);
-  Batch request = session.request(input.optional_columns());
+  Batch request = session.request(input.optional_columns(), input.form());
   const std::vector<ReplyColumn> columns = reply_columns(session.opened());
   input.prepare(request);
   for (std::size_t step = 0; step < history.steps(); ++step) {

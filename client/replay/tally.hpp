@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/wire/energy_totals.hpp"
 
 namespace shearbus::replay {

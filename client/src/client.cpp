@@ -1,4 +1,4 @@
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 
 #include <fmt/format.h>
 
@@ -58,6 +58,8 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   opening.scene = std::move(scene);
   opening.scene_file = std::move(scene_file);
   opening.domain = options.domain;
+  opening.check_closure = connection_->options().check_closure != CheckClosure::kOff;
+  opening.idle_limit_s = options.idle_limit_s;
   const std::optional<wire::Request> doubted = std::exchange(connection_->opening_in_doubt, std::nullopt);
   if (doubted) {
     const auto& before = std::get<wire::OpenSession>(doubted->body);
@@ -87,10 +89,14 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
     wire::Status status = fault.status();
     status.remedy = "Open again with the same arguments: it is the same session, opened once.";
     throw Error(std::move(status));
+  } catch (...) {
+    connection_->opening_in_doubt = std::move(request);
+    throw;
   }
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionOpened>(received));
   impl->closed = false;
+  impl->check_closure();
   return Session(std::move(impl));
 }
 
@@ -103,6 +109,7 @@ Session Client::resume(const Session::Ticket& ticket) {
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
   impl->adopt_position(received);
+  impl->check_closure();
   return Session(std::move(impl));
 }
 

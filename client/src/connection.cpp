@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <random>
@@ -13,6 +12,7 @@
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <variant>
 #include <vector>
 #include <zmq.hpp>
 
@@ -27,8 +27,21 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
-constexpr int kSilentFailures = 3;     // handshakes failed in a row after which a wrong key is reported
-constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
+constexpr int kSilentFailures = 3;               // handshakes failed in a row after which a wrong key is reported
+constexpr std::chrono::seconds kFirstNotice{2};  // waiting time after which the log is told what is waited for
+constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
+
+// The name of what a request asks for: "downscale".
+const char* verb_of(const wire::Request& request) {
+  return std::visit(
+      []<typename Body>(const Body&) {
+        if constexpr (wire::HasRows<const Body>)
+          return Body::kBody.name;
+        else
+          return "";
+      },
+      request.body);
+}
 
 [[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
@@ -137,8 +150,8 @@ std::string SocketConnection::own_public_key() const {
 }
 
 void SocketConnection::watch_handshakes() {
-  static std::atomic<unsigned> counter{0};  // the names must be unique in the context, which may be shared
-  const std::string name = fmt::format("inproc://shearbus-client-{}", ++counter);
+  // The names must be unique in the context, which other clients and other copies of this library may share.
+  const std::string name = fmt::format("inproc://shearbus-client-{}-{}", static_cast<void*>(this), ++connections_);
   constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
                           ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
   void* context = own_context_ ? own_context_.get() : options().context;
@@ -215,14 +228,27 @@ bool SocketConnection::wait(short events, Clock::time_point until) {
   std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
   for (;;) {
     // Rounds up, because a timeout of 0 ms would be a busy loop.
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+    const auto wake = options().log ? std::min(until, waiting_.next_notice) : until;
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(wake - Clock::now()).count();
     const int found = zmq_poll(items.data(), static_cast<int>(items.size()), std::max<long>(left, 0));
     if (found > 0 && items[0].revents != 0) return true;
     if (found > 0) read_handshakes();
     if (!refusal_.ok()) return false;
     if (found >= 0 && Clock::now() >= until) return false;
+    if (options().log && Clock::now() >= waiting_.next_notice) notice(events);
     if (found < 0 && zmq_errno() != EINTR) unreachable(options(), zmq_strerror(zmq_errno()));
   }
+}
+
+void SocketConnection::notice(short events) {
+  const auto waited = Clock::now() - waiting_.since;
+  waiting_.next_notice = waiting_.since + 2 * waited;
+  const double seconds = std::chrono::duration<double>(waited).count();
+  if (events == ZMQ_POLLOUT)
+    options().log(fmt::format("waiting for a server at {} to connect to, since {:.0f} s", options().endpoint, seconds));
+  else
+    options().log(
+        fmt::format("waiting for the answer of {} to {}, since {:.0f} s", options().endpoint, waiting_.verb, seconds));
 }
 
 // Sends without waiting. Returns false if there is no connection (yet).
@@ -273,6 +299,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
       continue;
     received.payload_frame = frames[1];
+    answered_ = true;
     return true;
   }
   return false;
@@ -280,12 +307,30 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
 
 void SocketConnection::post(const wire::Request& request) {
   posted_.reset();
-  if (!socket_) connect();
-  const auto now = Clock::now();
-  if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
+  try {
+    if (!socket_) connect();
+    const auto now = Clock::now();
+    if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
+  } catch (...) {
+    socket_.reset();  // it may hold a part of the request
+    throw;
+  }
 }
 
 Received SocketConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
+  waiting_ = {.since = Clock::now(), .next_notice = Clock::now() + kFirstNotice, .verb = verb_of(request)};
+  Received received;
+  try {
+    received = exchange(request, deadline);
+  } catch (...) {
+    socket_.reset();  // it may hold a part of the request or of the reply
+    throw;
+  }
+  if (!received.reply.status.ok()) throw Error(received.reply.status);
+  return received;
+}
+
+Received SocketConnection::exchange(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
   const auto last_moment = started + deadline;
   const std::string header = wire::encode_header(request);
@@ -305,7 +350,6 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
     Received received;
     if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
       received.round_trip = Clock::now() - asked;
-      if (!received.reply.status.ok()) throw Error(received.reply.status);
       return received;
     }
     socket_.reset();
@@ -316,6 +360,12 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
 
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {
   const double seconds = std::chrono::duration<double>(waited).count();
+  if (!sent && answered_)
+    throw Error({.code = Code::kUnreachable,
+                 .text = fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s",
+                                     options().endpoint, seconds),
+                 .remedy = "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when "
+                           "it is started again."});
   if (!sent)
     throw Error(
         {.code = Code::kUnreachable,

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus {
@@ -93,12 +93,21 @@ class SocketConnection final : public Connection {
     void operator()(void* context) const;
   };
 
+  // Repeated notices to ClientOptions::log while a call waits.
+  struct Waiting {
+    Clock::time_point since;
+    Clock::time_point next_notice;
+    const char* verb;
+  };
+
   void connect();
   void watch_handshakes();
   std::string own_public_key() const;
   bool wait(short events, Clock::time_point until);
+  void notice(short events);
   bool send(const std::string& header, const wire::Batch& batch);
   void read_handshakes();
+  Received exchange(const wire::Request& request, std::chrono::milliseconds deadline);
   bool receive(std::uint64_t request_id, Clock::time_point until, Received& received);
   void handshake_failed(int event, std::uint32_t detail);
   [[noreturn]] void refused(bool sent) const;
@@ -106,6 +115,9 @@ class SocketConnection final : public Connection {
 
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<Posted> posted_;
+  Waiting waiting_{};
+  unsigned connections_ = 0;                    // so far
+  bool answered_ = false;                       // the server has answered before
   std::unique_ptr<void, CloseSocket> monitor_;  // events of the handshakes of socket_
   std::unique_ptr<void, CloseSocket>
       socket_;               // null after a timeout, so that a late reply cannot be mistaken for another

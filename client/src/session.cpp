@@ -43,7 +43,7 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
     try {
       return stand(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
     } catch (const Error& fault) {
-      // EPOCH means that the server was restarted between the two requests.
+      // EPOCH means that the server was restarted between asking for the session's position and claiming it.
       const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
       if (!again) throw;
     }
@@ -74,21 +74,27 @@ wire::Request Session::Impl::next_request() const {
   return request;
 }
 
-Received Session::Impl::exchange(wire::Request request) {
+template <typename Accept>
+Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) {
   if (request.request_id == 0) request.request_id = connection->next_request_id();
   try {
     Received received = call(request);
+    accept(received);
     in_doubt.reset();
     last_sequence = request.sequence;
     return received;
   } catch (const Error& fault) {
-    // After a refusal of class 4xx the server may still run a copy of the request that is on its way.
+    // Codes 4xx mean "not now": after such a refusal the server may still run a second copy of the request that is on
+    // its way.
     const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
     if (fault.status().code == Code::kUnknownOutcome || not_now)
       in_doubt = InDoubt{request.request_id, request.epoch};
     else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
       in_doubt.reset();
     if (fault.status().code == Code::kSequenceReused) resynchronise();
+    throw;
+  } catch (...) {  // such as std::bad_alloc, before or after the request was sent
+    in_doubt = InDoubt{request.request_id, request.epoch};
     throw;
   }
 }
@@ -97,6 +103,7 @@ void Session::Impl::adopt_position(Received& where) {
   auto& resumed = body_of<wire::SessionResumed>(where);
   last_sequence = resumed.last_sequence;
   offers = std::move(resumed.offers);
+  if (closure) closure->forget();
   const auto nodes = std::as_const(where.reply.batch).u64(Field::kNodeId);
   node_ids.assign(nodes.begin(), nodes.end());
 }
@@ -112,6 +119,7 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
   std::vector<std::uint64_t> gone(nodes.begin(), nodes.end());
   std::ranges::sort(gone);
   std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
+  if (closure) closure->forget();
 }
 
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
@@ -157,7 +165,15 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   epoch = request.epoch = where.reply.epoch;
 }
 
-wire::Request Session::Impl::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const {
+void Session::Impl::check_closure() {
+  const ClientOptions& options = connection->options();
+  if (options.check_closure != CheckClosure::kOff && opened.strategy == wire::Strategy::kForceDriven)
+    closure.emplace(options.check_closure, options.log);
+}
+
+wire::Request Session::Impl::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+  if (closure) closure->compare(columns, node_ids, options);
+  step_options = options;
   wire::Request request = next_request();
   request.body = wire::Downscale{.dt_s = options.dt_s,
                                  .time_s = options.time_s,
@@ -166,14 +182,18 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
                                  .mode = mode,
                                  .commit_previous = options.commit_previous,
                                  .wanted = wanted,
-                                 .policy = options.policy};
+                                 .policy = options.policy,
+                                 .absent_nodes = options.absent_nodes};
   request.batch = view_of(columns);
   return request;
 }
 
 const StepResult& Session::Impl::exchange_step(wire::Request request) {
-  Received received = exchange(std::move(request));
-  body_of<wire::Upscale>(received);
+  // exchange() leaves the request as it was sent.
+  Received received = exchange(std::move(request), [](Received& reply) { body_of<wire::Upscale>(reply); });
+  if (closure)
+    closure->answered(request.batch, received.reply.batch, body_of<wire::Upscale>(received), step_options,
+                      std::get<wire::Downscale>(request.body).mode);
   result.payload_frame_ = std::move(received.payload_frame);
   result.reply_ = std::move(received.reply);
   result.round_trip_ = received.round_trip;
@@ -184,10 +204,11 @@ const StepResult& Session::Impl::step(const Batch& columns, const StepOptions& o
   return exchange_step(step_request(columns, options, mode));
 }
 
-Batch Session::Impl::columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const {
+Batch Session::Impl::columns(std::span<const Field> optional_columns, Form form, bool with_node_ids,
+                             std::size_t count) const {
   std::vector<Field> fields;
   if (with_node_ids) fields.push_back(Field::kNodeId);
-  for (const Field field : opened.required_columns) fields.push_back(field);
+  for (const Field field : wire::columns_in(form, opened.required_columns)) fields.push_back(field);
   for (const Field field : optional_columns) fields.push_back(field);
   return Batch::of(fields, count, opened.tangential_components);
 }
@@ -199,21 +220,24 @@ Session& Session::operator=(Session&& other) noexcept {
   return *this;
 }
 
-Session::~Session() {
+Session::~Session() try {
   if (!impl_ || impl_->closed) return;
   wire::Request request = impl_->next_request();
   if (impl_->posted) ++request.sequence;  // the trial runs before the closing request
   if (request.request_id == 0) request.request_id = impl_->connection->next_request_id();
   request.body = wire::CloseSession{.reason = "the client has gone"};
   impl_->connection->say(request);
+} catch (const std::exception&) {
+  // Without memory for the closing request the session stays open on the server.
 }
 
-Batch Session::request(std::span<const Field> optional_columns) const {
-  return impl_->columns(optional_columns, false, impl_->node_ids.size());
+Batch Session::request(std::span<const Field> optional_columns, Form form) const {
+  return impl_->columns(optional_columns, form, false, impl_->node_ids.size());
 }
 
-Batch Session::request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns) const {
-  Batch batch = impl_->columns(optional_columns, true, node_ids.size());
+Batch Session::request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns,
+                           Form form) const {
+  Batch batch = impl_->columns(optional_columns, form, true, node_ids.size());
   std::copy(node_ids.begin(), node_ids.end(), batch.u64(Field::kNodeId).begin());
   return batch;
 }
@@ -226,11 +250,27 @@ const StepResult& Session::trial(const Batch& request, const StepOptions& step) 
   return impl_->step(request, step, wire::Mode::kTrial);
 }
 
+void Session::Impl::start(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+  wire::Request started = step_request(columns, options, mode);
+  if (started.request_id == 0) started.request_id = connection->next_request_id();
+  const InDoubt same{started.request_id, started.epoch};
+  try {
+    connection->post(started);
+    posted.emplace(std::move(started));
+  } catch (const Error&) {
+    throw;  // the request was not sent
+  } catch (...) {
+    in_doubt = same;
+    throw;
+  }
+}
+
 void Session::start_trial(const Batch& request, const StepOptions& step) {
-  wire::Request started = impl_->step_request(request, step, wire::Mode::kTrial);
-  if (started.request_id == 0) started.request_id = impl_->connection->next_request_id();
-  impl_->connection->post(started);
-  impl_->posted.emplace(std::move(started));
+  impl_->start(request, step, wire::Mode::kTrial);
+}
+
+void Session::start_advance(const Batch& request, const StepOptions& step) {
+  impl_->start(request, step, wire::Mode::kAdvance);
 }
 
 const StepResult& Session::finish_trial() {
@@ -244,56 +284,65 @@ const StepResult& Session::finish_trial() {
 }
 
 std::uint64_t Session::commit() {
-  Received received = impl_->exchange<wire::Committed>(wire::Commit{});
-  return body_of<wire::Committed>(received).state_version;
-}
-
-std::uint64_t Session::rollback() {
-  Received received = impl_->exchange<wire::RolledBack>(wire::Rollback{});
-  return body_of<wire::RolledBack>(received).state_version;
-}
-
-std::uint64_t Session::rollback_to(const std::string& mark) {
-  Received received = impl_->exchange<wire::RolledBack>(wire::Rollback{.to_mark = mark});
-  const std::uint64_t version = body_of<wire::RolledBack>(received).state_version;
-  const auto nodes = std::as_const(received.reply.batch).u64(Field::kNodeId);
-  impl_->node_ids.assign(nodes.begin(), nodes.end());
+  const std::uint64_t version = impl_->exchange<wire::Committed>(wire::Commit{}).state_version;
+  if (impl_->closure) impl_->closure->committed();
   return version;
 }
 
+std::uint64_t Session::rollback() {
+  const std::uint64_t version = impl_->exchange<wire::RolledBack>(wire::Rollback{}).state_version;
+  if (impl_->closure) impl_->closure->rolled_back();
+  return version;
+}
+
+std::uint64_t Session::rollback_to(const std::string& mark) {
+  const auto adopt_nodes = [&](Received& received) {
+    const auto nodes = std::as_const(received.reply.batch).u64(Field::kNodeId);
+    impl_->node_ids.assign(nodes.begin(), nodes.end());
+    if (impl_->closure) impl_->closure->forget();
+  };
+  return impl_->exchange<wire::RolledBack>(wire::Rollback{.to_mark = mark}, {}, adopt_nodes).state_version;
+}
+
 wire::Marked Session::mark(const std::string& name) {
-  Received received = impl_->exchange<wire::Marked>(wire::Mark{.name = name});
-  return std::move(body_of<wire::Marked>(received));
+  return impl_->exchange<wire::Marked>(wire::Mark{.name = name});
 }
 
 void Session::register_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature_k) {
-  impl_->exchange<wire::NodesChanged>(wire::RegisterNodes{}, named_nodes(node_ids, initial_temperature_k));
-  impl_->node_ids.insert(impl_->node_ids.end(), node_ids.begin(), node_ids.end());
+  const auto adopt_nodes = [&](Received&) {
+    impl_->node_ids.insert(impl_->node_ids.end(), node_ids.begin(), node_ids.end());
+    if (impl_->closure) impl_->closure->forget();
+  };
+  impl_->exchange<wire::NodesChanged>(wire::RegisterNodes{}, named_nodes(node_ids, initial_temperature_k), adopt_nodes);
 }
 
 void Session::retire_nodes(std::span<const std::uint64_t> node_ids) {
-  impl_->exchange<wire::NodesChanged>(wire::RetireNodes{}, named_nodes(node_ids));
-  impl_->remove_nodes(node_ids);
+  impl_->exchange<wire::NodesChanged>(wire::RetireNodes{}, named_nodes(node_ids),
+                                      [&](Received&) { impl_->remove_nodes(node_ids); });
 }
 
 TransferId Session::offer_nodes(std::span<const std::uint64_t> node_ids) {
   if (!impl_->in_doubt) impl_->offered = random_bytes();
-  impl_->exchange<wire::NodesChanged>(wire::OfferNodes{.transfer_id = impl_->offered}, named_nodes(node_ids));
-  impl_->remove_nodes(node_ids);
+  impl_->exchange<wire::NodesChanged>(wire::OfferNodes{.transfer_id = impl_->offered}, named_nodes(node_ids),
+                                      [&](Received&) { impl_->remove_nodes(node_ids); });
   return impl_->offered;
 }
 
 std::vector<std::uint64_t> Session::accept_nodes(const TransferId& transfer) {
-  const Received received = impl_->exchange<wire::NodesChanged>(wire::AcceptNodes{.transfer_id = transfer});
-  const auto accepted = received.reply.batch.u64(Field::kNodeId);
-  impl_->node_ids.insert(impl_->node_ids.end(), accepted.begin(), accepted.end());
-  return {accepted.begin(), accepted.end()};
+  std::vector<std::uint64_t> nodes;
+  impl_->exchange<wire::NodesChanged>(wire::AcceptNodes{.transfer_id = transfer}, {}, [&](Received& received) {
+    const auto accepted = std::as_const(received.reply.batch).u64(Field::kNodeId);
+    nodes.assign(accepted.begin(), accepted.end());
+    impl_->node_ids.insert(impl_->node_ids.end(), nodes.begin(), nodes.end());
+    if (impl_->closure) impl_->closure->forget();
+  });
+  return nodes;
 }
 
 wire::SessionClosed Session::close() {
-  Received received = impl_->exchange<wire::SessionClosed>(wire::CloseSession{});
+  const auto totals = impl_->exchange<wire::SessionClosed>(wire::CloseSession{});
   impl_->closed = true;
-  return body_of<wire::SessionClosed>(received);
+  return totals;
 }
 
 void Session::want(std::vector<Field> columns) {

@@ -12,7 +12,8 @@
 #include <variant>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
+#include "client/src/closure_check.hpp"
 #include "client/src/connection.hpp"
 
 namespace shearbus {
@@ -60,30 +61,42 @@ struct Session::Impl {
   std::optional<wire::Request> posted;  // the request of start_trial(), until finish_trial()
   bool closed = false;
   StepResult result;
+  std::optional<ClosureCheck> closure;  // of force-driven sessions
+  StepOptions step_options;             // of the present step
 
+  void check_closure();  // begins to, if the options of the connection and the session ask for it
   wire::Request next_request() const;
 
-  // Sends the session's next request. The sequence number advances only when the reply arrives. A request without a
-  // reply keeps its id, so that a repeated call has the same bytes and the server recognises it.
-  Received exchange(wire::Request request);
-  template <typename Answer, typename Question>
-  Received exchange(Question question, wire::Batch batch = {}) {
+  // Sends the session's next request. The sequence number advances only when the reply has arrived and accept() has
+  // adopted it. A request without a reply keeps its id, so that a repeated call has the same bytes and the server
+  // recognises it; so does a request for whose reply accept() finds no memory.
+  template <typename Accept>
+  Received exchange(wire::Request&& request, const Accept& accept);
+  template <typename Answer, typename Question, typename Accept>
+  Answer exchange(Question question, wire::Batch batch, const Accept& accept) {
     wire::Request request = next_request();
     request.body = std::move(question);
     request.batch = std::move(batch);
-    Received received = exchange(std::move(request));
-    body_of<Answer>(received);
-    return received;
+    Received received = exchange(std::move(request), [&](Received& reply) {
+      body_of<Answer>(reply);
+      accept(reply);
+    });
+    return std::move(body_of<Answer>(received));
+  }
+  template <typename Answer, typename Question>
+  Answer exchange(Question question) {
+    return exchange<Answer>(std::move(question), {}, [](Received&) {});
   }
 
   // Adopts sequence number, nodes and offers from a `session_resumed`.
   void adopt_position(Received& where);
   void remove_nodes(std::span<const std::uint64_t> nodes);
 
-  wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) const;
+  wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode);
   const StepResult& exchange_step(wire::Request request);
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
-  Batch columns(std::span<const Field> optional_columns, bool with_node_ids, std::size_t count) const;
+  void start(const Batch& columns, const StepOptions& options, wire::Mode mode);
+  Batch columns(std::span<const Field> optional_columns, Form form, bool with_node_ids, std::size_t count) const;
 
  private:
   void resynchronise();

@@ -19,6 +19,21 @@ function(shearbus_room name)
   add_library(${name} STATIC ${ROOM_SOURCES})
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PUBLIC ${ROOM_PUBLIC} PRIVATE shearbus_settings ${ROOM_PRIVATE})
+  # The rooms are parts of shared libraries, too. Hidden symbols keep calls between them as direct as in a program.
+  set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden)
+endfunction()
+
+# shearbus_library(name SOURCES ... LINK ...): one shared library in build/lib for hosts of any language. It exports
+# the C functions shearbus_* and nothing else.
+function(shearbus_library name)
+  cmake_parse_arguments(LIB "" "" "SOURCES;LINK" ${ARGN})
+  add_library(${name} SHARED ${LIB_SOURCES})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PRIVATE shearbus_settings ${LIB_LINK})
+  target_link_options(${name} PRIVATE -Wl,--version-script=${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map -Wl,--as-needed
+                                     $<$<NOT:$<BOOL:${SHEARBUS_SANITIZE}>>:-Wl,-z,defs>)
+  set_target_properties(${name} PROPERTIES CXX_VISIBILITY_PRESET hidden SOVERSION 1 VERSION 1.0.0 LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/lib
+                                           LINK_DEPENDS ${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map)
 endfunction()
 
 # shearbus_program(name SOURCES ... LINK ...): one executable in build/bin.

@@ -27,8 +27,8 @@ struct ContactOptions {
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
   // Shares of the gap that are corrected in one step, so that curved surfaces which slide along each other stay
   // together (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
-  double push_out = 0.2;  // for bodies that overlap
-  double approach = 0.5;  // for bodies that would touch within the step
+  double push_out = 0.2;  // share for bodies that overlap
+  double approach = 0.5;  // share for bodies that would touch within the step
 };
 
 class Contact {
@@ -37,8 +37,8 @@ class Contact {
 
   // Adds the impulses of the step to `velocity_new`, which on entry holds the velocities after all other forces; only
   // nodes on slide lines change. The work is split in two so that the interface law can run in between: of the steps at
-  // the top of this file, ask() does step 1 and sends the law the inputs of step 2, and answered() does the rest. `law`
-  // null: free slip.
+  // the top of this file, ask() does step 1 and sends the law the inputs of step 2, and answered() does the rest. If
+  // `law` is null, the surfaces slip freely.
   void ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
            std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,

@@ -103,7 +103,7 @@ bool Cycle::try_step(double dt) {
   predict_state(dt);
   // 3. corner forces of stress, viscosity and hourglass control; their sums on the nodes; given pressures
   find_forces();
-  // 4. momentum, walls
+  // 4. velocities by the momentum balance, constrained by the walls
   accelerate(dt);
   // 5. slide lines: bodies press and rub on each other; while the law runs, the deviators of the zones away from
   //    the lines are advanced

@@ -33,10 +33,10 @@ struct Bodies {
       : mesh(std::move(blocks)), velocity(mesh.num_nodes()), density(mesh.num_zones()), energy(mesh.num_zones()) {}
 
   Mesh mesh;
-  std::vector<BodyMaterial> materials;  // one per block
-  std::vector<Vec2> velocity;           // per node  [m/s]
-  std::vector<double> density;          // per zone  [kg/m3]
-  std::vector<double> energy;           // per zone  [J/kg]
+  std::vector<BodyMaterial> materials;  // material of each block
+  std::vector<Vec2> velocity;           // velocity of each node  [m/s]
+  std::vector<double> density;          // density of each zone  [kg/m3]
+  std::vector<double> energy;           // specific internal energy of each zone  [J/kg]
   std::vector<Wall> walls;
   std::vector<PressureLoad> loads;
   std::vector<SlideLine> slide_lines;

@@ -13,7 +13,7 @@ struct EosPoint {
 
 struct IdealGas {
   double gamma = 5.0 / 3.0;
-  double specific_heat = 1.0;  // at constant volume; used for the temperature only  [J/(kg K)]
+  double specific_heat = 1.0;  // specific heat at constant volume, for the temperature only  [J/(kg K)]
 };
 
 // Mie-Grueneisen equation about the Hugoniot Us = c0 + s1 up + s2 (up/Us) up + s3 (up/Us)^2 up, with rho Gamma = rho0

@@ -57,7 +57,7 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
       h[k] = shape[k];
       b[k] = {-shape[k], 0.0};
     }
-    for (int k = 0; k < 4; ++k) {  // r is linear along an edge
+    for (int k = 0; k < 4; ++k) {  // the radius r is linear along an edge
       const int next = (k + 1) % 4;
       const Vec2 normal = right_of(x[next] - x[k]);
       b[k] += ((2.0 * x[k].x + x[next].x) / 6.0) * normal;

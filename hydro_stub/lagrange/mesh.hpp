@@ -22,7 +22,7 @@ inline constexpr int kFewestForThreads = 4000;
 // Sums over a mesh are per metre of depth (kPlane) or per radian about the axis x = r = 0 (kAxisymmetric).
 enum class Symmetry { kPlane, kAxisymmetric };
 
-enum class Side { kBottom, kRight, kTop, kLeft };  // j = 0, i = nx, j = ny, i = 0
+enum class Side { kBottom, kRight, kTop, kLeft };  // the sides at j = 0, i = nx, j = ny, i = 0
 
 struct Block {
   int nx = 0;
@@ -74,8 +74,8 @@ class Mesh {
   std::vector<Block> blocks_;
   std::vector<Vec2> places_;
   std::vector<int> zone_nodes_;
-  std::vector<int> neighbours_;    // at [4 * zone + k]: zone on the other side of edge k, or -1
-  std::vector<int> corner_first_;  // at [node]: index of the node's first corner in corner_of_node_
+  std::vector<int> neighbours_;    // zone on the other side of edge k at [4 * zone + k], or -1
+  std::vector<int> corner_first_;  // index of each node's first corner in corner_of_node_
   std::vector<int> corner_of_node_;
 };
 

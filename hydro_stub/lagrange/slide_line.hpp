@@ -44,7 +44,7 @@ struct PushWeight {
   Vec2 weight;  // force on mesh node `node` per unit pressure p_i  [m2]
 };
 struct RowWeight {
-  int row;        // interface node of the same line, also node i itself
+  int row;        // number of an interface node on the line of node i, or of node i itself
   double weight;  // integral N_i N_row r dl  [m2]
 };
 struct RubWeight {

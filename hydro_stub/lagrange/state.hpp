@@ -26,11 +26,11 @@ struct State {
         plastic_strain(zones) {}
 
   double time = 0.0;  // [s]
-  // per node
+  // Arrays with one value per node.
   std::vector<Vec2> position;     // [m]
   std::vector<Vec2> velocity;     // [m/s]
   std::vector<double> node_mass;  // [kg]
-  // per zone
+  // Arrays with one value per zone.
   std::vector<double> mass;         // [kg]
   std::vector<double> volume;       // [m3]
   std::vector<double> density;      // [kg/m3]

@@ -21,8 +21,8 @@
 namespace shearbus::lagrange {
 
 struct ViscosityOptions {
-  double linear = 1.0;     // c1
-  double quadratic = 1.0;  // c2
+  double linear = 1.0;     // coefficient c1 of the linear viscosity
+  double quadratic = 1.0;  // coefficient c2 of the quadratic viscosity
 };
 
 // Adds the viscous forces to the corner forces of the zones [first, last). Stores in `viscous_rate` the rate (1 - psi)

@@ -209,7 +209,7 @@ class Reader {
       const toml::node& item = *items->get(i);
       const Place at{item.source().begin.line, item.source().begin.column};
       if (!read_number(item, field, fmt::format("{}[{}]", name, i), number, at, name)) {
-        to.GetReflection()->ClearField(&to, &field);  // the length of an incomplete list is not checked
+        to.GetReflection()->ClearField(&to, &field);  // an incomplete list counts as absent; its length is no fault
         return;
       }
       to.GetReflection()->AddDouble(&to, &field, number);
@@ -238,7 +238,7 @@ class Reader {
 
 Place place_at(std::string_view text, std::size_t at) {
   const std::string_view before = text.substr(0, at);
-  const std::size_t line_start = before.rfind('\n') + 1;  // npos + 1 is 0
+  const std::size_t line_start = before.rfind('\n') + 1;  // without a newline, rfind returns npos, and npos + 1 is 0
   return {static_cast<std::uint32_t>(1 + std::count(before.begin(), before.end(), '\n')),
           static_cast<std::uint32_t>(1 + at - line_start)};
 }
@@ -256,7 +256,7 @@ std::size_t end_of_string(std::string_view text, std::size_t at) {
       return i;
     } else if (many_lines && text.substr(i, 3) == triple) {
       i += 2;
-      // The text of the string may itself end in quotes: """ha"""""
+      // The string itself may end in one or two quotes before the closing """, as in """ha"""""
       for (int more = 0; more < 2 && text.substr(i + 1, 1) == triple.substr(0, 1); ++more) ++i;
       return i;
     }
@@ -313,7 +313,7 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
   }
 }
 
-// The text with the content of the lines in `blank` removed; lines count from 1.
+// Returns the text with the lines marked in `blank` emptied; the line numbers stay the same, and lines count from 1.
 std::string without_lines(std::string_view text, const std::vector<bool>& blank) {
   std::string out;
   for (std::size_t line = 1; !text.empty(); ++line) {

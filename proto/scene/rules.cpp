@@ -18,7 +18,7 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// A message and the messages around it, innermost first.
+// A message with a link to the message that encloses it, and so on outward.
 struct Enclosed {
   const Message& message;
   const Enclosed* around = nullptr;
@@ -27,8 +27,8 @@ struct Enclosed {
   bool has(const FieldDescriptor& field) const { return message.GetReflection()->HasField(message, &field); }
 };
 
-// Whether the rule `unless` excludes a field: the nearest enclosing message that has the field named by the rule has a
-// value of it.
+// The rule `unless` names another field and excludes a field while the other field has a value. The other field is that
+// of the nearest enclosing message which has a field of this name.
 bool excluded(const Enclosed& where, const std::string& unless) {
   if (unless.empty()) return false;
   for (const Enclosed* level = &where; level != nullptr; level = level->around)
@@ -55,8 +55,8 @@ std::vector<std::string> choices_in(std::string_view text) {
   return choices;
 }
 
-// The state is kOpen if the scene gives the other field no value and the field has no default, so that the catalog's
-// material decides; until then the first choice is assumed.
+// The state is kOpen if the field named by the rule has neither a value nor a default: then the material of the catalog
+// decides later, and the first choice is assumed until then.
 Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
   const std::string& text = rule_of(field).used_with();
   if (text.empty()) return {};
@@ -136,7 +136,7 @@ class Checker {
     const Condition condition = condition_of(where, field);
     if (condition.state != Condition::kNotMet && condition.state != Condition::kOpen) return false;
     if (!findings_.sound(path_of(table_path, *where.field(condition.other))))
-      return true;  // the choice itself has a fault, so it is unknown
+      return true;  // the choice is itself at fault, so nothing more is reported
     if (given && condition.state == Condition::kOpen) return false;
     if (given)
       findings_.add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),

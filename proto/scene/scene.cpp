@@ -40,8 +40,8 @@ void check_grids(const v1::Scene& scene, Findings& findings) {
   const double grading = layer.has_grading() ? layer.grading() : 1.0;
   check_first_cell("layer", layer.thickness_m(), cells, grading, grading != 1.0, findings);
   if (!scene.has_hard_layer() || !sound_grid(findings, "hard_layer")) return;
-  // Absent keys are checked with the values of [layer]. The thickness that the server derives differs by a small
-  // factor.
+  // A key absent from [hard_layer] is checked with the value in [layer]. The thickness that the server later derives
+  // differs from it by a small factor.
   const v1::HardLayer& hard = scene.hard_layer();
   check_first_cell("hard_layer", hard.has_thickness_m() ? hard.thickness_m() : layer.thickness_m(),
                    hard.has_cells() ? hard.cells() : cells, hard.has_grading() ? hard.grading() : grading,

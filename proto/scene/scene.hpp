@@ -14,7 +14,7 @@
 namespace shearbus::scene {
 
 struct SceneFile {
-  v1::Scene scene;  // with its defaults filled in
+  v1::Scene scene;  // the scene with its defaults filled in
   std::string text;
   Document document;
 };

@@ -16,7 +16,7 @@ struct Column {
   Field field = Field::kUnspecified;
   std::uint32_t component = 0;
   Element element = Element::kUnspecified;
-  std::uint64_t offset_bytes = 0;  // from the start of the frame, a multiple of 8
+  std::uint64_t offset_bytes = 0;  // position from the start of the frame, a multiple of 8
   std::uint64_t count = 0;
 
   static void fields(auto&& v, auto& m) {

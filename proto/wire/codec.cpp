@@ -1,6 +1,7 @@
 #include "proto/wire/codec.hpp"
 
 #include <fmt/format.h>
+#define XXH_INLINE_ALL  // client libraries need no libxxhash
 #include <xxhash.h>
 
 #include <algorithm>
@@ -30,7 +31,7 @@ struct Payload {
   }
 };
 
-// The fields that precede the payload in both headers.
+// Lists the fields that precede the payload in the header of a request and of a reply.
 template <typename Message>
 void envelope_fields(auto&& v, Message& m) {
   v(2, "protocol_major", m.protocol_major);
@@ -149,7 +150,7 @@ void check_envelope(const EnvelopeScan& scan) {
   if (!scan.fault.empty()) refuse(Code::kMalformed, scan.fault);
 }
 
-// Decodes a header whose envelope the scan has found sound.
+// Decodes a header after the scan of its envelope (envelope_scan.hpp) has found no fault.
 template <typename Message>
 void read_header(Frames frames, bool strict, Message& message) {
   const FieldPath header;

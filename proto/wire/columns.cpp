@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <stdexcept>
 
 namespace shearbus::wire {
@@ -19,7 +20,7 @@ constexpr std::array kRows = {
 #include "proto/wire/columns.inc"
 };
 
-// The fields of the rows for which a test is true.
+// Returns the fields of those column rows for which `test` is true.
 template <typename Test>
 struct Selection {
   static constexpr std::size_t kCount = std::count_if(kRows.begin(), kRows.end(), Test{});
@@ -40,7 +41,8 @@ struct Uses {
 template <Use ColumnRow::*kStrategy>
 constexpr StrategyColumns kColumns = {
     Selection<Uses<kStrategy, Use::kRequired>>::kFields, Selection<Uses<kStrategy, Use::kOptional>>::kFields,
-    Selection<Uses<kStrategy, Use::kReply>>::kFields, Selection<Uses<kStrategy, Use::kOnRequest>>::kFields};
+    Selection<Uses<kStrategy, Use::kReply>>::kFields, Selection<Uses<kStrategy, Use::kOnRequest>>::kFields,
+    Selection<Uses<kStrategy, Use::kStick>>::kFields};
 
 }  // namespace
 
@@ -109,6 +111,15 @@ const StrategyColumns& columns_of(Strategy strategy) {
       break;
   }
   return kNone;
+}
+
+std::vector<Field> columns_in(Form form, std::span<const Field> required) {
+  std::vector<Field> columns;
+  const auto is_far_field = [](Field field) { return std::ranges::count(kFarFieldColumns, field) != 0; };
+  std::ranges::copy_if(required, std::back_inserter(columns),
+                       [&](Field field) { return form == Form::kFarField || !is_far_field(field); });
+  if (form == Form::kStick) columns.insert(columns.end(), kStickColumns.begin(), kStickColumns.end());
+  return columns;
 }
 
 std::string quantity_of(Field field, std::uint32_t component) {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace shearbus::wire {
 
@@ -21,11 +22,12 @@ enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2
 
 enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 
-// The use of a column in the steps of a strategy.
+// How requests and replies of a strategy use a column.
 enum class Use : std::uint8_t {
   kNone,
   kRequired,   // every request has the column
   kOptional,   // values are 0 if a request does not have the column
+  kStick,      // every request in stick form has the column, and no other
   kReply,      // every reply has the column, unless `wanted` leaves it out
   kOnRequest,  // a reply has the column only if `wanted` names it
 };
@@ -62,12 +64,24 @@ bool is_tangential(Field field);                   // false for a number that is
 const char* name(Field field);                     // "?" for a number that is no field
 std::string units_in_files(const ColumnRow& row);  // UDUNITS text: "kg m-2"; "1" for ids, codes and bits
 
+// The two forms of a force-driven request. The stick form has the columns kStickColumns in place of kFarFieldColumns.
+enum class Form : std::uint8_t { kFarField, kStick };
+inline constexpr std::array kFarFieldColumns = {Field::kStressSoft, Field::kStressHard, Field::kMassSoft,
+                                                Field::kMassHard};
+inline constexpr std::array kStickColumns = {
+#define STICK(enumerator, ...) Field::enumerator,
+#include "proto/wire/columns.inc"
+};
+// The required columns of a request in this form; `required` are those in far-field form.
+std::vector<Field> columns_in(Form form, std::span<const Field> required);
+
 // Columns of the steps of a strategy, in the order of the rows. A request may also have node_id.
 struct StrategyColumns {
   std::span<const Field> required;
   std::span<const Field> optional;
   std::span<const Field> reply;
   std::span<const Field> on_request;
+  std::span<const Field> stick;  // in place of kFarFieldColumns, if the request is in stick form
 };
 const StrategyColumns& columns_of(Strategy strategy);  // all empty for kUnspecified
 

@@ -13,7 +13,7 @@ namespace shearbus::wire {
 
 class EnergyTotals {
  public:
-  // Adds one step of all nodes; a reply without the ledger adds nothing.
+  // Adds the reply to one step of all nodes; a reply without the ledger columns adds nothing.
   void add(const Batch& upscale);
 
   void add(const EnergyTotals& step);
@@ -24,7 +24,7 @@ class EnergyTotals {
   // Lines of a summary, each with label and text.
   std::vector<std::pair<std::string, std::string>> lines() const;
 
-  // The whole state, for restart dumps.
+  // The sums as plain numbers, which a restart dump saves and restores.
   std::span<double> numbers() { return numbers_; }
   std::span<const double> numbers() const { return numbers_; }
 

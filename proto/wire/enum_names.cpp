@@ -7,6 +7,10 @@ namespace {
 
 constexpr std::uint32_t kFirstOfClient = 500;  // first code that exists on the client's side only
 
+constexpr EnumValue kAbsentNodes[] = {
+    {0, "KEEP"},
+    {1, "OPEN"},
+};
 constexpr EnumValue kCodes[] = {
     {0, "UNSPECIFIED"},
     {1, "OK"},
@@ -45,6 +49,7 @@ constexpr EnumValue kCodes[] = {
     {501, "UNKNOWN_OUTCOME"},
     {502, "UNEXPECTED_REPLY"},
     {503, "AUTH"},
+    {504, "CLOSURE"},
 };
 constexpr EnumValue kElements[] = {
     {0, "UNSPECIFIED"},
@@ -105,6 +110,9 @@ std::string EnumNames::choices() const {
   return text;
 }
 
+EnumNames names_of(AbsentNodes) {
+  return {"AbsentNodes", kAbsentNodes};
+}
 EnumNames names_of(Code) {
   return {"Code", kCodes};
 }

@@ -25,9 +25,10 @@ struct EnumNames {
 };
 
 // The names of an enum. The argument selects the enum; its value does not matter.
+EnumNames names_of(AbsentNodes absent);
 EnumNames names_of(Code code);
 EnumNames names_of(Element element);
-EnumNames names_of(Field field);  // its list of values is empty: the rows are in columns.hpp
+EnumNames names_of(Field field);  // the list of values is empty: columns.hpp has the names of the fields
 EnumNames names_of(Mode mode);
 EnumNames names_of(Outcome outcome);  // names of the bits
 EnumNames names_of(Policy policy);
@@ -40,7 +41,7 @@ template <typename E>
 bool may_be_sent(E type, std::uint64_t number) {
   return names_of(type).has(number);
 }
-bool may_be_sent(Code type, std::uint64_t number);  // codes of the client's side are never sent
+bool may_be_sent(Code type, std::uint64_t number);  // false for codes that only the client library sets
 bool may_be_sent(Field type, std::uint64_t number);
 
 }  // namespace shearbus::wire

@@ -11,12 +11,12 @@ inline constexpr std::uint32_t kProtocolMajor = 1;
 inline constexpr std::uint32_t kProtocolMinor = 0;
 
 inline constexpr std::size_t kSessionIdBytes = 16;
-inline constexpr std::size_t kMaxFrames = 2;  // header and payload
+inline constexpr std::size_t kMaxFrames = 2;  // frames of one message: header and payload
 inline constexpr std::size_t kMaxColumns = 32;
 inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // bytes of the widest row of a request or reply
 inline constexpr std::size_t kMaxNodesPerSession = 200'000;
 inline constexpr std::size_t kMaxSessions = 1'024;
-inline constexpr std::size_t kMaxMarks = 2;        // per session; a mark holds a copy of the session's states
+inline constexpr std::size_t kMaxMarks = 2;        // largest number per session; a mark holds a copy of its states
 inline constexpr std::size_t kMaxNameBytes = 128;  // name of a mark or a domain
 inline constexpr std::size_t kMaxOffers = 256;     // waiting offers per session
 inline constexpr std::size_t kMaxTopNodes = 1'024;

@@ -32,6 +32,7 @@ enum Outcome : std::uint8_t {
 };
 
 enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
+enum class AbsentNodes { kKeep = 0, kOpen = 1 };  // what a step does to the nodes that it does not name
 enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified means kAccept
 
 struct Hello {
@@ -53,6 +54,8 @@ struct OpenSession {
   SessionId session_id{};
   ResumeToken resume_token{};
   std::string domain;  // empty: the session is in no domain
+  bool check_closure = false;
+  std::uint64_t idle_limit_s = 0;  // 0: none
 
   static void fields(auto&& v, auto& m) {
     v(1, "scene", scene_text(m.scene));
@@ -60,6 +63,8 @@ struct OpenSession {
     v(3, "resume_token", m.resume_token);
     v(4, "domain", m.domain);
     v(5, "scene_file", m.scene_file);
+    v(6, "check_closure", m.check_closure);
+    v(7, "idle_limit_s", m.idle_limit_s);
   }
 };
 struct Downscale {
@@ -70,8 +75,9 @@ struct Downscale {
   std::uint32_t attempt = 0;
   Mode mode = Mode::kAdvance;
   bool commit_previous = false;
-  std::vector<Field> wanted;  // columns of the reply; empty: all default columns
+  std::vector<Field> wanted;  // columns of the reply; empty: the default columns
   Policy policy = Policy::kUnspecified;
+  AbsentNodes absent_nodes = AbsentNodes::kKeep;
 
   static void fields(auto&& v, auto& m) {
     v(1, "dt_s", m.dt_s);
@@ -82,6 +88,7 @@ struct Downscale {
     v(6, "commit_previous", m.commit_previous);
     v(7, "wanted", at_most(kMaxColumns, m.wanted));
     v(8, "policy", m.policy);
+    v(11, "absent_nodes", m.absent_nodes);
   }
 };
 struct Commit {
@@ -90,7 +97,7 @@ struct Commit {
 };
 struct Rollback {
   static constexpr BodyRow kBody = {20, "rollback"};
-  std::string to_mark;  // empty: drop the standing trial
+  std::string to_mark;  // name of a mark; empty: only drops the trial that waits for commit or rollback
 
   static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
 };
@@ -227,8 +234,8 @@ struct SessionOpened {
   std::uint32_t tangential_components = 1;
   std::vector<Field> required_columns;    // required columns of a step; node_id is always allowed
   std::vector<Field> optional_columns;    // optional columns of a step
-  std::vector<Field> reply_columns;       // default columns of a reply
-  std::vector<Field> columns_on_request;  // columns that a request must ask for
+  std::vector<Field> reply_columns;       // columns of a reply that names no `wanted`
+  std::vector<Field> columns_on_request;  // columns of a reply only if `wanted` names them
   std::string scene_name;
 
   static void fields(auto&& v, auto& m) {
@@ -269,6 +276,11 @@ struct Upscale {
   std::uint64_t solver_ns = 0;
   std::uint64_t service_ns = 0;
   std::uint64_t flagged_nodes = 0;
+  // Only of sessions that check closure.
+  double largest_closure_m_per_s = 0.0;
+  std::uint64_t closure_node = 0;
+  double layer_time_s = 0.0;
+  std::vector<std::string> warnings;  // each begins with the name of the field or column that it is about
 
   static void fields(auto&& v, auto& m) {
     v(1, "nodes", m.nodes);
@@ -276,6 +288,10 @@ struct Upscale {
     v(3, "solver_ns", m.solver_ns);
     v(4, "service_ns", m.service_ns);
     v(5, "flagged_nodes", m.flagged_nodes);
+    v(6, "largest_closure_m_per_s", m.largest_closure_m_per_s);
+    v(7, "closure_node", m.closure_node);
+    v(8, "layer_time_s", m.layer_time_s);
+    v(9, "warnings", m.warnings);
   }
 };
 struct Committed {
@@ -333,7 +349,7 @@ struct Histogram {
     v(4, "sum_ns", m.sum_ns);
   }
 };
-inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // counts[i] counts durations below this times 2^i
+inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // bucket i counts durations below this times 2^i
 struct Refusals {
   std::uint32_t code = 0;
   std::uint64_t count = 0;
@@ -373,6 +389,8 @@ struct SessionInfo {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+  std::string domain;
+  std::uint64_t idle_limit_s = 0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "session_id", m.session_id);
@@ -388,6 +406,8 @@ struct SessionInfo {
     v(11, "requests", m.requests);
     v(12, "node_steps", m.node_steps);
     v(13, "solver_ns", m.solver_ns);
+    v(15, "domain", m.domain);
+    v(16, "idle_limit_s", m.idle_limit_s);
   }
 };
 struct Inspected {

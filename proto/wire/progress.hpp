@@ -35,7 +35,7 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  // Cheap enough for every step.
+  // Shows that `done` of the steps are done. Draws at most five times a second, so it may be called in every step.
   void at(std::size_t done) {
     if (!shown_) return;
     const auto now = Clock::now();

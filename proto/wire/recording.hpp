@@ -26,9 +26,9 @@ namespace shearbus::wire {
 struct Quantity {
   std::string name;         // dataset
   std::string units;        // UDUNITS text
-  std::string long_name;    // one line
-  bool is_regime = false;   // uint8 with the enum legend of Regime instead of float64
-  bool is_outcome = false;  // uint8 with the bits of Outcome instead of float64
+  std::string long_name;    // description in one line
+  bool is_regime = false;   // regimes: stored as uint8 with an enum of their names, not as float64
+  bool is_outcome = false;  // outcomes: stored as uint8 whose bits are those of Outcome, not as float64
 };
 
 // A component of a column as a dataset of a history; `long_name`, if given, replaces the meaning in the column's row.
@@ -48,9 +48,9 @@ class HistoryWriter {
   // Begins the row of the step that ends at `time_s`; times increase. `dt_s` is for hosts whose dt is not exactly the
   // difference of two times; either all rows have it or none.
   void begin_row(double time_s, std::optional<double> dt_s = std::nullopt);
-  void set(std::size_t quantity, std::span<const double> values);        // index into `quantities`
-  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // a regime or outcome
-  void end_row();                                                        // refused unless every quantity was set
+  void set(std::size_t quantity, std::span<const double> values);        // `quantity`: index into `quantities`
+  void set(std::size_t quantity, std::span<const std::uint8_t> values);  // sets a regime or an outcome
+  void end_row();                                                        // throws unless every quantity was set
 
   // Writes a dataset of one dimension and any length, such as one mass per node.
   void add_static(const Quantity& quantity, std::span<const double> values);

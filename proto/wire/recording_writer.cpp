@@ -39,18 +39,18 @@ struct HistoryWriter::Impl {
   struct Series {
     Quantity quantity;
     bool bytes = false;
-    Type type;  // type in the file
+    Type type;  // number type of the dataset in the file
     Dataset dataset;
-    std::vector<double> numbers;  // buffered rows; with `bytes` they are in `codes`
+    std::vector<double> numbers;  // buffered rows of a float64 dataset; those of bytes are in `codes`
     std::vector<std::uint8_t> codes;
-    bool set = false;  // whether the open row has its values
+    bool set = false;  // whether the present row already has its values
   };
 
   fs::path file;
   fs::path partial;
   File handle;
   Dataset time;
-  Dataset dt;  // /dt, if the rows have a dt
+  Dataset dt;  // dataset /dt, if the rows give the length of their steps
   std::vector<Series> series;
   std::size_t nodes = 0;
   std::size_t rows_per_chunk = 1;

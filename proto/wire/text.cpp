@@ -52,7 +52,7 @@ std::string as_utf8(std::string_view text, std::size_t max_bytes) {
   }
   if (text.size() <= max_bytes) return out;
   const auto room = out.begin() + static_cast<std::ptrdiff_t>(max_bytes - std::min(max_bytes, kCut.size()));
-  out.erase(utf8::find_invalid(out.begin(), room), out.end());  // cut before a character, never inside
+  out.erase(utf8::find_invalid(out.begin(), room), out.end());  // cuts before a character, never inside
   return out.append(kCut.substr(0, max_bytes - out.size()));
 }
 

@@ -45,7 +45,7 @@ static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
 // ---- columns and members of a tile ----
 
-// The tile member of the second tangential component is named `second_` and the name of the first component's member.
+// Members of a tile for the second tangential component have the first component's name with the prefix `second_`.
 #define SECOND_Scalar(rows, enumerator, quantity)
 #define SECOND_Tangential(rows, enumerator, quantity) rows(enumerator, 1, second_##quantity)
 
@@ -71,7 +71,7 @@ constexpr LedgerRow kLedger[] = {
 #include "proto/wire/columns.inc"
 };
 
-// Adds the answer column to `columns` if the reply has a column of this field and component.
+// If the reply has a column of this field and component, adds it to `columns` with the tile member that fills it.
 template <typename Lane>
 void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
                 std::vector<shard::OutputColumn>& columns) {
@@ -80,6 +80,29 @@ void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply
     columns.emplace_back(shard::AnswerColumn<double, double>{member, reply.f64(field, component)});
   else
     columns.emplace_back(shard::AnswerColumn<Lane, std::uint8_t>{member, reply.u8(field, component)});
+}
+
+// Adds far-field columns with the momentum balance of a request in stick form, DLP (61). That balance depends on the
+// forces of the host only by Z = 1 / (dt (1/m_soft + 1/m_hard)) and by the stick stress,
+// Z [V]free = Z [V]old + (s_soft/m_soft + s_hard/m_hard) / (1/m_soft + 1/m_hard). Equal masses m = 2 dt Z and equal
+// stresses s = stick stress - Z [V]old have the same Z and the same stick stress.
+void add_stick_form(const wire::Batch& request, double dt, shard::StepColumns& columns) {
+  const std::span<const double> impedance = request.f64(Field::kImpedance);
+  const std::size_t rows = impedance.size();
+  const std::uint32_t components = request.has(Field::kStickStress, 1) ? 2 : 1;
+  columns.converted.resize((1 + components) * rows);
+  const std::span<double> mass = std::span(columns.converted).first(rows);
+  for (std::size_t row = 0; row < rows; ++row) mass[row] = 2.0 * dt * impedance[row];
+  columns.inputs.push_back({&TileInputs::mass_soft, mass});
+  columns.inputs.push_back({&TileInputs::mass_hard, mass});
+  for (std::uint32_t component = 0; component < components; ++component) {
+    const std::span<const double> stick = request.f64(Field::kStickStress, component);
+    const std::span<const double> jump = request.f64(Field::kVelocityJump, component);
+    const std::span<double> stress = std::span(columns.converted).subspan((1 + component) * rows, rows);
+    for (std::size_t row = 0; row < rows; ++row) stress[row] = stick[row] - impedance[row] * jump[row];
+    columns.inputs.push_back({component == 0 ? &TileInputs::stress_soft : &TileInputs::second_stress_soft, stress});
+    columns.inputs.push_back({component == 0 ? &TileInputs::stress_hard : &TileInputs::second_stress_hard, stress});
+  }
 }
 
 // ---- columns of a model ----
@@ -139,17 +162,20 @@ ModelColumns columns_of(const physics::ModelOptions& options) {
   return {met(all.required), met(all.optional), met(all.reply), met(all.on_request)};
 }
 
-shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply) {
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt) {
   shard::StepColumns columns;
   for (const InputRow& row : kInputs)
     if (request.has(row.field, row.component))
       columns.inputs.push_back({row.member, request.f64(row.field, row.component)});
+  if (request.has(Field::kImpedance)) add_stick_form(request, dt, columns);
 #define ROW(enumerator, component, member) \
   add_answer(&TileOutputs::member, reply, Field::enumerator, component, columns.outputs);
 #define OUTPUT(enumerator, number, name, quantity, unit, element, direction, ...) \
   ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
 #include "proto/wire/columns.inc"
 #undef ROW
+  for (std::uint32_t component = 0; component < 2; ++component)
+    if (reply.has(Field::kClosure, component)) columns.closure[component] = reply.f64(Field::kClosure, component);
   for (const LedgerRow& row : kLedger)
     if (reply.has(row.field)) columns.outputs.emplace_back(shard::LedgerColumn{row.term, reply.f64(row.field)});
   return columns;

@@ -19,7 +19,7 @@ wire::Strategy strategy_of(const physics::ModelOptions& options);
 
 // The condition under which a model has a column of its strategy, and the refusal if it lacks the column.
 struct ColumnCondition {
-  wire::Field field;  // column; kUnspecified: all columns of the kind
+  wire::Field field;  // the column that the condition is about; kUnspecified: all columns of `kind`
   wire::Kind kind;
   bool (*holds)(const physics::ModelOptions&);  // whether a model of these options has the column
   wire::Code code;
@@ -40,6 +40,7 @@ struct ModelColumns {
 ModelColumns columns_of(const physics::ModelOptions& options);
 
 // The columns that the request holds and the columns that the reply has room for. The batches must outlive the result.
-shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply);
+// The columns of a request in stick form are converted to far-field columns of the step length `dt` [s].
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt);
 
 }  // namespace shearbus::service

@@ -24,7 +24,7 @@ std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-// A reply and the bytes that its columns point into.
+// A decoded reply, together with the bytes that its columns point into.
 struct HeldReply {
   std::vector<std::byte> payload;
   wire::Reply reply;
@@ -96,7 +96,7 @@ void Service::recover() {
   replaying_ = false;
   epoch_ = options_.epoch;
   times_ = {};
-  metrics_.node_steps = metrics_.solver_ns = 0;  // the server that ran the requests first has counted them
+  metrics_.node_steps = metrics_.solver_ns = 0;  // these steps were counted by the server that first ran the requests
 }
 
 void Service::clear() {
@@ -122,7 +122,8 @@ void Service::restore(const store::Snapshot& snapshot) {
       physics::Model model(made.options);
       member->scene_name = std::move(made.name);
       member->scene = std::move(made.effective);
-      member->shard = make_shard(std::move(model), image.node_ids);
+      member->idle_limit_s = image.idle_limit_s;
+      member->shard = make_shard(std::move(model), image.node_ids, shard::checks_closure(image.committed));
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
       member->marks = image.marks;
       member->domain = image.domain;
@@ -183,6 +184,7 @@ store::Snapshot Service::snapshot() const {
                               .solver_ns = member.totals.solver_ns};
     if (member.shard) {
       image.domain = member.domain;
+      image.idle_limit_s = member.idle_limit_s;
       image.scene = member.scene;
       image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();
@@ -227,7 +229,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
   if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // claims are counted anew after every start of the server
+    if (request.epoch != epoch_)  // the numbering of claims starts again with every start of the server
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});

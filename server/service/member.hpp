@@ -13,9 +13,9 @@ struct Service::Member {
   wire::SessionId id{};
   std::string identity;              // identity that opened the session; only it and operators may use it
   wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
-  std::uint64_t claim = 0;           // number of the last granted claim; 0: none
-  std::uint64_t claimant = 0;        // random number of the client that has this claim
-  std::uint64_t epoch = 0;           // epoch that the requests must name since the last claim; 0: the server's
+  std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
+  std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
+  std::uint64_t epoch = 0;           // epoch that requests must name since the last claim; 0: the server's epoch
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null after the session has been closed
   std::string domain;                   // name of the session's domain; empty: none
@@ -23,6 +23,8 @@ struct Service::Member {
   std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
+  std::uint64_t idle_limit_s = 0;       // 0: none
+  std::string closed_because;           // reason of a closed session; empty: none given
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 
@@ -48,7 +50,7 @@ wire::Batch node_column(std::span<const std::uint64_t> node_ids);
 
 // Memory in bytes of the states that a mark or a transfer stores, including the ids of their nodes.
 std::uint64_t kept_bytes(const shard::States& states);
-std::uint64_t kept_bytes(const physics::Model& model, std::size_t nodes);
+std::uint64_t kept_bytes(const shard::Shard& shard, std::size_t nodes);
 
 // The first digits of a session's id, for logs: the whole id is a secret of its client.
 std::string short_name(const wire::SessionId& id);

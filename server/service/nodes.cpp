@@ -61,6 +61,13 @@ void check_in_domain(const std::string& domain) {
                  .field = "open_session.domain"});
 }
 
+// A text as one word of a shell.
+std::string quoted(const std::string& text) {
+  std::string word = "'";
+  for (const char c : printable(text)) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
+}
+
 }  // namespace
 
 wire::Batch node_column(std::span<const std::uint64_t> node_ids) {
@@ -70,8 +77,8 @@ wire::Batch node_column(std::span<const std::uint64_t> node_ids) {
   return batch;
 }
 
-std::uint64_t kept_bytes(const physics::Model& model, std::size_t nodes) {
-  return nodes * (shard::Shard::bytes_of_state(model) + sizeof(std::uint64_t) + sizeof(std::uint32_t));
+std::uint64_t kept_bytes(const shard::Shard& shard, std::size_t nodes) {
+  return nodes * (shard.bytes_of_state() + sizeof(std::uint64_t) + sizeof(std::uint32_t));
 }
 
 std::uint64_t kept_bytes(const shard::States& states) {
@@ -93,7 +100,10 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
                            std::span<const std::uint64_t> node_ids) const {
   if (domain.name.empty()) return;
   const std::vector<std::uint64_t> ids = sorted(node_ids);
-  const auto refuse = [&](std::vector<std::uint64_t> owned, const std::string& holder, const char* remedy) {
+  const auto seconds_since = [&](std::uint64_t then_ns) {
+    return 1e-9 * static_cast<double>(options_.now_ns() - then_ns);
+  };
+  const auto refuse = [&](std::vector<std::uint64_t> owned, const std::string& holder, const std::string& remedy) {
     const std::size_t count = owned.size();
     if (owned.size() > wire::kMaxNodesNamed) owned.resize(wire::kMaxNodesNamed);
     throw Error({.code = Code::kNodeOwned,
@@ -106,8 +116,13 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   for (const auto& [id, other] : members_) {
     if (!other->shard || other.get() == self || other->domain_it_is_in() != domain) continue;
     if (auto owned = other->shard->nodes().common(ids); !owned.empty())
-      refuse(std::move(owned), fmt::format("session {} (\"{}\")", short_name(id), printable(other->scene_name)),
-             "Its holder retires it or offers it; or give the node another id, or the session another domain.");
+      refuse(std::move(owned),
+             fmt::format("session {} (\"{}\"), opened {:.0f} s ago and idle for {:.0f} s", short_name(id),
+                         printable(other->scene_name), seconds_since(other->opened_ns),
+                         seconds_since(other->last_request_ns)),
+             fmt::format("Its holder retires it or offers it; or give the node another id, or the session another "
+                         "domain. If the clients of the domain are gone for good: shearbus-ctl close --domain {}",
+                         quoted(std::string(domain.name))));
   }
   for (const auto& [id, transfer] : transfers_) {
     if (Domain{transfer.identity, transfer.domain} != domain) continue;
@@ -135,7 +150,7 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   const physics::Model& model = shard.model();
   const auto temperatures = check_initial_temperatures(batch, model.options());
   const std::size_t after = shard.nodes().size() + ids.size();
-  check_memory(shard::Shard::bytes_for(model, after) - shard.state_bytes(), after);
+  check_memory(shard.bytes_for(after) - shard.state_bytes(), after);
   auto change = shard.adding(ids, temperatures);
   keep(arrival, member.id, &member);
   apply(member, std::move(change), reply);
@@ -169,7 +184,7 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                  .remedy = "Wait until some are accepted, or offer more nodes at once."});
   const shard::Rows rows = check_leaving_nodes(batch, shard.nodes());
   const auto ids = batch.u64(Field::kNodeId);
-  check_memory(kept_bytes(shard.model(), ids.size()), ids.size());
+  check_memory(kept_bytes(shard, ids.size()), ids.size());
   std::map<wire::TransferId, store::TransferImage> made;
   made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
                                                        .giver = member.id,
@@ -206,10 +221,16 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
                              short_name(transfer.giver)),
          .remedy =
              "Accept them in a session of the same scene; `effective_scene` of both openings tells what differs."});
+  if (shard::checks_closure(transfer.states) != shard.check_closure())
+    throw Error({.code = Code::kOtherScene,
+                 .text = fmt::format("session {}, which offered the nodes, {} closure, and this session does {}",
+                                     short_name(transfer.giver), shard.check_closure() ? "does not check" : "checks",
+                                     shard.check_closure() ? "" : "not"),
+                 .remedy = "Open all sessions of the domain with the same open_session.check_closure."});
   const physics::Model& model = shard.model();
   const std::size_t after = shard.nodes().size() + transfer.node_ids.size();
   check_session_size(after);
-  const std::uint64_t grown = shard::Shard::bytes_for(model, after) - shard.state_bytes();
+  const std::uint64_t grown = shard.bytes_for(after) - shard.state_bytes();
   const std::uint64_t freed = kept_bytes(transfer.states);
   check_memory(grown > freed ? grown - freed : 0, after);
   const std::vector<double> initial(transfer.node_ids.size(), model.options().initial_temperature);
@@ -252,7 +273,7 @@ void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arriva
   auto gone = std::ranges::find(member.marks, mark.name, &store::MarkImage::name);
   if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
   const std::uint64_t freed = gone == member.marks.end() ? 0 : kept_bytes(gone->states);
-  const std::uint64_t wanted = kept_bytes(shard.model(), shard.nodes().size());
+  const std::uint64_t wanted = kept_bytes(shard, shard.nodes().size());
   check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size());
   auto& answer = reply.body.emplace<wire::Marked>();
   answer.state_version = shard.state_version();
@@ -297,9 +318,9 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   std::unique_ptr<shard::Shard> other_nodes;
   if (mark.node_ids != before.nodes().ids()) {
     check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
-    const std::uint64_t wanted = shard::Shard::bytes_for(before.model(), mark.node_ids.size());
+    const std::uint64_t wanted = before.bytes_for(mark.node_ids.size());
     check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size());
-    other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids);
+    other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids, before.check_closure());
     other_nodes->restore(mark.states, nullptr, mark.state_version);
   }
   keep(arrival, member.id, &member);

@@ -90,7 +90,9 @@ wire::SessionInfo Service::info_of(const Member& member) const {
           .state_bytes = shard.state_bytes(),
           .requests = member.totals.requests,
           .node_steps = member.totals.node_steps,
-          .solver_ns = member.totals.solver_ns};
+          .solver_ns = member.totals.solver_ns,
+          .domain = member.domain,
+          .idle_limit_s = member.idle_limit_s};
 }
 
 void Service::inspect(const wire::Inspect& inspect, const wire::Request& request, wire::Reply& reply) const {

@@ -121,10 +121,13 @@ void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
 
 // Refuses options that exclude each other according to the table of parts in server/physics/solver/parts.cpp.
 void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
-  std::vector<scene::Fault> faults;
-  for (physics::Refusal& refusal : physics::refusals(options))
-    faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
-  if (!faults.empty()) throw Refused{std::move(faults), "Leave out one of the two."};
+  Refused refused;
+  for (physics::Refusal& refusal : physics::refusals(options)) {
+    if (refused.remedy.find(refusal.remedy) == std::string::npos)
+      refused.remedy += (refused.remedy.empty() ? "" : " ") + refusal.remedy;
+    refused.faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
+  }
+  if (!refused.faults.empty()) throw refused;
 }
 
 // Converts a checked scene whose defaults have been filled in. Also fills in the constants that the scene leaves to the

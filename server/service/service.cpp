@@ -193,7 +193,8 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial", "resume", "mark", "domains"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",  "mark",
+                          "domains",         "stick_form",   "absent_nodes", "closure", "idle_limit"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -238,7 +239,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
   const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
   physics::Model model(made.options);
-  check_memory(shard::Shard::bytes_for(model, node_ids.size()), node_ids.size());
+  check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size());
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
@@ -248,15 +249,17 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->domain = open.domain;
   member->scene_name = std::move(made.name);
   member->scene = std::move(made.effective);
-  member->shard = std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
-                                                 shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  member->idle_limit_s = open.idle_limit_s;
+  member->shard = std::make_unique<shard::Shard>(
+      std::move(model), node_ids, temperatures, pool_,
+      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = open.check_closure});
   reply->body = opened(*member);
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
       fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
                   member->identity, printable(member->scene_name), open.domain.empty() ? "" : ", domain ",
-                  printable(open.domain), shard.nodes().size(), shard::Shard::bytes_per_node(shard.model()));
+                  printable(open.domain), shard.nodes().size(), shard.bytes_per_node());
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));
@@ -269,20 +272,22 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   return reply;
 }
 
-std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model,
-                                                  const std::vector<std::uint64_t>& node_ids) const {
+std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
+                                                  bool check_closure) const {
   const std::vector<double> temperatures(node_ids.size(), model.options().initial_temperature);
-  return std::make_unique<shard::Shard>(std::move(model), node_ids, temperatures, pool_,
-                                        shard::ShardOptions{.nodes_per_task = options_.nodes_per_task});
+  return std::make_unique<shard::Shard>(
+      std::move(model), node_ids, temperatures, pool_,
+      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = check_closure});
 }
 
 wire::SessionOpened Service::opened(const Member& member) const {
   const physics::Model& model = member.shard->model();
   ModelColumns columns = columns_of(model.options());
+  if (!member.shard->check_closure()) std::erase(columns.on_request, Field::kClosure);
   std::uint64_t reply_row = 0;
   for (const Field field : columns.reply) reply_row += wire::size_of(wire::element_of(field));
   return {.effective_scene = member.scene,
-          .bytes_per_node = shard::Shard::bytes_per_node(model) + reply_row,
+          .bytes_per_node = member.shard->bytes_per_node() + reply_row,
           .warnings = model.warnings(),
           .strategy = strategy_of(model.options()),
           .tangential_components = static_cast<std::uint32_t>(model.options().tangential_components),
@@ -314,11 +319,13 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // in any epoch, because the request has run
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // the kept reply is sent in any epoch
   check_epoch(request, &member);
-  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
   if (!member.shard)
-    throw Error({.code = Code::kUnknownSession, .text = "the session is closed", .remedy = "Open a new session."});
+    throw Error({.code = Code::kUnknownSession,
+                 .text = "the session is closed" + (member.closed_because.empty() ? "" : ": " + member.closed_because),
+                 .remedy = "Open a new session."});
+  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
 
   if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
     downscale(member, *step, arrival, reply);
@@ -358,7 +365,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   shard::Shard& shard = *member.shard;
   // 1. Do everything that can fail: checks, factorisation, memory, the journal.
   const physics::ModelOptions& options = shard.model().options();
-  const std::vector<Field> wanted = check_wanted(step, options);
+  const std::vector<Field> wanted = check_wanted(step, options, shard.check_closure());
   const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
   if (step.commit_previous && !shard.has_trial())
     throw Error({.code = Code::kNothingToCommit,
@@ -368,9 +375,12 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
   reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   auto& upscale = reply->body.emplace<wire::Upscale>();
-  shard::StepColumns columns = step_columns(request.batch, reply->batch);
+  shard::StepColumns columns = step_columns(request.batch, reply->batch, step.dt_s);
+  columns.host_time = step.time_s;
+  const std::uint64_t version_before = shard.state_version() + (step.commit_previous ? 1 : 0);
+  if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
   std::vector<std::uint8_t> unasked(
-      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // outcomes, if the reply does not hold them
+      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // receives the outcomes if the reply has no column for them
   if (!unasked.empty())
     columns.outputs.emplace_back(
         shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(unasked)});
@@ -389,7 +399,7 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   }
   keep(arrival, member.id, &member);
 
-  // 2. Change the states. Nothing fails from here to complete(), so states, sequence and kept reply stay consistent.
+  // 2. Change the states. Nothing can fail from here to complete(), so states, sequence and kept reply stay consistent.
   if (step.commit_previous) shard.commit();
   if (attempt) {
     shard.adopt(*attempt);
@@ -400,7 +410,9 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
     if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, false});
   }
   const std::uint64_t ended_ns = options_.now_ns();
+  member.last_request_ns = ended_ns;  // a client is not idle while it waits
   if (step.mode == wire::Mode::kAdvance) shard.commit();
+  if (shard.check_closure()) report_closure(member, step, request.batch, rows, count.closure, upscale);
   upscale.nodes = num_rows;
   upscale.flagged_nodes = count.flagged;
   upscale.state_version = shard.state_version();
@@ -409,16 +421,64 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.conversation.complete(request.sequence, arrival.hash, reply);
 
   ++member.totals.requests;
-  member.totals.node_steps += num_rows;
+  const std::size_t stepped = shard.stepped_nodes(rows);
+  member.totals.node_steps += stepped;
   member.totals.solver_ns += upscale.solver_ns;
   member.totals.asleep_node_steps += count.asleep;
-  metrics_.node_steps += num_rows;
+  metrics_.node_steps += stepped;
   metrics_.solver_ns += upscale.solver_ns;
   times_.solver.add(upscale.solver_ns);
 }
 
+// Fails to report, if there is no memory for a warning, rather than to answer: the step has run.
+void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
+                             const shard::Rows& rows, const shard::Closure& closure,
+                             wire::Upscale& upscale) const noexcept try {
+  const shard::Shard& shard = *member.shard;
+  const std::uint64_t version = shard.state_version();
+  if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
+  const auto node_of = [&](std::size_t row) {
+    return rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
+  };
+  upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
+  upscale.closure_node = node_of(closure.row);
+  upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
+  constexpr std::uint64_t kWatched = 101;  // commits after which times are not compared any more
+  if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
+  upscale.warnings.push_back(fmt::format(
+      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
+      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
+      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
+      "impedance",
+      closure.host_time_step, node_of(closure.time_row), step.dt_s, upscale.closure_node, upscale.layer_time_s,
+      step.time_s));
+} catch (const std::exception&) {
+}
+
+// The request that closes a session is an operator's, so it is journaled, and a recovery closes the session again.
+// After a recovery the time without a request counts from the recovery.
+void Service::close_idle_sessions() noexcept try {
+  std::vector<wire::Request> closings;
+  for (const auto& [id, member] : members_) {
+    if (!member->shard || member->idle_limit_s == 0) continue;
+    const double idle_s = 1e-9 * static_cast<double>(options_.now_ns() - member->last_request_ns);
+    if (idle_s < static_cast<double>(member->idle_limit_s)) continue;
+    closings.push_back({.session_id = id,
+                        .sequence = member->conversation.last_sequence() + 1,
+                        .body = wire::CloseSession{.reason = fmt::format("idle for {:.0f} s, its client allowed {} s",
+                                                                         idle_s, member->idle_limit_s)}});
+  }
+  for (const wire::Request& closing : closings) {
+    const std::string header = wire::encode_header(closing);
+    const std::span<const std::byte> frame = std::as_bytes(std::span(header));
+    handle(Frames(&frame, 1), {.identity = "the server", .is_operator = true});
+  }
+} catch (const std::exception&) {  // no memory: later
+}
+
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
                             wire::Reply& reply) {
+  std::string because = printable(close.reason);
   keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
   ++totals.requests;  // counts close_session itself
@@ -426,6 +486,7 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));
   closed_.push_back(member.id);
+  member.closed_because = std::move(because);
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();

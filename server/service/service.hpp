@@ -76,6 +76,9 @@ class Service : private store::Recovery {
   // Whether an operator has asked the server to end with the last session and no session is open any more.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
+  // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
+  void close_idle_sessions() noexcept;
+
   // Refuses every later request with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }
 
@@ -112,9 +115,12 @@ class Service : private store::Recovery {
   void check_memory(std::uint64_t wanted, std::size_t nodes) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
+  void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
+                      const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
   // Makes a shard whose nodes have the model's initial temperature.
-  std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids) const;
+  std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
+                                           bool check_closure) const;
 
   // capsules.cpp: failure capsules of nodes without an answer.
   struct FailedStep {
@@ -157,7 +163,7 @@ class Service : private store::Recovery {
   shard::TaskPool& pool_;
   store::Store* store_;
   std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that ran the request first
-  std::uint64_t claims_ = 0;  // number of granted claims; claim i has the epoch epoch_ + i
+  std::uint64_t claims_ = 0;  // number of granted claims (resume_session); claim i has the epoch epoch_ + i
   bool replaying_ = false;    // whether requests of the journal are run again, for recovery
   bool kept_ = false;         // the present request is in the journal and has not run
   bool failed_ = false;
@@ -170,7 +176,7 @@ class Service : private store::Recovery {
   std::map<wire::TransferId, store::TransferImage> transfers_;  // offered nodes, which no session owns
   wire::ServerStatus metrics_;
   Metrics times_;
-  struct Current {  // the present request
+  struct Current {  // the request that is being answered
     std::size_t verb = 0;
     std::uint64_t started_ns = 0;
   } current_;

@@ -68,6 +68,15 @@ std::string join_names(const std::array<std::span<const Field>, N>& lists) {
   return names;
 }
 
+// Remedy that names the columns of a step in each of its forms.
+std::string needed_columns(const wire::StrategyColumns& columns) {
+  std::string text = "A step of this scene needs " + join_names(std::array{columns.required});
+  if (columns.stick.empty()) return text + ".";
+  const std::vector<Field> stick = wire::columns_in(wire::Form::kStick, columns.required);
+  return text + " (far-field form), or " + join_names(std::array{std::span<const Field>(stick)}) +
+         " (stick form); all rows of a request have one form.";
+}
+
 bool contains(std::span<const Field> list, Field field) {
   return std::find(list.begin(), list.end(), field) != list.end();
 }
@@ -83,30 +92,48 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
                              : "Send it with component 0 only.");
 }
 
-// Refuses a column of the model's strategy that this model does not have; `named_in` is the field
-// that the fault names.
+// Refuses a column that the model's strategy has but this model does not; `named_in` is the field of the request that
+// the refusal names as at fault.
 void check_condition(Field field, const physics::ModelOptions& options, const char* named_in) {
   if (const ColumnCondition* unmet = unmet_condition(field, options))
     refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);
 }
 
+// The form of the request. Refuses columns of both forms in one request.
+wire::Form form_of(const wire::Batch& batch, const wire::StrategyColumns& columns) {
+  const auto first_of = [&](std::span<const Field> fields) {
+    const auto found = std::ranges::find_if(fields, [&](Field field) { return batch.has(field); });
+    return found == fields.end() ? nullptr : &*found;
+  };
+  const Field* stick = first_of(columns.stick);
+  if (stick == nullptr) return wire::Form::kFarField;
+  if (const Field* far_field = first_of(wire::kFarFieldColumns); far_field != nullptr)
+    refuse(Code::kShape, wire::name(*far_field),
+           fmt::format("columns {} and {} are of different forms of a request", wire::name(*stick),
+                       wire::name(*far_field)),
+           needed_columns(columns));
+  return wire::Form::kStick;
+}
+
 void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions& options) {
   const wire::StrategyColumns& columns = wire::columns_of(strategy_of(options));
   check_components(batch, static_cast<std::uint32_t>(options.tangential_components));
-  for (const Field field : columns.required) {
+  const std::vector<Field> required = wire::columns_in(form_of(batch, columns), columns.required);
+  for (const Field field : required) {
     if (!batch.has(field))
       refuse(Code::kShape, wire::name(field), fmt::format("column {} is missing", wire::name(field)),
-             "A step of this scene needs " + join_names(std::array{columns.required}) + ".");
+             needed_columns(columns));
     if (options.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
       refuse(Code::kShape, wire::name(field), fmt::format("component 1 of column {} is missing", wire::name(field)),
              "The scene has tangential_components = 2: send both components of every tangential column.");
   }
   for (const wire::Column& column : batch.columns()) {
-    if (column.field != Field::kNodeId && !contains(columns.required, column.field) &&
+    if (column.field != Field::kNodeId && !contains(required, column.field) &&
         !contains(columns.optional, column.field))
-      refuse(Code::kShape, wire::name(column.field),
-             fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
-             "Send " + join_names(std::array{columns.required, columns.optional}) + " and nothing else.");
+      refuse(
+          Code::kShape, wire::name(column.field),
+          fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
+          "Send " + join_names(std::array{std::span<const Field>(required), columns.optional}) + " and nothing else.");
     check_condition(column.field, options, wire::name(column.field));
   }
 }
@@ -239,6 +266,9 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
   std::vector<std::uint64_t> ids;
   for (std::size_t row = 0; row < outcomes.size(); ++row)
     if ((outcomes[row] & wire::kFailed) != 0) ids.push_back(row_ids[row]);
+  if (ids.empty())
+    refuse(Code::kStepFailed, "downscale.absent_nodes", "a node that the step does not name has no answer to it",
+           "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which such nodes keep their states.");
   const std::uint64_t first = ids.front();
   const std::size_t failed = ids.size();
   refuse(Code::kStepFailed, "downscale.policy",
@@ -278,6 +308,7 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   check_times(step, options);
   check_columns_of_step(batch, options);
   shard::Rows rows = locate_rows(batch, nodes);
+  rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen;
   const auto row_ids = batch.u64(Field::kNodeId);
   for (const wire::ColumnRow& row : wire::column_rows())
     for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)
@@ -289,7 +320,7 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options) {
+std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options, bool check_closure) {
   const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
   const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
   if (step.wanted.empty()) return {all.begin(), all.end()};
@@ -301,10 +332,50 @@ std::vector<Field> check_wanted(const wire::Downscale& step, const physics::Mode
                          wire::name(field)),
              "Choose from " + join_names(std::array{all, on_request}) + ".");
     check_condition(field, options, "wanted");
+    if (field == Field::kClosure && !check_closure)
+      refuse(Code::kUnsupported, "wanted", fmt::format("{} is of sessions that check closure", wire::name(field)),
+             "Leave it out, or open the session with open_session.check_closure.");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }
   return step.wanted;
+}
+
+std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch) {
+  constexpr double kLongStep = 1e-6;    // [s]
+  constexpr double kLowPressure = 1e3;  // [Pa]
+  constexpr double kLargeChange = 1e3;  // change of the jump in one step  [m/s]
+  std::vector<std::string> warnings;
+  if (step.dt_s > kLongStep)
+    warnings.push_back(
+        fmt::format("dt_s: the first step is {} s long; a step of a shock is rarely longer than {} s. "
+                    "Is dt_s in seconds?",
+                    step.dt_s, kLongStep));
+  const auto pressure = batch.f64(Field::kPressure);
+  if (const auto low = std::ranges::find_if(pressure, [&](double p) { return p > 0.0 && p < kLowPressure; });
+      low != pressure.end())
+    warnings.push_back(
+        fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and below {} Pa. Is the "
+                    "pressure in pascal?",
+                    low - pressure.begin(), *low, kLowPressure));
+  const bool sticks = batch.has(Field::kImpedance);
+  const auto jump = batch.f64(Field::kVelocityJump), impedance = batch.f64(Field::kImpedance),
+             stick = batch.f64(Field::kStickStress), soft = batch.f64(Field::kStressSoft),
+             hard = batch.f64(Field::kStressHard), mass_soft = batch.f64(Field::kMassSoft),
+             mass_hard = batch.f64(Field::kMassHard);
+  for (std::size_t row = 0; row < jump.size(); ++row) {
+    const double change = sticks ? stick[row] / impedance[row] - jump[row]
+                                 : step.dt_s * (soft[row] / mass_soft[row] + hard[row] / mass_hard[row]);
+    const double to_stick = std::abs(jump[row] + change);
+    if (std::abs(change) <= kLargeChange && to_stick <= kLargeChange) continue;
+    warnings.push_back(
+        fmt::format("{}: without friction the jump of row {} changes from {} to {} m/s in the first step. "
+                    "Are stresses in pascal and {}?",
+                    wire::name(sticks ? Field::kStickStress : Field::kMassSoft), row, jump[row], jump[row] + change,
+                    sticks ? "the impedance in Pa s/m" : "masses per area in kg/m2"));
+    break;
+  }
+  return warnings;
 }
 
 }  // namespace shearbus::service

@@ -59,7 +59,7 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
   const std::size_t before = nodes_.size();
   const std::size_t after = before + node_ids.size();
   const std::size_t tiles = tiles_for(after);
-  const std::size_t doubles = model_.layout().doubles;
+  const std::size_t doubles = layout_.doubles;
   if (states != nullptr) check_states(*states, node_ids.size());
   NodeChange change;
   change.nodes_ = nodes_.with(node_ids);
@@ -88,11 +88,12 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
       initial[lane] = temperature[slot - before];
     }
     model_.initialise(fresh.data(), initial);
+    layout_.begin_exchange(fresh.data());
     for (std::size_t lane = tile * kLanes < before ? before % kLanes : 0; lane < kLanes; ++lane)
       copy_lane(fresh.data(), tile_at(tile), doubles, lane, lane);
   }
   if (states != nullptr)
-    write_states(*states, model_, [&](std::size_t row) {
+    write_states(*states, layout_.states(), [&](std::size_t row) {
       const std::size_t slot = before + states->rows[row];
       return tile_at(slot / kLanes) + slot % kLanes;
     });
@@ -114,7 +115,7 @@ Shard::NodeChange Shard::removing(std::span<const std::uint32_t> slots) const {
 }
 
 void Shard::apply(NodeChange&& change) {
-  const std::size_t doubles = model_.layout().doubles;
+  const std::size_t doubles = layout_.doubles;
   for (const auto& [from, to] : change.moves_)
     copy_lane(committed(from / kLanes), committed(to / kLanes), doubles, from % kLanes, to % kLanes);
   for (std::size_t i = 0; i < change.copied_tiles_; ++i) {

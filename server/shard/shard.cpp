@@ -4,6 +4,8 @@
 #include <functional>
 #include <mutex>
 
+#include "server/physics/solver/step_operators.hpp"
+
 namespace shearbus::shard {
 
 using physics::kLanes;
@@ -14,13 +16,18 @@ namespace {
 // step, and one block is copied quickly.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
-// For each lane of one tile, the row of the request that steps the lane's node. Only the rows of active lanes are
-// valid.
+// For each lane of one tile, the row of the request that steps the lane's node. Only the rows of named lanes are valid.
 struct LaneRows {
   std::uint32_t row[kLanes] = {};
-  std::uint32_t active = 0;
-  bool has(int lane) const { return (active >> lane & 1U) != 0; }
+  std::uint32_t named = 0;  // bit i: the node of lane i has a row
+  std::uint32_t open = 0;   // bit i: the node of lane i has no row and is stepped as an open contact
+  bool has(int lane) const { return (named >> lane & 1U) != 0; }
 };
+
+// Open contacts without forces: the other inputs are 0. No answer depends on these masses, which must be above 0.
+void leave_open(std::uint32_t lanes, physics::TileInputs& in) {
+  for (const int lane : physics::lanes_of(lanes)) in.mass_soft[lane] = in.mass_hard[lane] = 1.0;
+}
 
 void gather(std::span<const double> column, const LaneRows& lanes, double* values) {
   for (int lane = 0; lane < kLanes; ++lane)
@@ -44,23 +51,20 @@ const double* values_of(const LedgerColumn& column, const physics::TileOutputs&,
 
 }  // namespace
 
-std::uint64_t Shard::bytes_of_state(const physics::Model& model) {
-  return sizeof(double) * model.layout().doubles / kLanes;
-}
-
-std::uint64_t Shard::bytes_per_node(const physics::Model& model) {
+std::uint64_t Shard::bytes_per_node(const physics::Model& model, bool check_closure) {
   // Memory of a node in NodeTable, touched_ and row_of_slot_.
   constexpr std::uint64_t kLists = NodeTable::kBytesPerNode + 2 * sizeof(std::uint32_t);
-  return 2 * bytes_of_state(model) + kLists;
+  return 2 * sizeof(double) * TileStates(model, check_closure).doubles / kLanes + kLists;
 }
 
-std::uint64_t Shard::bytes_for(const physics::Model& model, std::size_t nodes) {
-  return tiles_for(nodes) * (kLanes * bytes_per_node(model));
+std::uint64_t Shard::bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure) {
+  return tiles_for(nodes) * (kLanes * bytes_per_node(model, check_closure));
 }
 
 Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
              TaskPool& pool, const ShardOptions& options)
     : model_(std::move(model)),
+      layout_(model_, options.check_closure),
       pool_(pool),
       options_(options),
       tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {
@@ -68,8 +72,7 @@ Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std:
 }
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
-  return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() +
-         which * model_.layout().doubles;
+  return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() + which * layout_.doubles;
 }
 
 NodeGlance Shard::glance(std::size_t slot) const {
@@ -81,8 +84,15 @@ NodeGlance Shard::glance(std::size_t slot) const {
           .regime = static_cast<std::uint8_t>(lane[layout.regime])};
 }
 
+double Shard::layer_time(std::uint32_t slot) const {
+  const std::uint32_t tile = tile_of(slot);
+  const bool in_trial = std::binary_search(touched_.begin(), touched_.end(), tile);
+  const double* states = buffer(tile, in_trial ? 1U - committed_[tile] : committed_[tile]);
+  return states[layout_.layer_time + slot % kLanes];
+}
+
 std::span<const double> Shard::committed_tile(std::size_t slot) const {
-  return {committed(slot / kLanes), model_.layout().doubles};
+  return {committed(slot / kLanes), layout_.doubles};
 }
 
 std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
@@ -98,14 +108,21 @@ std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
 
 // The arguments of a step that all tiles share.
 struct Shard::StepOf {
-  std::size_t num_rows;
+  std::size_t num_nodes;
   bool rows_are_slots;
+  bool others_are_open;
   const physics::StepOperators& operators;
   const StepColumns& columns;
   bool has_ledger;
 };
 
-// Lists the tiles that hold a node of the request, and enters the row of each slot in row_of_slot_. The entries are
+Shard::StepOf Shard::step_of(const Rows& rows, const physics::StepOperators& operators,
+                             const StepColumns& columns) const {
+  return {stepped_nodes(rows), rows.all && nodes_.slots_are_rows(), rows.others_are_open, operators, columns,
+          columns.has_ledger()};
+}
+
+// Lists the tiles that hold a node of the step, and enters the row of each slot in row_of_slot_. The entries are
 // left out if the request has every node and the row of every node equals its slot.
 void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   if (rows.all) {
@@ -116,8 +133,10 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   }
   for (std::size_t row = 0; row < rows.slots.size(); ++row) {
     row_of_slot_[rows.slots[row]] = static_cast<std::uint32_t>(row);
-    tiles.push_back(tile_of(rows.slots[row]));
+    if (!rows.others_are_open) tiles.push_back(tile_of(rows.slots[row]));
   }
+  for (std::size_t tile = 0; tile < num_tiles() && rows.others_are_open; ++tile)
+    tiles.push_back(static_cast<std::uint32_t>(tile));
   std::sort(tiles.begin(), tiles.end());
   tiles.erase(std::unique(tiles.begin(), tiles.end()), tiles.end());
 }
@@ -135,7 +154,7 @@ StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>
     const std::lock_guard lock(counting);
     count += here;
   };
-  const std::size_t tasks = step.num_rows / std::max<std::size_t>(options_.nodes_per_task, 1);
+  const std::size_t tasks = step.num_nodes / std::max<std::size_t>(options_.nodes_per_task, 1);
   if (tasks <= 1) {
     step_range(0, tiles.size());
   } else {
@@ -153,8 +172,7 @@ StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>
 StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) {
   rollback();
   find_tiles(rows, touched_);
-  const StepOf step{rows.all ? nodes_.size() : rows.slots.size(), rows.all && nodes_.slots_are_rows(), operators,
-                    columns, columns.has_ledger()};
+  const StepOf step = step_of(rows, operators, columns);
   const StepCount count = step_tiles(
       step, touched_, [&](std::size_t i) { return committed(touched_[i]); },
       [&](std::size_t i) { return buffer(touched_[i], 1U - committed_[touched_[i]]); });
@@ -164,12 +182,11 @@ StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators,
 
 Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                               bool from_trial) {
-  const StepOf step{rows.all ? nodes_.size() : rows.slots.size(), rows.all && nodes_.slots_are_rows(), operators,
-                    columns, columns.has_ledger()};
-  const std::size_t doubles = model_.layout().doubles;
+  const StepOf step = step_of(rows, operators, columns);
+  const std::size_t doubles = layout_.doubles;
   Attempt attempt;
   attempt.tiles_.reserve(std::max(num_tiles(), rows.slots.size()));
-  attempt.states_ = make_states(std::min(num_tiles(), step.num_rows) * doubles);
+  attempt.states_ = make_states(std::min(num_tiles(), step.num_nodes) * doubles);
   std::vector<std::uint8_t> begin = committed_;
   for (const std::uint32_t tile : touched_)
     if (from_trial) begin[tile] = static_cast<std::uint8_t>(1 - begin[tile]);
@@ -182,7 +199,7 @@ Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& op
 
 void Shard::adopt(const Attempt& attempt) {
   rollback();
-  const std::size_t doubles = model_.layout().doubles;
+  const std::size_t doubles = layout_.doubles;
   for (std::size_t i = 0; i < attempt.tiles_.size(); ++i) {
     const std::uint32_t tile = attempt.tiles_[i];
     touched_.push_back(tile);
@@ -195,14 +212,16 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   LaneRows lanes;
   for (int lane = 0; lane < kLanes; ++lane) {
     const std::size_t slot = tile * kLanes + lane;
-    const bool has_node = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
-    if (!has_node) continue;
+    const bool has_row = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
+    if (!has_row && step.others_are_open && slot < nodes_.size()) lanes.open |= 1U << lane;
+    if (!has_row) continue;
     lanes.row[lane] = step.rows_are_slots ? static_cast<std::uint32_t>(slot) : row_of_slot_[slot];
-    lanes.active |= 1U << lane;
+    lanes.named |= 1U << lane;
   }
 
   physics::TileInputs in;
-  in.active = lanes.active;
+  in.active = lanes.named | lanes.open;
+  leave_open(lanes.open, in);
   for (const InputColumn& column : step.columns.inputs) gather(column.values, lanes, in.*column.member);
 
   physics::TileOutputs out;
@@ -211,7 +230,16 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
   if (step.has_ledger) model_.record_energy(step.operators, in, out, from, to, ledger);
   for (const OutputColumn& column : step.columns.outputs)
     std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), lanes, answer.values); }, column);
-  return count_of(out, lanes.active);
+  StepCount count = count_of(out, in.active);
+  if (layout_.check_closure()) {
+    double difference[2][kLanes];
+    count.closure = exchange(layout_, {step.operators.dt(), step.columns.host_time}, in, out, lanes.named, lanes.open,
+                             lanes.row, from, to, difference);
+    for (int component = 0; component < 2; ++component)
+      if (const std::span<double> column = step.columns.closure[component]; !column.empty())
+        scatter(difference[component], lanes, column);
+  }
+  return count;
 }
 
 StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active) {
@@ -228,6 +256,7 @@ StepCount& StepCount::operator+=(const StepCount& other) {
   flagged += other.flagged;
   failed += other.failed;
   asleep += other.asleep;
+  closure += other.closure;
   return *this;
 }
 

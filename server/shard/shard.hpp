@@ -11,6 +11,7 @@
 
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
+#include "server/shard/closure.hpp"
 #include "server/shard/node_table.hpp"
 #include "server/shard/states.hpp"
 #include "server/shard/step_columns.hpp"
@@ -23,12 +24,14 @@ struct StepCount {
   std::uint64_t flagged = 0;  // nodes with an outcome bit other than kAsleep
   std::uint64_t failed = 0;   // flagged nodes without an answer
   std::uint64_t asleep = 0;   // nodes at rest, which were not solved
+  Closure closure;            // of a shard that checks closure
 
   StepCount& operator+=(const StepCount& other);
 };
 
 struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
+  bool check_closure = false;        // force-driven: the states of closure.hpp; else without effect
 };
 
 // The part of a node's committed state that an operator of the server can inspect.
@@ -46,14 +49,17 @@ class Shard {
 
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
-  // in whole tiles.
-  static std::uint64_t bytes_of_state(const physics::Model& model);
-  static std::uint64_t bytes_per_node(const physics::Model& model);
-  static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes);
+  // in whole tiles. Without a shard: those of a model.
+  static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false);
+  static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false);
+  std::uint64_t bytes_of_state() const { return sizeof(double) * layout_.doubles / physics::kLanes; }
+  std::uint64_t bytes_per_node() const { return bytes_per_node(model_, layout_.check_closure()); }
+  std::uint64_t bytes_for(std::size_t nodes) const { return bytes_for(model_, nodes, layout_.check_closure()); }
 
   const physics::Model& model() const { return model_; }
   const NodeTable& nodes() const { return nodes_; }
-  std::uint64_t state_bytes() const { return bytes_for(model_, nodes_.size()); }
+  bool check_closure() const { return layout_.check_closure(); }
+  std::uint64_t state_bytes() const { return bytes_for(nodes_.size()); }
   std::uint64_t state_version() const { return state_version_; }  // number of commits
 
   // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
@@ -61,7 +67,7 @@ class Shard {
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
-  // trial. Nodes outside of `rows` and nodes without an answer keep their states. Throws nothing.
+  // trial. Nodes outside of the step and nodes without an answer keep their states. Throws nothing.
   StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
   // attempt() computes a step without changing any state of the shard. The step starts from the trial states if
@@ -72,13 +78,21 @@ class Shard {
                   bool from_trial);
   void adopt(const Attempt& attempt);
 
+  // Number of nodes that a step of these rows includes.
+  std::size_t stepped_nodes(const Rows& rows) const {
+    return rows.all || rows.others_are_open ? nodes_.size() : rows.slots.size();
+  }
+
   bool has_trial() const { return has_trial_; }
   void commit();    // replaces the committed states by the trial states
   void rollback();  // drops the trial
 
   NodeGlance glance(std::size_t slot) const;
 
-  // Committed states of one node's tile, for tests: [TileLayout::doubles].
+  // The layer's time of a node of a shard that checks closure, in its trial state if it has one, else committed  [s].
+  double layer_time(std::uint32_t slot) const;
+
+  // Committed states of one node's tile, for tests: [TileStates::doubles].
   std::span<const double> committed_tile(std::size_t slot) const;
 
   // adding() and removing() prepare a change of the set of nodes without changing the shard; apply() makes the change
@@ -107,11 +121,11 @@ class Shard {
     std::size_t mapped_bytes = 0;  // size of a block mapped with mmap; 0: the block is on the heap
     void operator()(double* p) const;
   };
-  using Block = std::unique_ptr<double[], Release>;  // two states per tile: [tile][2][TileLayout::doubles]
+  using Block = std::unique_ptr<double[], Release>;  // two states per tile: [tile][2][TileStates::doubles]
 
   static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
   std::size_t num_tiles() const { return tiles_for(nodes_.size()); }
-  std::size_t tile_doubles() const { return 2 * model_.layout().doubles; }
+  std::size_t tile_doubles() const { return 2 * layout_.doubles; }
   static Block make_states(std::size_t doubles);
   Block make_block(std::size_t tiles) const { return make_states(tiles * tile_doubles()); }
   std::size_t tiles_in_block(std::size_t block, std::size_t tiles) const;
@@ -123,6 +137,7 @@ class Shard {
   void check_states(const States& states, std::size_t nodes) const;
   void put_states(const States& states, bool of_trial);
   struct StepOf;
+  StepOf step_of(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) const;
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
   template <typename From, typename To>
   StepCount step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from, const To& to);
@@ -132,6 +147,7 @@ class Shard {
   static constexpr std::uint32_t kNoRow = 0xffffffff;
 
   physics::Model model_;
+  TileStates layout_;
   NodeTable nodes_;
   TaskPool& pool_;
   ShardOptions options_;
@@ -139,13 +155,13 @@ class Shard {
   // tiles it needs.
   std::size_t tiles_per_block_;
   std::vector<Block> blocks_;
-  std::vector<std::uint8_t> committed_;  // for each tile, the number (0 or 1) of the buffer with the committed states
-  std::vector<std::uint32_t> touched_;   // numbers of the tiles that the trial changed, ascending
+  std::vector<std::uint8_t> committed_;     // number (0 or 1) of the buffer with the committed states, for each tile
+  std::vector<std::uint32_t> touched_;      // numbers of the tiles that the trial changed, ascending
   std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
-  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // most recently used first
+  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // newest first
 };
 
 class Shard::Attempt {
@@ -155,7 +171,7 @@ class Shard::Attempt {
  private:
   friend class Shard;
   std::vector<std::uint32_t> tiles_;
-  Block states_;  // [tile][TileLayout::doubles]
+  Block states_;  // [tile][TileStates::doubles]
 };
 
 class Shard::NodeChange {

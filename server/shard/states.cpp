@@ -17,7 +17,7 @@ std::uint32_t Shard::tile_of(std::uint32_t slot) {
 
 States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const {
   States states{.rows = std::move(rows), .columns = {}};
-  for (const physics::State& state : model_.layout().states()) {
+  for (const physics::State& state : layout_.states()) {
     StateColumn column{.name = state.name, .units = state.unit, .width = state.width, .values = {}};
     column.values.reserve(slots.size() * state.width);
     for (const std::uint32_t slot : slots) {
@@ -57,7 +57,7 @@ States Shard::trial_states() const {
 }
 
 void Shard::check_states(const States& states, std::size_t nodes) const {
-  const std::span<const physics::State> known = model_.layout().states();
+  const std::span<const physics::State> known = layout_.states();
   if (states.columns.size() != known.size())
     throw std::invalid_argument("states of " + std::to_string(states.columns.size()) + " columns; the model has " +
                                 std::to_string(known.size()));
@@ -75,7 +75,7 @@ void Shard::check_states(const States& states, std::size_t nodes) const {
 }
 
 void Shard::put_states(const States& states, bool of_trial) {
-  write_states(states, model_, [&](std::size_t i) {
+  write_states(states, layout_.states(), [&](std::size_t i) {
     const std::uint32_t slot = nodes_.slot_of(states.rows[i]);
     const std::uint32_t tile = tile_of(slot);
     return buffer(tile, of_trial ? 1U - committed_[tile] : committed_[tile]) + slot % kLanes;
@@ -94,7 +94,7 @@ void Shard::restore(const States& committed_states, const States* trial, std::ui
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
   // Lanes beyond the last node also need a valid state, although no node's answer depends on it.
   for (const std::uint32_t tile : touched_)
-    std::copy_n(committed(tile), model_.layout().doubles, buffer(tile, 1U - committed_[tile]));
+    std::copy_n(committed(tile), layout_.doubles, buffer(tile, 1U - committed_[tile]));
   put_states(*trial, true);
   has_trial_ = true;
 }

@@ -15,7 +15,7 @@ namespace shearbus::shard {
 // One state of the nodes: `width` values per node, [node][width].
 struct StateColumn {
   std::string name;   // name with unit: "temperature_k"
-  std::string units;  // "K"
+  std::string units;  // unit: "K"
   std::size_t width = 0;
   std::vector<double> values;
 };
@@ -25,11 +25,10 @@ struct States {
   std::vector<StateColumn> columns;
 };
 
-// Writes the rows of `states`, whose columns are the states of this model; `state_of(i)` points at the lane of row i in
-// its tile.
+// Writes the rows of `states`, whose columns are the states `known`; `state_of(i)` points at the lane of row i in its
+// tile.
 template <typename StateOf>
-void write_states(const States& states, const physics::Model& model, const StateOf& state_of) {
-  const std::span<const physics::State> known = model.layout().states();
+void write_states(const States& states, std::span<const physics::State> known, const StateOf& state_of) {
   for (std::size_t state = 0; state < known.size(); ++state)
     for (std::size_t row = 0; row < states.rows.size(); ++row) {
       const std::size_t width = known[state].width;

@@ -33,7 +33,10 @@ using OutputColumn = std::variant<AnswerColumn<double, double>, AnswerColumn<phy
 
 struct StepColumns {
   std::vector<InputColumn> inputs;
+  std::vector<double> converted;  // values of input columns that the request has in another form
   std::vector<OutputColumn> outputs;
+  std::span<double> closure[2];  // difference of the jumps of host and answer, for each component; empty: not wanted
+  double host_time = 0.0;        // host's time at the end of the step, 0: not given  [s]
 
   bool has_ledger() const {
     return std::ranges::any_of(outputs,

@@ -103,6 +103,7 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_text(group, "domain", session.domain);
+  if (session.idle_limit_s != 0) put_number(group, "idle_limit_s", session.idle_limit_s);
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
   if (!session.open) return;
@@ -136,6 +137,7 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   session.identity = text_of(group, "identity");
   session.resume_token = key_from(text_of(group, "resume_token"));
   session.domain = text_of(group, "domain");
+  if (has_attribute(group, "idle_limit_s")) session.idle_limit_s = number_of(group, "idle_limit_s");
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
   if (!session.open) return session;

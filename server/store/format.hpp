@@ -53,8 +53,8 @@ struct SegmentHeader {
   std::uint32_t header_bytes = 80;
   std::uint64_t number = 0;       // number of the segment, as in its file name
   std::uint64_t epoch = 0;        // epoch of the server that wrote the segment, as in the replies that it sent
-  std::uint64_t first_index = 0;  // index of its first record
-  StoreId store{};                // id of the directory
+  std::uint64_t first_index = 0;  // index of the first record of the segment
+  StoreId store{};                // id of the state directory
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
   // Written again, in place, whenever records have been settled: index behind the last settled record.
   std::uint64_t settled = 0;
@@ -67,7 +67,7 @@ struct RecordHeader {
   std::uint64_t index = 0;  // number of the record, without gaps across all segments
   SessionKey session{};
   std::uint64_t sequence = 0;        // sequence number of the request in its session
-  std::uint64_t previous_reply = 0;  // hash of the session's reply before this request; a replay must give the same
+  std::uint64_t previous_reply = 0;  // hash of the session's reply before this request; a replay must give this hash
   std::uint32_t header_frame_bytes = 0;
   std::uint32_t payload_frame_bytes = 0;
   std::uint32_t identity_bytes = 0;
@@ -81,7 +81,7 @@ inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // larg
 // Footer of every checkpoint, after the HDF5 image.
 struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
-  std::uint64_t generation = 0;              // generation, as in the file name
+  std::uint64_t generation = 0;              // number of the checkpoint, as in its file name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
   StoreId store{};                           // id of the directory
   std::uint32_t version = kCheckpointVersion;

@@ -93,6 +93,12 @@ bool has_child(hid_t parent, const std::string& name) {
   return found > 0;
 }
 
+bool has_attribute(hid_t object, const std::string& name) {
+  const htri_t found = H5Aexists(object, name.c_str());
+  if (found < 0) throw Hdf5Error("look for " + name);
+  return found > 0;
+}
+
 std::vector<std::string> children_of(hid_t group) {
   H5G_info_t info{};
   check(H5Gget_info(group, &info), "look into a group");

@@ -49,6 +49,7 @@ std::vector<std::byte> bytes_of_image(hid_t file);
 hdf5::Group make_group(hid_t parent, const std::string& name);
 hdf5::Group open_group(hid_t parent, const std::string& name);
 bool has_child(hid_t parent, const std::string& name);
+bool has_attribute(hid_t object, const std::string& name);
 std::vector<std::string> children_of(hid_t group);  // names in ascending order
 
 void put_text(hid_t object, const std::string& name, const std::string& text);

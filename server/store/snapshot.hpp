@@ -34,10 +34,11 @@ struct TransferImage {
 
 struct SessionImage {
   SessionKey id{};
-  bool open = true;           // a closed session keeps only its last request and reply
-  std::string identity;       // identity that owns the session
-  SessionKey resume_token{};  // all zero: the session cannot be resumed
-  std::string domain;         // empty: the session is in no domain
+  bool open = true;                // a closed session keeps only its last request and reply
+  std::string identity;            // identity that owns the session
+  SessionKey resume_token{};       // all zero: the session cannot be resumed
+  std::string domain;              // empty: the session is in no domain
+  std::uint64_t idle_limit_s = 0;  // 0: none
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes
   std::vector<std::byte> reply_header;   // header frame of the kept reply

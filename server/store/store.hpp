@@ -69,7 +69,7 @@ class Store {
   void append(const Record& record);
   // Makes the appended records as durable as StoreOptions::durability promises. A failure is final.
   void settle();
-  bool failed() const { return failed_; }  // after a final failure no request may be answered
+  bool failed() const { return failed_; }  // true after a final failure: no request may be answered
 
   bool checkpoint_due() const;
   bool changed_since_checkpoint() const { return changed_; }
@@ -133,7 +133,7 @@ class Store {
   bool failed_ = false;
   struct Kept {
     std::uint64_t number;  // number of the file
-    std::uint64_t index;   // of a checkpoint: Snapshot::next_index; of a segment: first_index
+    std::uint64_t index;   // checkpoint: Snapshot::next_index; segment: first_index
   };
   std::vector<Kept> checkpoints_;        // sound checkpoints, oldest first
   std::vector<Kept> segments_;           // oldest first

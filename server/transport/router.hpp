@@ -41,7 +41,7 @@ struct RouterOptions {
   int queued_messages_per_peer = 4;                     // a peer sends one request at a time; others are repeats
   Authorise authorise;                                  // decides who may connect by ipc and tcp
   bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;                         // in Z85; tcp peers then must have keys; empty: no keys
+  std::string curve_secret_key;                         // key in Z85, with which tcp peers must have keys; empty: none
   bool insecure_plaintext = false;                      // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;          // gets a line per undeliverable answer; may be empty
   std::function<void(const std::string&)> log_access;   // gets a line per refused connection, on another thread
@@ -50,9 +50,9 @@ struct RouterOptions {
 struct RouterCounters {
   std::uint64_t received = 0;
   std::uint64_t sent = 0;
-  std::uint64_t peer_gone = 0;     // answers to a peer that had disconnected
-  std::uint64_t peer_full = 0;     // answers to a peer that does not read
-  std::uint64_t without_user = 0;  // messages dropped because their peer was never admitted
+  std::uint64_t peer_gone = 0;     // number of answers to a peer that had disconnected
+  std::uint64_t peer_full = 0;     // number of answers to a peer that does not read
+  std::uint64_t without_user = 0;  // number of messages dropped because their peer was never admitted
 };
 
 class Router {
@@ -62,7 +62,7 @@ class Router {
   Router& operator=(const Router&) = delete;
   ~Router();  // waits for pending answers (one second at most) and for sockets that others opened in context()
 
-  void* context() { return context_.handle(); }  // for clients on inproc endpoints
+  void* context() { return context_.handle(); }  // context for clients on inproc endpoints
 
   // Returns the endpoint as bound, with its port if "*" was given. Throws std::invalid_argument for an endpoint that
   // must not be bound, std::runtime_error if the bind fails.

@@ -199,7 +199,7 @@ void MoltenLayer::step_with(const Operator& heat, const Rig& rig) {
   add_flux(heat, n, flux, rows_.data());
 }
 
-// ---- Course ----
+// ---- Course: the run of one scene of a row ----
 
 Course::Course(Rig& on, const Host& of, int scene_number)
     : rig(on), host(of), draw(7001 + static_cast<std::uint64_t>(scene_number)), scene(scene_number), dt(of.dt) {

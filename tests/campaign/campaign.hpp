@@ -27,7 +27,7 @@ using testing::SearchEffort;
 struct Host {
   double pressure = 11.2e9;        // [Pa]
   double half_zone_soft = 2.5e-6;  // half the zone width at the interface; times the density, the mass in DLP (61)  [m]
-  double half_zone_hard = 2.5e-6;  // the same in the hard body  [m]
+  double half_zone_hard = 2.5e-6;  // half the zone width in the hard body  [m]
   double dt = 1e-9;                // step length  [s]
 };
 
@@ -123,8 +123,8 @@ class Ringing {
 };
 
 // A layer whose interface has the melting temperature from the first step on. By a comparison principle no other
-// history with the same steps of backward Euler puts more heat into the layer, so heat() bounds the friction heat of all
-// such histories; for other integrators see share_of_first_step().
+// history with the same steps of backward Euler puts more heat into the layer, so heat() bounds the friction heat of
+// every such history; for other integrators see share_of_first_step().
 class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);

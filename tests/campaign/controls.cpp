@@ -83,7 +83,7 @@ double limit_at(const Rig& rig, double T0) {
                   o.interface.yield_strength * softening(o.soft, kPressure, T0).g / kSqrt3);
 }
 
-struct Body {  // DLP (61) of lane 0: [V]new = [V]old + driven - per_stress * s
+struct Body {  // momentum of lane 0's bodies, DLP (61): [V]new = [V]old + driven - per_stress * s
   double driven, per_stress;
 };
 Body body_of(const Rig& rig, double dt) {

@@ -12,9 +12,9 @@ struct ControlOutcome {
   std::string what;  // the error of the solver
   int steps = 0;
   int broken = 0;        // steps that broke an invariant
-  std::string first;     // message of the first of these steps
+  std::string first;     // message of the first step that broke an invariant
   bool rings = false;    // the watched quantity (stress, velocity jump or T0) alternates
-  double factor = 0.0;   // if `rings`: ratio of its last change to the change before
+  double factor = 0.0;   // if `rings`: ratio of the last change of the watched quantity to the change before
   double hottest = 0.0;  // highest interface temperature T0  [K]
 
   bool fails() const { return broken > 0 || rings; }

@@ -11,7 +11,7 @@
 
 namespace shearbus::study::stability {
 
-// A kind of random scenes, for one solver: its name, and the function that draws the options of a scene.
+// A kind of random scenes, which exercises one solver: a name, and the function that draws the options of a scene.
 struct RandomKind {
   const char* name;
   ModelOptions (*options)(testing::Draw& draw, bool extreme);

@@ -25,7 +25,7 @@ using namespace stability;  // NOLINT(google-build-using-namespace): what is rep
 namespace {
 
 struct Campaign {
-  std::optional<UserScene> scene;  // if given, its physics is the only one
+  std::optional<UserScene> scene;  // scene of the user; if given, no other physics runs
   bool cut_short = false;          // the option --steps limits the steps of every row
   std::vector<Physics> physics;
   std::vector<Row> rows;

@@ -55,7 +55,7 @@ Scenes thicknesses(const Physics& p) {
 constexpr double kFourierStep = 1.3e-7;  // [s]
 Scenes fine_grid(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (o.modes || o.tolerance) return {};  // such scenes do not set the cells
+  if (o.modes || o.tolerance) return {};  // scenes with modes or a tolerance do not set the cells
   const int cells = o.inertia ? 100 : 400;
   ModelOptions scene = with_thickness(o, cells * 1e-4 * std::sqrt(o.soft.diffusivity * kFourierStep));
   scene.grid.cells = cells;

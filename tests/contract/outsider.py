@@ -48,7 +48,9 @@ FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, INITIAL_TEMPERATURE, JUMP, PRESSURE = 1, 2, 10, 11
 STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 12, 13, 14, 15
+STICK_STRESS, IMPEDANCE = 18, 19
 STRESS, SLIDING, TEMPERATURE, JUMP_NEW, REGIME, OUTCOME, HEAT = 30, 31, 32, 33, 34, 35, 36
+CLOSURE = 61
 
 
 def element_of(field):
@@ -135,13 +137,13 @@ class Connection:
 class Session:
     """A session that numbers its requests; a refused request does not use up its number."""
 
-    def __init__(self, connection, scene, node_ids, temperatures=None, domain=""):
+    def __init__(self, connection, scene, node_ids, temperatures=None, domain="", **options):
         self.connection, self.id, self.sequence = connection, os.urandom(16), 0
         columns = {NODE_ID: node_ids} if node_ids else None
         if temperatures is not None:
             columns[INITIAL_TEMPERATURE] = temperatures
         self.opening = connection.frames(columns, open_session={"scene": scene, "scene_file": "outsider.toml",
-                                                            "session_id": self.id, "domain": domain})
+                                                            "session_id": self.id, "domain": domain, **options})
         self.opened = connection.exchange(self.opening)
 
     def frames(self, columns=None, **body):
@@ -197,8 +199,8 @@ class Outsider(unittest.TestCase):
         if field is not None:
             self.assertEqual(reply.header.status.field, field)
 
-    def open(self, scene, node_ids, temperatures=None, domain=""):
-        session = Session(self.bus, scene, node_ids, temperatures, domain)
+    def open(self, scene, node_ids, temperatures=None, domain="", **options):
+        session = Session(self.bus, scene, node_ids, temperatures, domain, **options)
         self.assertEqual(session.opened.code, pb.CODE_OK, session.opened.header.status.text)
         self.addCleanup(lambda: session.call(close_session={"reason": "test over"}))
         return session
@@ -267,6 +269,54 @@ class Outsider(unittest.TestCase):
             self.assertLessEqual(stress, 0.3 * 11.2e9)
             jump = reply.columns[JUMP_NEW][0]
         self.assertLess(jump, 100.0)
+
+    def test_stick_form_has_the_answer_of_the_far_field_form(self):
+        far, stick = self.open(force_scene(), [5, 6]), self.open(force_scene(), [5, 6])
+        soft, hard = 2703 * 0.5e-5, 7900 * 0.5e-5
+        impedance = 1 / (1e-9 * (1 / soft + 1 / hard))
+        jumps = [100.0, -3.0]
+        for _ in range(10):
+            free = [jump + 1e-9 * (2e8 / soft - 1e8 / hard) for jump in jumps]
+            drive_far = {STRESS_SOFT: [2e8] * 2, STRESS_HARD: [-1e8] * 2, MASS_SOFT: [soft] * 2, MASS_HARD: [hard] * 2}
+            drive_stick = {STICK_STRESS: [impedance * jump for jump in free], IMPEDANCE: [impedance] * 2}
+            want = far.step(drive(jumps) | drive_far)
+            found = stick.step(drive(jumps) | drive_stick)
+            self.assertEqual(found.code, pb.CODE_OK, found.header.status.text)
+            for field in (STRESS, SLIDING, TEMPERATURE, JUMP_NEW):
+                for a, b in zip(found.columns[field], want.columns[field]):
+                    self.assertTrue(math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-9), (field, a, b))
+            for jump, stress, new in zip(free, found.columns[STRESS], found.columns[JUMP_NEW]):
+                self.assertTrue(math.isclose(new, jump - stress / impedance, rel_tol=1e-9, abs_tol=1e-9))
+            jumps = list(want.columns[JUMP_NEW])
+        self.assert_refused(stick.step(drive(jumps) | drive_stick | {MASS_SOFT: [soft] * 2}), pb.CODE_SHAPE, "mass_soft_kg_per_m2")
+        self.assert_refused(stick.step(drive(jumps) | {IMPEDANCE: [impedance] * 2}), pb.CODE_SHAPE, "stick_stress_pa")
+        self.assert_refused(stick.step(drive(jumps) | {STICK_STRESS: [0.0] * 2, IMPEDANCE: [0.0, impedance]}),
+                            pb.CODE_INVALID_VALUE, "impedance_pa_s_per_m")
+
+    def test_nodes_that_a_step_does_not_name_cool_if_it_opens_them(self):
+        def temperature_of_the_other(absent_nodes):
+            session = self.open(paper_scene(), [1, 2])
+            session.step(drive([100.0, 100.0]), dt=1e-8)
+            for _ in range(5):
+                reply = session.step({NODE_ID: [1], **drive([100.0])}, dt=1e-8, absent_nodes=absent_nodes)
+                self.assertEqual(len(reply.columns[TEMPERATURE]), 1)
+            return session.step(drive([0.0, 0.0], 0.0), dt=1e-18).columns[TEMPERATURE][1]
+        self.assertLess(temperature_of_the_other(1) + 1.0, temperature_of_the_other(0))
+
+    def test_the_closure_shows_an_answer_that_was_not_applied(self):
+        session = self.open(force_scene(), [5, 6], check_closure=True)
+        far_field = {STRESS_SOFT: [0.0] * 2, STRESS_HARD: [0.0] * 2, MASS_SOFT: [2703 * 0.5e-5] * 2, MASS_HARD: [7900 * 0.5e-5] * 2}
+        wanted = [STRESS, JUMP_NEW, CLOSURE]
+        first = session.step(drive([100.0, 80.0]) | far_field, wanted=wanted)
+        self.assertTrue(all(math.isnan(value) for value in first.columns[CLOSURE]))
+        right, wrong = first.columns[JUMP_NEW][0], 80.0
+        second = session.step(drive([right, wrong]) | far_field, wanted=wanted)
+        self.assertEqual(second.columns[CLOSURE], (0.0, wrong - first.columns[JUMP_NEW][1]))
+        upscale = second.header.upscale
+        self.assertEqual((upscale.largest_closure_m_per_s, upscale.closure_node), (second.columns[CLOSURE][1], 6))
+        self.assertEqual(upscale.layer_time_s, 2e-9)
+        plain = self.open(force_scene(), [5, 6])
+        self.assert_refused(plain.step(drive([100.0, 80.0]) | far_field, wanted=wanted), pb.CODE_UNSUPPORTED, "wanted")
 
     def test_rows_are_the_requests_in_its_order(self):
         all_at_once = self.open(paper_scene(), [10, 20, 30])

@@ -48,7 +48,7 @@ TEST(Hydro2dShock, ElasticPlasticPiston) {
                   last > 0.0 ? error / last : 0.0, behind * 1e-9, limit * 1e-9, residual);
       EXPECT_LT(std::abs(residual), 1e-13);
       if (last > 0.0) {
-        EXPECT_LT(error / last, 0.6);  // first order, because the fronts are discontinuities
+        EXPECT_LT(error / last, 0.6);  // first order in the zone width, because the fronts are discontinuities
       }
       if (zones == 400) {
         EXPECT_LT(error, 0.010);

@@ -1,15 +1,20 @@
 // Two half-spaces, computed by the hydrocode, the message bus and the layer together, against the Volterra equation.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
+#include <string>
 #include <vector>
 
+#include "client/src/client.hpp"
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
+#include "server/embedded.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
@@ -41,8 +46,47 @@ std::vector<test::HalfSpaceState> sample(const std::vector<test::HalfSpaceState>
   return samples;
 }
 
+// A law of the host on an embedded server, with requests in stick form.
+class StickLaw : public hydro::InterfaceLaw {
+ public:
+  StickLaw(const std::string& scene, const std::vector<std::uint64_t>& nodes)
+      : client_({.endpoint = server_.endpoint(), .context = server_.context(), .check_closure = CheckClosure::kError}),
+        session_(client_.open(scene, "scene", nodes)),
+        request_(session_.request({}, Form::kStick)) {}
+
+  void advance(const hydro::InterfaceInputs& in, hydro::InterfaceAnswer& answer) override {
+    std::ranges::copy(in.velocity_jump, request_.f64(Field::kVelocityJump).begin());
+    std::ranges::copy(in.pressure, request_.f64(Field::kPressure).begin());
+    for (std::size_t i = 0; i < in.velocity_jump.size(); ++i) {
+      const double impedance = 1.0 / (in.dt * (1.0 / in.mass_soft[i] + 1.0 / in.mass_hard[i]));
+      const double forces = in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i];
+      request_.f64(Field::kImpedance)[i] = impedance;
+      request_.f64(Field::kStickStress)[i] = impedance * (in.velocity_jump[i] + in.dt * forces);
+    }
+    const StepResult& result = session_.advance(request_, {.dt_s = in.dt, .time_s = in.time, .step = in.step});
+    std::ranges::copy(result.shear_stress_pa(), answer.shear_stress.begin());
+    std::ranges::copy(result.velocity_jump_new_m_per_s(), answer.velocity_jump_new.begin());
+    std::ranges::copy(result.sliding_velocity_m_per_s(), answer.sliding_velocity.begin());
+    std::ranges::copy(result.interface_temperature_k(), answer.interface_temperature.begin());
+    std::ranges::copy(result.friction_heat_j_per_m2(), answer.friction_heat.begin());
+    std::ranges::copy(result.regime(), answer.regime.begin());
+    closure = std::max(closure, result.upscale().largest_closure_m_per_s);
+    layer_time = result.upscale().layer_time_s;
+  }
+  hydro::LawTime time_spent() const override { return {}; }
+
+  double closure = 0.0;     // largest of all steps  [m/s]
+  double layer_time = 0.0;  // [s]
+
+ private:
+  server::Embedded server_;
+  Client client_;
+  Session session_;
+  Batch request_;
+};
+
 // Runs the scene on an embedded server. Soft zones are `zone_ns` of wave transit time wide, steps are `dt_ns` long.
-std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
+std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns, Form form = Form::kFarField) {
   guest::HydroScene scene = shipped_scene();
   guest::ShearColumn& column = *scene.mutable_hydro()->mutable_shear_column();
   const double shipped_zones = column.zones();
@@ -50,8 +94,14 @@ std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
   scene.mutable_hydro()->set_cfl(dt_ns / zone_ns);
   scene.mutable_hydro()->set_end_time_s(kEnd);
   const hydro::ColumnProblem problem = hydro::make_problem(scene);
-  hydro::SubgridLaw law({scene::to_toml(scene.scene()), "scene"}, hydro::node_ids(problem.columns),
-                        problem.initial_temperature);
+  const std::string text = scene::to_toml(scene.scene());
+  const std::vector<std::uint64_t> nodes = hydro::node_ids(problem.columns);
+  std::unique_ptr<hydro::InterfaceLaw> made;
+  if (form == Form::kStick)
+    made = std::make_unique<StickLaw>(text, nodes);
+  else
+    made = std::make_unique<hydro::SubgridLaw>(hydro::SceneText{text, "scene"}, nodes, problem.initial_temperature);
+  hydro::InterfaceLaw& law = *made;
   hydro::ShearColumn bodies(problem);
   std::vector<test::HalfSpaceState> states;
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
@@ -61,6 +111,10 @@ std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
         {bodies.time(), answer.shear_stress[0], answer.sliding_velocity[0], answer.interface_temperature[0]});
   }
   law.close();
+  if (const auto* stick = dynamic_cast<const StickLaw*>(&law)) {
+    EXPECT_NEAR(stick->layer_time, kEnd, 1e-15) << "the server compares";
+    EXPECT_LT(stick->closure, 1e-9);
+  }
   return sample(states);
 }
 
@@ -78,6 +132,16 @@ TEST(TwoHalfSpaces, ReferenceGivesTheTableAndHasConverged) {
     EXPECT_NEAR(fine[k].jump, table[k].jump, 1e-3);
     EXPECT_NEAR(fine[k].temperature, table[k].temperature, 1e-2);
     EXPECT_NEAR(fine[k].temperature, coarse[k].temperature, 1e-3);
+  }
+}
+
+// The host needs no stresses of half zones: stick stress and impedance give the same answer.
+TEST(TwoHalfSpaces, StickFormHasTheAnswerOfTheFarFieldForm) {
+  const auto far_field = run(1.0, 1.0), stick = run(1.0, 1.0, Form::kStick);
+  for (std::size_t k = 0; k < kTimes.size(); ++k) {
+    EXPECT_NEAR(stick[k].stress / far_field[k].stress, 1.0, 1e-9);
+    EXPECT_NEAR(stick[k].jump / far_field[k].jump, 1.0, 1e-9);
+    EXPECT_NEAR(stick[k].temperature / far_field[k].temperature, 1.0, 1e-9);
   }
 }
 
@@ -121,9 +185,9 @@ TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
     EXPECT_NEAR(row.states[k].jump / exact[k].jump, 1.0, 2e-3) << "dt " << row.dt_ns << " ns, t " << kTimes[k];
     EXPECT_NEAR(row.states[k].temperature, exact[k].temperature, 1.0) << "dt " << row.dt_ns << " ns, t " << kTimes[k];
   };
-  within(rows[2], 1);  // dt = 1 ns
+  within(rows[2], 1);  // the run with dt = 1 ns
   within(rows[2], 2);
-  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // dt = 0.25 ns: at all times
+  for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // the run with dt = 0.25 ns, at all times
 }
 
 // Courant number below 1. The sudden start makes the jump oscillate at the mesh's cut-off frequency, and the

@@ -10,8 +10,8 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kFlux = 1e10;    // [W/m2]
-constexpr double kStart = 300.0;  // [K]
+constexpr double kFlux = 1e10;    // heat flux at z = 0  [W/m2]
+constexpr double kStart = 300.0;  // initial temperature  [K]
 
 // Integral of the complementary error function from x to infinity.
 double ierfc(double x) {

@@ -70,7 +70,7 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
         const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
         EXPECT_LE(modes.error, accuracy);
         double worst = 0.0;
-        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // at 10 us the heat has reached the far face
+        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // the last: the heat has reached the far face
           for (int steps : {1, 3, 10}) {
             const double rise = rise_after(options, t, steps);
             worst = std::max(worst, std::abs(rise / (flux_of(options) * modes.kernel.integral(t)) - 1.0));
@@ -98,7 +98,7 @@ TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
     double sum = ierfc(0.0);
     for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
     EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
-    // The derivatives of the integrals: d(integral) = K(t) dt, d(moment) = t K(t) dt.
+    // The derivatives of the two integrals over time must be K(t) for `integral` and t K(t) for `moment`.
     const double e = 1e-4 * t;
     EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
     EXPECT_NEAR((slab.moment(t + e) - slab.moment(t - e)) / (2 * e * t * slab.at(t)), 1.0, 1e-7) << t;

@@ -12,7 +12,7 @@ namespace shearbus::testing {
 namespace {
 
 struct History {
-  std::vector<double> T0, s;  // at the end of each step [K], [Pa]
+  std::vector<double> T0, s;  // interface temperature [K] and stress [Pa] at the end of each step
   double at(const std::vector<double>& column, double t, double dt) const {
     return column[static_cast<std::size_t>(std::lround(t / dt)) - 1];
   }

@@ -70,7 +70,7 @@ TEST_P(DeliveredVelocityDriven, ErrorIsBelowTheOneRequestedAndFollowsIt) {
   for (const int steps : {2, 10, 100}) {
     double last = 1.0;
     for (const double request : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
-      if (request < 1e-4 && steps == 2) continue;  // takes too long
+      if (request < 1e-4 && steps == 2) continue;  // this combination takes too long
       const History found = run(discretised(paper_options(), request), steps, velocity_jump);
       double delivered = 0.0;
       for (std::size_t i = 0; i < found.temperature.size(); ++i) {

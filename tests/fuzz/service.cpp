@@ -2,7 +2,7 @@
 // restarts, receives each accepted request once. Whatever the requests are, three properties must hold:
 //   P1  after a restart the server repeats the last answer of every session on request
 //   P2  a repeated request gets the same answer and does not run again
-//   P3  a refused request changes nothing: the twin never receives it, and still gives the same answers
+//   P3  a refused request changes nothing: the twin service never receives it, and still gives the same answers
 //
 // The input consists of parts, in turn the header and the payload of a request. Fields that a header leaves at 0 or
 // empty - magic, version, session, sequence, size and sum of the payload - are filled in as a client would, so that an
@@ -53,7 +53,7 @@ class Conversation {
     expect_repeat(last, "P2: a repeated request has the same answer");
     last_.insert_or_assign(answer.reply.session_id, std::move(last));
 
-    header->set_epoch(0);  // the twin is never restarted, so its sessions are never resumed
+    header->set_epoch(0);  // the twin service never restarts, so no session of it is resumed
     frames[0] = header->SerializeAsString();
     const support::Answer alike = twin_.ask_bytes(views_of(frames));
     require(alike.code() == wire::Code::kOk, "P3: the twin accepts what was accepted: " + alike.reply.status.text);

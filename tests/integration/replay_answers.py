@@ -228,6 +228,26 @@ class Loops(ReplayTest):
             for name in ("shear_stress", "sliding_velocity", "interface_temperature", "velocity_jump_new", "regime"):
                 np.testing.assert_array_equal(closed[name], other[name], name)
 
+    def test_a_history_in_stick_form_has_the_answers_of_the_far_field_form(self):
+        parts = force_history(steps=100, nodes=4)
+        self.write(**parts)
+        far = self.result(scene=self.scene)
+        jump = np.vstack([parts["initial_velocity_jump"], far["velocity_jump_new"][:-1]])
+        impedance = 1 / (1e-9 * (1 / parts["mass_soft"] + 1 / parts["mass_hard"])) * np.ones((100, 1))
+        stick = {k: v for k, v in parts.items() if k in ("time", "node_id", "pressure")}
+        stick |= {"impedance": impedance, "stick_stress": impedance * jump}  # the far stresses are 0
+        self.write(**stick, velocity_jump=jump)
+        result = self.result(scene=self.scene)
+        for name in ("shear_stress", "sliding_velocity", "velocity_jump_new", "interface_temperature"):
+            np.testing.assert_allclose(result[name], far[name], rtol=1e-9, atol=1e-6, err_msg=name)
+        run = self.replay("--closed-loop", scene=self.scene)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("/stick_stress contains the jump that the host had", run.stderr)
+        self.write(**stick)
+        self.assertIn("/velocity_jump [T,N]", self.replay(scene=self.scene).stderr)
+        self.write(**parts, stick_stress=impedance * jump, impedance=impedance)
+        self.assertIn("/stick_stress and /impedance are not used", self.result(scene=self.scene)["text"])
+
     def test_recorded_jump_wins_where_both_are_there(self):
         parts = force_history(steps=10)
         self.write(**parts, velocity_jump=np.full((10, 3), 70.0))

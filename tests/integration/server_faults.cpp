@@ -189,7 +189,7 @@ TEST_F(Faults, AmplifyingBodiesAreRefused) {
   const std::string good = RawDealer::frames_of(opening(1))[0];
   std::string submessages = good;  // field 16 (hello) of length 0, many times: 3 bytes each
   for (int i = 0; i < 3'000'000; ++i) submessages += std::string("\x82\x01\x00", 3);
-  std::string unknown = good;  // field 1000, a varint
+  std::string unknown = good;  // unknown field: number 1000, a varint
   for (int i = 0; i < 2'000'000; ++i) unknown += std::string("\xc0\x3e\x01", 3);
   for (const std::string& header : {submessages, unknown}) {
     dealer.send({header});

@@ -15,7 +15,7 @@ namespace shearbus::physics {
 class Bingham {
  public:
   static constexpr std::string_view kName = "bingham", kEquation = "Bingham 1922", kAdds = "viscosity", kWhen = "tests";
-  // A [Pa] and eta [Pa s]
+  // the yield stress A [Pa] and the viscosity eta [Pa s]
   static constexpr std::array kConstants = {&Material::yield_strength, &Material::hardening_modulus};
   static constexpr bool kDependsOnRate = true;
   static constexpr bool kSeparable = false;
@@ -56,7 +56,7 @@ class Bingham {
       const bool solid = loaded.T[l] < loaded.T_melt[l];
       const double g = solid ? 1.0 - loaded.T[l] / loaded.T_melt[l] : 1.0;
       const double dep = solid ? A_ * (loaded.load[l] / g - 1.0) / (per_strain_ * g) : 1e50;
-      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);  // -dln(g)/dln(a)
+      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);  // decrease of ln(g) by ln(a)
       const double slope = solid ? A_ * loaded.load[l] * (1.0 + lost) / (per_strain_ * g * g) + dep * lost : 1e50;
       take(l, excess[l] > 0.0 ? dep : 0.0, excess[l] > 0.0 ? slope : 0.0);
     }

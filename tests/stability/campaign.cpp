@@ -14,15 +14,26 @@ void PrintTo(const Row& row, std::ostream* os) {
 
 namespace {
 
-// "shearbus-study stability" runs all steps of a row. A law that couples rate and temperature costs some 15 times as much.
+// "shearbus-study stability" runs all steps of every row on every physics. A step with a law that couples rate and
+// temperature costs 2 to 3 times as much as with another law, and a step of it to a tolerance divides into thousands of
+// substeps where the row takes the tolerance or the step length to extremes. So this test runs such laws for fewer
+// steps, and the rows of several scenes on one physics of each strategy.
 constexpr int kMostSteps = 10000;
 constexpr int kMostStepsCoupled = 200;
+
+bool is_run(const Row& row, const Physics& physics) {
+  const ModelOptions& o = physics.options;
+  if (testing::properties_of(o.soft.flow_law).separable) return true;
+  const bool plain = !o.tolerance && !o.sleep && !o.hard_grid && o.tangential_components == 1;
+  return plain || (row.scenes(physics).size() <= 1 && !(o.tolerance && row.name == "variable_step"));
+}
 
 class Campaign : public ::testing::TestWithParam<Row> {};
 
 TEST_P(Campaign, HoldsOnEveryPhysics) {
   int asked = 0;
   for (const Physics& physics : all_physics()) {
+    if (!is_run(GetParam(), physics)) continue;
     const bool separable = testing::properties_of(physics.options.soft.flow_law).separable;
     const Outcome outcome = run(GetParam(), physics, separable ? kMostSteps : kMostStepsCoupled);
     asked += outcome.verdict != Verdict::kNotAsked;

@@ -10,7 +10,7 @@
 #include <numeric>
 #include <span>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "server/embedded.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/service/scene_model.hpp"

@@ -14,8 +14,8 @@ namespace shearbus::study {
 // Results of a run: the interface temperature T0 at some times, and sums over all steps.
 struct Answer {
   std::vector<double> time;         // times of the samples  [s]
-  std::vector<double> temperature;  // T0 at these times  [K]
-  double impulse = 0.0;             // sum of |s| dt  [Pa s]
+  std::vector<double> temperature;  // interface temperature T0 at these times  [K]
+  double impulse = 0.0;             // sum of |s| dt over the steps  [Pa s]
   double work = 0.0;                // friction work  [J/m2]
 };
 
@@ -45,7 +45,7 @@ struct StudyCase {
   double end;       // duration of the run  [s]
   std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
   Reference (*reference)(const StudyCase&);
-  double velocity_jump = 100.0;  // [m/s]
+  double velocity_jump = 100.0;  // initial or imposed jump  [m/s]
   double pressure = 11.2e9;      // [Pa]
   double mass = 1.0;             // mass of each side  [kg/m2]
   bool coupled = false;          // the inputs of a step depend on the answers before

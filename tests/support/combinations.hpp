@@ -79,7 +79,7 @@ inline ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen,
   options.grid.far_boundary = rubs ? FarBoundary::kHalfSpace : FarBoundary::kInsulated;
   options.interface.friction_coefficient = rubs ? 0.02 : 2.0;
   options.initial_temperature = 600.0;
-  std::sort(chosen.begin(), chosen.end());  // in the order of items(): laws first
+  std::sort(chosen.begin(), chosen.end());  // sorts in the order of items(): laws first
   for (const Item* item : chosen) item->apply(options);
   if (options.friction_coefficient) options.friction_coefficient = rubs ? 0.005 : 2.0;
   if (options.tolerance) options = discretised(options, 1e-2);

@@ -11,7 +11,7 @@ namespace shearbus::test {
 struct HalfSpaces {
   double initial_jump;          // velocity jump before the contact, V0  [m/s]
   double pressure;              // [Pa]
-  double friction_coefficient;  // mu
+  double friction_coefficient;  // friction coefficient mu
   double yield_strength;        // yield strength of the interface  [Pa]
   double initial_temperature = 300.0;
   // The remaining constants are the paper's for aluminium on steel, in SI units.

@@ -110,12 +110,16 @@ inline std::vector<std::pair<std::string, Request>> requests() {
                 .commit_previous = true,
                 .wanted = {Field::kShearStress, Field::kOutcome}},
       step_columns(3));
+  add("downscale_absent_nodes_open",
+      Downscale{.dt_s = 1e-9, .mode = Mode::kAdvance, .absent_nodes = AbsentNodes::kOpen}, step_columns(2));
   add("commit", Commit{});
   add("rollback", Rollback{});
   add("close_session", CloseSession{.reason = "done"});
   add("server_status", ServerStatusQuery{});
   add("open_session_to_resume", OpenSession{.scene = kScene, .session_id = session_id(), .resume_token = session_id()},
       std::move(more_nodes));
+  add("open_session_that_checks_closure",
+      OpenSession{.scene = kScene, .session_id = session_id(), .check_closure = true, .idle_limit_s = 3600});
   add("resume_session", ResumeSession{.resume_token = session_id(), .claim = 3, .claimant = 77});
   add("mark", Mark{.name = "dump 17"});
   add("checkpoint", Checkpoint{});
@@ -164,6 +168,12 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
       add("upscale", Upscale{.nodes = 5, .state_version = 6, .solver_ns = 7, .service_ns = 8, .flagged_nodes = 2});
   upscale.batch = answer_columns(5);
   upscale.replayed = true;
+  add("upscale_with_closure", Upscale{.nodes = 5,
+                                      .state_version = 1,
+                                      .largest_closure_m_per_s = 2.5,
+                                      .closure_node = 1ULL << 40,
+                                      .layer_time_s = 2e-9,
+                                      .warnings = {"dt_s: long", "time_s: grew"}});
   add("committed", Committed{.state_version = 9});
   add("rolled_back", RolledBack{.state_version = 10});
   add("session_closed", SessionClosed{.requests = 11, .node_steps = 12, .solver_ns = 13});
@@ -200,6 +210,8 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
                                                 .more = true,
                                                 .matching = 29});
   inspected.batch = answer_columns(2);
+  add("inspected_in_a_domain",
+      Inspected{.sessions = {{.session_id = session_id(), .domain = "run 7", .idle_limit_s = 3600}}});
   ServerStatus full{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, "0.1.0"};
   full.histograms = {{.name = "request", .verb = "downscale", .counts = {0, 300, 2}, .sum_ns = 31}};
   full.refusals = {{.code = 301, .count = 32}};

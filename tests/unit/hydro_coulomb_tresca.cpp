@@ -73,7 +73,7 @@ TEST(CoulombTresca, StressIsAtTheLimitWhereItSlipsAndBelowWhereItSticks) {
     const Plates plates({2.0, 10.0, 28.0, 60.0, -150.0, 400.0}, pressure, guest::FAR_END_FREE);
     ShearColumn column(plates.problem);
     hydro::CoulombTrescaLaw law = plates.law();
-    std::vector<double> temperature = plates.problem.initial_temperature;  // at the interface before the step [K]
+    std::vector<double> temperature = plates.problem.initial_temperature;  // T0 before the step [K]
     int slips = 0;
     for (int step = 0; step < 1500; ++step) {
       column.advance(law);

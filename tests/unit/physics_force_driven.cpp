@@ -83,7 +83,7 @@ TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
 }
 
-// The example of server/physics/MODEL.md, "Force-driven step": zones of 5 um, dt = 1 ns, T_ad = 1215 K before the heat
+// The example of server/physics/MEASURED.md, "Exact solutions": zones of 5 um, dt = 1 ns, T_ad = 1215 K before the heat
 // of the step, mean jump without friction [V]mid = 33.888 m/s, interface yield strength 0.68 GPa.
 struct ThreeRoots {
   ModelOptions options = paper_options(Strategy::kForceDriven);

@@ -22,14 +22,14 @@ TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   const double Z = impedance(coarse.soft);
   Rig rig(coarse, 1);
   rig.set_all(0.0, kPressure);
-  rig.step(1e-12);  // at rest and in contact
+  rig.step(1e-12);  // the first step: at rest and in contact
   rig.set_all(kElastic, kPressure);
   const double dt = 4e-12;
   double arrived = 0.0;
   for (int n = 1; n * dt < 2.9 * cross; ++n) {
     rig.step(dt);
     const double t = n * dt;
-    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of the final stress
+    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of the stress behind the wave
     if (t < 0.85 * cross) {
       ASSERT_LT(std::abs(rig.stress()), 1e-3 * Z * kElastic) << t;
     }

@@ -1,4 +1,4 @@
-// The energy ledger (MODEL.md, "Energy ledger"): which balances close to rounding, and bounds of the residuals of the
+// The energy ledger (METHODS.md, "Energy ledger"): which balances close to rounding, and bounds of the residuals of the
 // others.
 #include <gtest/gtest.h>
 
@@ -76,7 +76,6 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
     for (int step = 0; step < 25; ++step) {
       random_inputs(draw, rig, false);
       const double dt = random_dt(draw, false);
-      double cells = 0.0;
       TileLedger ledger = booked_step(rig, dt);
       for (int l = 0; l < kLanes; ++l) {
         if (rig.outputs.outcome[l] & kSubstepped) continue;
@@ -100,7 +99,6 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
         }
         clipped += residual > 1e-6 * size;
       }
-      static_cast<void>(cells);
     }
   }
   EXPECT_GT(exact, 200);

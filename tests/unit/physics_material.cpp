@@ -52,7 +52,7 @@ TEST(PhysicsMaterial, BracketIsClippedWhereHeatOutweighsPressure) {
   Material m = aluminium();
   m.temperature_coefficient = 5e-3;
   EXPECT_EQ(softening(m, 0.0, 600.0).g, 0.0);
-  EXPECT_EQ(softening(m, -20e9, 300.0).g, 0.0);  // under tension
+  EXPECT_EQ(softening(m, -20e9, 300.0).g, 0.0);  // tension of 20 GPa leaves no strength
   EXPECT_GT(softening(m, 11.2e9, 600.0).g, 0.0);
 }
 

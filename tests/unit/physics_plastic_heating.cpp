@@ -144,7 +144,7 @@ TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
     surface.step(kDt);
     ASSERT_NEAR(rig.outputs.friction_heat[0] / surface.outputs.friction_heat[0], 1.0, 1e-13);
   }
-  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference from the first steps dies out
+  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference that the first steps made dies out
 }
 
 TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {

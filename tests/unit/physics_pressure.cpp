@@ -29,7 +29,7 @@ TEST(PhysicsPressure, CompressionIsOnTheHugoniot) {
 
 TEST(PhysicsPressure, MeltingTemperatureIsSteinbergs) {
   Material m = aluminium();
-  EXPECT_EQ(at_pressure(m, 11.2e9).melting_temperature, 1220.0);  // without a melting curve it is constant
+  EXPECT_EQ(at_pressure(m, 11.2e9).melting_temperature, 1220.0);  // without a melting curve T_melt is constant
   m.melting_curve = MeltingCurve::kLindemann;
   EXPECT_NEAR(at_pressure(m, 11.2e9).melting_temperature, 1743.4, 0.1);
   EXPECT_EQ(at_pressure(m, 0.0).melting_temperature, 1220.0);

@@ -64,7 +64,7 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
           law.yield_strength = yield;
           const StressLimit limit = interface_strength(law, soft, kP, nullptr);
           const FrictionHeating heating{T_ad, rise, 100.0, 2e-7};
-          // Stresses above this one exceed the strength at any temperature that friction can reach.
+          // Stresses above a_max exceed the strength at any temperature that friction can reach.
           const double a_max = std::min(heating.c / heating.b, limit.at(T_ad).stress);
           bool falls = true;
           double before = spare_strength(limit, heating, 0.0);

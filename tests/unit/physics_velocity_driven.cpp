@@ -47,7 +47,7 @@ TEST(PhysicsVelocityDriven, AnElasticStepIsTheTrialStress) {
   EXPECT_EQ(rig.outputs.sliding_velocity[0], 0.0);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
   EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // the layer does not yet carry the imposed jump
-  EXPECT_GT(rig.outputs.friction_heat[0], 0.0);       // the imposed jump heats all the same: DLP (18)
+  EXPECT_GT(rig.outputs.friction_heat[0], 0.0);       // DLP (18): the imposed jump heats an elastic layer, too
 }
 
 TEST(PhysicsVelocityDriven, FlowingLayerCarriesTheJump) {

@@ -171,7 +171,7 @@ TEST(ServiceSleep, SleepersMoveWithTheirBits) {
       here = staying;
       there.insert(there.end(), going.begin(), going.end());
     }
-    const int phase = n < 60 ? n : 0;  // in the end all nodes slide again
+    const int phase = n < 60 ? n : 0;  // in the last steps all nodes slide again
     ++stayed.sequence;
     const Answer expected = stayed.harness.ask(ServiceHarness::step(stayed.sequence, columns(stayed.ids, phase)));
     for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {

@@ -59,7 +59,7 @@ class Changing : public testing::TestWithParam<wire::Strategy> {
     const wire::Batch batch = support::step_columns(GetParam(), ids, step);
     std::vector<double> temperature(ids.size()), stress(ids.size());
     wire::Batch no_reply;
-    StepColumns columns = service::step_columns(batch, no_reply);
+    StepColumns columns = service::step_columns(batch, no_reply, kDt);
     columns.outputs = {AnswerColumn{&physics::TileOutputs::shear_stress, std::span(stress)},
                        AnswerColumn{&physics::TileOutputs::interface_temperature, std::span(temperature)}};
     shard.step(rows, *shard.operators(kDt), columns);
@@ -161,7 +161,7 @@ TEST_P(Changing, AnAttemptChangesNothingUntilItIsTaken) {
   all.all = true;
   const wire::Batch batch = support::step_columns(GetParam(), ids, 3);
   wire::Batch no_reply;
-  const StepColumns columns = service::step_columns(batch, no_reply);
+  const StepColumns columns = service::step_columns(batch, no_reply, kDt);
   const auto trial = [&](Shard& of) { of.step(all, *of.operators(kDt), columns); };
   const auto same = [](const States& a, const States& b) {
     for (std::size_t i = 0; i < a.columns.size(); ++i)

@@ -66,7 +66,7 @@ class Fixture {
     EXPECT_TRUE(rows.ok());
     Outputs outputs(rows_ids.size());
     wire::Batch no_reply;
-    StepColumns columns = service::step_columns(batch, no_reply);
+    StepColumns columns = service::step_columns(batch, no_reply, kDt);
     columns.outputs = outputs.columns();
     shard.step(rows, *shard.operators(kDt), columns);
     return outputs;

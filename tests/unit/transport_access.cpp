@@ -88,7 +88,7 @@ TEST(AccessHandler, TellsEachMessagesUserAsTheKernelKnowsHim) {
 }
 
 TEST(AccessHandler, RefusesWhomTheJudgeRefusesAndWhomItCannotJudge) {
-  // The last judge admits without naming a user.
+  // The last of these functions admits a peer without naming a user.
   const std::vector<Authorise> judges = {[](const Peer&) -> Admission { return {.reason = "no"}; },
                                          [](const Peer&) -> Admission { throw std::runtime_error("the list is lost"); },
                                          [](const Peer&) -> Admission { return {.admitted = true}; }};

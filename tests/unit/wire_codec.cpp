@@ -122,10 +122,10 @@ TEST(Codec, WhatIsNoMessageIsMalformed) {
   EXPECT_EQ(code_of("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), Code::kMalformed);
   EXPECT_EQ(code_of("hello"), Code::kMalformed);
   EXPECT_EQ(code_of(std::string(100, '\0')), Code::kMalformed);
-  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // no magic number
+  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // without the magic number
   EXPECT_THAT(refusal<Request>(header_only(fixed32(1, 0x31425354) + field(2, 1))).text,
               HasSubstr("magic 0x31425354, expected 0x31425353"));
-  EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // no body
+  EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // a header without a body
   EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic number as varint, not as fixed32
   EXPECT_EQ(code_of(envelope() + field(kCommitField, std::string()) + varint(50 << 3 | 3)),
             Code::kMalformed);  // start of a group (wire type 3)
@@ -168,7 +168,7 @@ TEST(Codec, VerbOfALaterVersionIsUnsupported) {
 TEST(Codec, IdentityIsLeftForTheAnswer) {
   Request request = samples::request("downscale");
   std::string header = encode_header(request);
-  header.back() = static_cast<char>(header.back() ^ 0x40);  // one bit in the body
+  header.back() = static_cast<char>(header.back() ^ 0x40);  // flips one bit in the body
   header += field(200, 1);
   Request found;
   EXPECT_THROW(decode(header_only(header).views(), found), Error);
@@ -375,7 +375,7 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       }
       if (samples::frames_of(found).frames == whole.frames) ++unseen;
     }
-    EXPECT_LE(unseen, 2 * 6U) << name;  // no sample has more than two bools, each with 6 such bits
+    EXPECT_LE(unseen, 2 * 6U) << name;  // a sample has at most two bools; 6 flips of a bool change nothing
   }
 }
 

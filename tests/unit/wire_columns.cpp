@@ -54,7 +54,7 @@ TEST(Columns, HaveOneNameFromWireToFile) {
 TEST(Columns, UnitsInFilesAreUdunitsText) {
   std::set<std::string> units;
   for (const ColumnRow& row : column_rows()) units.insert(units_in_files(row));
-  EXPECT_THAT(units, ElementsAre("1", "J m-2", "K", "Pa", "kg m-2", "m s-1", "s-1"));
+  EXPECT_THAT(units, ElementsAre("1", "J m-2", "K", "Pa", "Pa s m-1", "kg m-2", "m s-1", "s-1"));
 }
 
 // The name of a column ends in its unit if the quantity has one.
@@ -66,6 +66,7 @@ TEST(Columns, NamesEndInTheirUnit) {
     if (unit == "J/m2") return "_j_per_m2";
     if (unit == "K") return "_k";
     if (unit == "Pa") return "_pa";
+    if (unit == "Pa s/m") return "_pa_s_per_m";
     return "";
   };
   for (const ColumnRow& row : column_rows()) EXPECT_EQ(row.quantity + suffix(row.unit), row.name);
@@ -81,14 +82,24 @@ TEST(Columns, OfAStrategyAreThoseItsRowsSay) {
       EXPECT_EQ(in(columns.optional), row.use(strategy) == Use::kOptional) << row.name;
       EXPECT_EQ(in(columns.reply), row.use(strategy) == Use::kReply) << row.name;
       EXPECT_EQ(in(columns.on_request), row.use(strategy) == Use::kOnRequest) << row.name;
+      EXPECT_EQ(in(columns.stick), row.use(strategy) == Use::kStick) << row.name;
       if (row.use(strategy) != Use::kNone) ++used;
     }
-    EXPECT_EQ(used,
-              columns.required.size() + columns.optional.size() + columns.reply.size() + columns.on_request.size());
+    EXPECT_EQ(used, columns.required.size() + columns.optional.size() + columns.reply.size() +
+                        columns.on_request.size() + columns.stick.size());
   }
   EXPECT_TRUE(columns_of(Strategy::kUnspecified).required.empty());
   EXPECT_THAT(columns_of(Strategy::kForceDriven).required, Contains(Field::kMassHard));
   EXPECT_THAT(kLedgerColumns, Contains(Field::kEnergyResidual));
+}
+
+TEST(Columns, OfTheStickFormReplaceThoseOfTheFarField) {
+  const auto required = columns_of(Strategy::kForceDriven).required;
+  EXPECT_THAT(columns_in(Form::kFarField, required), ::testing::ElementsAreArray(required));
+  EXPECT_THAT(columns_in(Form::kStick, required),
+              ElementsAre(Field::kVelocityJump, Field::kPressure, Field::kStickStress, Field::kImpedance));
+  EXPECT_TRUE(std::ranges::equal(columns_of(Strategy::kForceDriven).stick, kStickColumns));
+  EXPECT_TRUE(columns_of(Strategy::kVelocityDriven).stick.empty());
 }
 
 TEST(Columns, OfARequestHaveBounds) {

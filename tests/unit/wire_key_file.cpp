@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace shearbus::wire {

@@ -36,7 +36,7 @@ Enums enums_of_schema(const std::string& file) {
   for (std::sregex_iterator found(text.begin(), text.end(), block); found != std::sregex_iterator(); ++found) {
     const std::string type = (*found)[1];
     const std::string body = (*found)[2];
-    const std::string prefix = upper_case(type) + "_";
+    const std::string prefix = upper_case(std::regex_replace(type, std::regex("([a-z])([A-Z])"), "$1_$2")) + "_";
     for (std::sregex_iterator row(body.begin(), body.end(), value); row != std::sregex_iterator(); ++row) {
       const std::string name = (*row)[1];
       EXPECT_TRUE(name.starts_with(prefix)) << name;
@@ -61,6 +61,7 @@ TEST(Names, OfEveryEnumAreThoseOfTheSchema) {
   add<Element>(ours);
   add<Mode>(ours);
   add<Outcome>(ours);
+  add<AbsentNodes>(ours);
   add<Policy>(ours);
   add<Regime>(ours);
   add<Strategy>(ours);

@@ -1,222 +1,292 @@
-// The C++ client of the shearbus subgrid service.
+// The C++ interface of the shearbus subgrid service, for C++17 and later: classes over the C interface, in this header
+// alone, so that a host needs no other library than libshearbus.so, whichever compiler made it.
 //
-//   shearbus::Client client({.endpoint = "ipc:///run/user/1000/shearbus/bus"});
-//   shearbus::Session session = client.open(scene_text, "scene.toml", node_ids);
-//   auto request = session.request();                       // columns of the scene's strategy, to be filled in
-//   std::ranges::copy(jumps, request.f64(Field::kVelocityJump).begin());
-//   const shearbus::StepResult& result = session.advance(request, {.dt_s = 1e-9});
-//   result.shear_stress_pa(); ...
+//   shearbus::Options options;
+//   options.scene_file = "friction.toml";
+//   shearbus::Session bus(options, node_ids);
+//   shearbus::Step step(node_ids.size());                    // columns are arrays of the host
+//   step.in(SHEARBUS_VELOCITY_JUMP, jump).in(SHEARBUS_PRESSURE, pressure) ...
+//   step.out(SHEARBUS_SHEAR_STRESS, stress);
+//   bus.step(step.dt(1e-9));
+//   bus.close();
 //
-// Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
-// kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
-// included: the step may or may not have run) or kUnexpectedReply. After kUnknownOutcome the same call with the same
-// values is the same request: if the request has run, the server does not run it again and sends the kept reply. The
-// server refuses a different call with kSequenceReused if the lost request has run; the session then continues
-// after the lost request.
-//
-// The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
-// their deadline and then continue. They throw kEpoch if the server was restored with older states.
-// A client and its sessions belong to one thread; different clients are independent. All quantities are in SI units.
+// Faults throw shearbus::Error. What shearbus.h says of codes, repeated calls, deadlines, threads, units and environment
+// variables holds here, too.
 #pragma once
 
-#include <chrono>
+#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
-#include <span>
+#include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
-#include "proto/wire/batch.hpp"
-#include "proto/wire/messages.hpp"
-#include "proto/wire/status.hpp"
+#include "shearbus/shearbus.h"
 
 namespace shearbus {
+inline namespace v1 {
 
-using wire::Batch;
-using wire::Code;
-using wire::Error;
-using wire::Field;
-using wire::Policy;
-using wire::Status;
-using wire::TransferId;
-
-struct ClientOptions {
-  std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
-  void* context = nullptr;               // libzmq context to use; required for inproc; null: a context of its own
-  std::string server_key;                // tcp: the server's public CURVE key; empty: no encryption
-  std::string secret_key;                // this client's secret key, required with server_key
-  std::string name = "shearbus-client";  // name of this client in the server's log
-  std::chrono::milliseconds connect_deadline{5'000};  // deadline of connecting and the first exchange
-  std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
-  std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
-};
-
-// A new pair of CURVE keys, each of 40 characters.
-struct KeyPair {
-  std::string public_key;
-  std::string secret_key;
-};
-KeyPair make_key_pair();
-
-struct OpenOptions {
-  std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
-  // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
-  // sessions. A session outside of any domain (empty) must be opened with at least one node.
-  std::string domain;
-};
-
-struct StepOptions {
-  double dt_s = 0.0;
-  double time_s = 0.0;     // end of the step, for records only
-  std::uint64_t step = 0;  // the host's step number, for records only
-  std::uint32_t attempt = 0;
-  bool commit_previous = false;  // for trial(): first commits the present trial
-  // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
-  // call throws kStepFailed with the ids of such nodes, and no state changes.
-  Policy policy = Policy::kAccept;
-};
-
-// The reply to a step. A column has one value per row of the request, in the order of the request, and is valid until
-// the session's next call. Tangential columns have a second component, with index 1, if the scene has
-// tangential_components = 2.
-class StepResult {
+// A fault: the code (SHEARBUS_INVALID_VALUE), what was expected and found, what to do, and where the fault is.
+class Error : public std::runtime_error {
  public:
-  std::span<const double> shear_stress_pa(std::uint32_t component = 0) const {
-    return reply_.batch.f64(Field::kShearStress, component);
+  explicit Error(const shearbus_status& status)
+      : std::runtime_error(std::string(shearbus_code_name(status.code)) + ": " + status.text +
+                           (status.remedy[0] == '\0' ? "" : std::string(" (") + status.remedy + ")")),
+        status_(std::make_shared<const shearbus_status>(status)) {}
+
+  int code() const noexcept { return status_->code; }
+  std::string text() const { return status_->text; }
+  std::string remedy() const { return status_->remedy; }
+  std::string field() const { return status_->field; }
+  std::vector<std::uint64_t> nodes() const { return {status_->nodes, status_->nodes + status_->n_nodes}; }
+
+ private:
+  std::shared_ptr<const shearbus_status> status_;  // shared, since copying an exception must not throw
+};
+
+// Calls function(arguments..., &status), and throws what it reports.
+template <typename Function, typename... Arguments>
+void call(Function function, Arguments... arguments) {
+  shearbus_status status = SHEARBUS_STATUS_INIT;
+  if (function(arguments..., &status) != SHEARBUS_OK) throw Error(status);
+}
+
+struct Options {
+  std::string endpoint;    // tcp://host:port or ipc://path; empty or "embedded": a server in this process
+  std::string scene_file;  // path of a TOML file; either this or scene_text
+  std::string scene_text;
+  std::string domain;  // node ids are unique over the sessions of a domain; empty: over this session
+  std::string name = "C++ host";
+  std::string server_key_file;
+  std::string secret_key_file;
+  double connect_deadline_s = 0.0;  // 0: the default, here and below
+  double reply_deadline_s = 0.0;
+  double retry_after_s = 0.0;
+  std::function<void(const std::string& line)> log;  // what a call waits for, after 2, 4, 8, ... s
+  std::string state_dir;                             // embedded: directory of a durable server's states
+  std::uint32_t threads = 0;                         // embedded: threads that solve layers
+};
+
+// The columns of a step, which point to arrays of the host that stay where they are: one value per row, in a container
+// with data() and size(), or with a distance of stride_bytes between two values.
+class Step {
+ public:
+  explicit Step(std::size_t rows) { request_.n = rows; }
+  // A step of some nodes of the session, which must outlive the step, as the columns must.
+  explicit Step(const std::vector<std::uint64_t>& node_ids) : Step(node_ids.size()) {
+    request_.node_ids = node_ids.data();
   }
-  std::span<const double> sliding_velocity_m_per_s(std::uint32_t component = 0) const {
-    return reply_.batch.f64(Field::kSlidingVelocity, component);
+
+  Step& in_strided(std::uint32_t field, const double* values, std::ptrdiff_t stride_bytes,
+                   std::uint32_t component = 0) {
+    inputs_.push_back({field, component, values, stride_bytes});
+    return *this;
   }
-  std::span<const double> interface_temperature_k() const { return reply_.batch.f64(Field::kInterfaceTemperature); }
-  std::span<const double> velocity_jump_new_m_per_s(std::uint32_t component = 0) const {
-    return reply_.batch.f64(Field::kVelocityJumpNew, component);
+  template <typename Values>
+  Step& in(std::uint32_t field, Values& values, std::uint32_t component = 0) {
+    static_assert(std::is_same_v<std::remove_cv_t<std::remove_pointer_t<decltype(values.data())>>, double>,
+                  "the inputs of a step are doubles");
+    return in_strided(field, checked(field, values.data(), values.size()), 0, component);
   }
-  std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
-  const Batch& batch() const { return reply_.batch; }  // all columns of the reply
-  std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
-  std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
-  const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
-  std::chrono::nanoseconds round_trip() const { return round_trip_; }
+  Step& out_strided(std::uint32_t field, void* values, std::ptrdiff_t stride_bytes, std::uint32_t component = 0) {
+    outputs_.push_back({field, component, values, stride_bytes});
+    return *this;
+  }
+  template <typename Values>
+  Step& out(std::uint32_t field, Values& values, std::uint32_t component = 0) {
+    using Value = std::remove_pointer_t<decltype(values.data())>;
+    static_assert(std::is_same_v<Value, double> || std::is_same_v<Value, std::uint8_t>,
+                  "the outputs of a step are doubles, the regime and the outcome std::uint8_t");
+    const bool is_byte = field == SHEARBUS_REGIME || field == SHEARBUS_OUTCOME;
+    if (is_byte != std::is_same_v<Value, std::uint8_t>)
+      refuse(SHEARBUS_SHAPE, field,
+             is_byte ? "the column has values of std::uint8_t" : "the column has values of double");
+    return out_strided(field, checked(field, values.data(), values.size()), 0, component);
+  }
+
+  Step& dt(double seconds) { return request_.dt_s = seconds, *this; }
+  Step& time(double end_s) { return request_.time_s = end_s, *this; }
+  Step& number(std::uint64_t step, std::uint32_t attempt = 0) {
+    return request_.step = step, request_.attempt = attempt, *this;
+  }
+  Step& commit_previous(bool yes) { return request_.commit_previous = yes, *this; }
+  Step& all_or_nothing(bool yes) { return request_.all_or_nothing = yes, *this; }
 
  private:
   friend class Session;
-  std::shared_ptr<void> payload_frame_;  // the received frame, which the columns point into
-  wire::Reply reply_;
-  std::chrono::nanoseconds round_trip_{0};
+
+  [[noreturn]] static void refuse(int code, std::uint32_t field, const std::string& text) {
+    shearbus_status status = SHEARBUS_STATUS_INIT;
+    const char* name = shearbus_field_name(field);
+    status.code = code;
+    const auto put = [](const std::string& from, char* to, std::size_t size) { to[from.copy(to, size - 1)] = '\0'; };
+    put((name == nullptr ? "column " + std::to_string(field) : name) + std::string(": ") + text, status.text,
+        sizeof status.text);
+    put(name == nullptr ? "" : name, status.field, sizeof status.field);
+    throw Error(status);
+  }
+  template <typename Value>
+  Value* checked(std::uint32_t field, Value* values, std::size_t size) const {
+    if (size != request_.n)
+      refuse(SHEARBUS_SHAPE, field, std::to_string(size) + " values, expected " + std::to_string(request_.n));
+    return values;
+  }
+  shearbus_request request(int mode) const {
+    shearbus_request request = request_;
+    request.mode = mode;
+    request.inputs = inputs_.data();
+    request.n_inputs = inputs_.size();
+    request.outputs = outputs_.data();
+    request.n_outputs = outputs_.size();
+    return request;
+  }
+
+  shearbus_request request_ = SHEARBUS_REQUEST_INIT;
+  std::vector<shearbus_input> inputs_;
+  std::vector<shearbus_output> outputs_;
 };
 
-class Connection;  // owns the socket and applies deadlines and retries
+using Ids = std::vector<std::uint64_t>;
+using TransferId = std::array<std::uint8_t, SHEARBUS_TRANSFER_BYTES>;
 
+// A session. Its destructor leaves it open on the server, to be resumed with its ticket; close() ends it there.
 class Session {
  public:
-  Session(Session&&) noexcept;
-  Session& operator=(Session&&) noexcept;
-  ~Session();  // closes a session that is still open, without waiting for the reply
+  Session(const Options& options, const Ids& node_ids, const std::vector<double>& initial_temperature_k = {})
+      : log_(make_log(options)) {
+    if (!initial_temperature_k.empty() && initial_temperature_k.size() != node_ids.size())
+      throw std::invalid_argument("initial_temperature_k: give one value per node, or none");
+    open(
+        [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
+          const double* temperatures = initial_temperature_k.empty() ? nullptr : initial_temperature_k.data();
+          return shearbus_open(handle, given, node_ids.size(), node_ids.data(), temperatures, status);
+        },
+        options);
+  }
+  static Session resume(const Options& options, const std::string& ticket) {
+    Session session(make_log(options));
+    session.open([&](shearbus_session** handle, const shearbus_options* given,
+                     shearbus_status* status) { return shearbus_resume(handle, given, ticket.c_str(), status); },
+                 options);
+    return session;
+  }
+  Session(Session&& other) noexcept : log_(std::move(other.log_)), handle_(std::exchange(other.handle_, nullptr)) {}
+  Session& operator=(Session&& other) noexcept {
+    std::swap(log_, other.log_);
+    std::swap(handle_, other.handle_);
+    return *this;
+  }
+  ~Session() { shearbus_leave(&handle_); }
 
-  // The required columns of a step of all nodes, with rows in the order of node_ids(), zeroed, and the given optional
-  // columns.
-  Batch request(std::span<const Field> optional_columns = {}) const;
-  // The required columns of a step of some nodes, with rows in the order of `node_ids`, and the given optional columns.
-  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {}) const;
+  shearbus_result step(const Step& step) { return run(step, SHEARBUS_ADVANCE); }  // commits the new states
+  shearbus_result trial(const Step& step) { return run(step, SHEARBUS_TRIAL); }   // commit() or rollback() follows
+  // A step in two halves: the columns of start() must last until finish().
+  void start(const Step& step, int mode = SHEARBUS_ADVANCE) {
+    const shearbus_request request = step.request(mode);
+    call(shearbus_start, handle_, &request);
+  }
+  shearbus_result finish() {
+    shearbus_result result = SHEARBUS_RESULT_INIT;
+    call(shearbus_finish, handle_, &result);
+    return result;
+  }
+  void commit() { call(shearbus_commit, handle_); }
+  void rollback() { call(shearbus_rollback, handle_); }
+  void mark(const std::string& name) { call(shearbus_mark, handle_, name.c_str()); }
+  void rollback_to(const std::string& name) { call(shearbus_rollback_to, handle_, name.c_str()); }
 
-  const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the result
-  const StepResult& trial(const Batch& request, const StepOptions& step);    // steps; commit() or rollback() follows
-  // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
-  // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
-  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
-  // the same values is the same request.
-  void start_trial(const Batch& request, const StepOptions& step);
-  const StepResult& finish_trial();
-  std::uint64_t commit();
-  std::uint64_t rollback();
-  // Stores the committed states on the server under a name, such as that of the host's restart dump; the server keeps
-  // the newest welcome().limits.max_marks marks. rollback_to() restores the nodes of a mark with their states and drops
-  // a trial.
-  wire::Marked mark(const std::string& name);
-  std::uint64_t rollback_to(const std::string& mark);
-  // These calls change the set of nodes and are refused while the session has a trial. New nodes are added after the
-  // present nodes, which keep their order.
-  void register_nodes(std::span<const std::uint64_t> node_ids,
-                      std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
-  void retire_nodes(std::span<const std::uint64_t> node_ids);               // removes the nodes with their states
-  // Moves nodes with their states to another session of the domain: that session passes the returned id to
-  // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
-  TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
-  std::vector<std::uint64_t> accept_nodes(const TransferId& transfer);
-  wire::SessionClosed close();
+  void register_nodes(const Ids& ids, const std::vector<double>& initial_temperature_k = {}) {
+    if (!initial_temperature_k.empty() && initial_temperature_k.size() != ids.size())
+      throw std::invalid_argument("initial_temperature_k: give one value per node, or none");
+    call(shearbus_register, handle_, ids.size(), ids.data(),
+         initial_temperature_k.empty() ? nullptr : initial_temperature_k.data());
+  }
+  void retire_nodes(const Ids& ids) { call(shearbus_retire, handle_, ids.size(), ids.data()); }
+  TransferId offer_nodes(const Ids& ids) {
+    TransferId transfer{};
+    call(shearbus_offer, handle_, ids.size(), ids.data(), transfer.data());
+    return transfer;
+  }
+  void accept_nodes(const TransferId& transfer) { call(shearbus_accept, handle_, transfer.data()); }
+  std::vector<TransferId> offers() const {
+    std::vector<TransferId> all(shearbus_offers(handle_, 0, nullptr));
+    static_assert(sizeof(TransferId) == SHEARBUS_TRANSFER_BYTES);
+    shearbus_offers(handle_, all.size(), reinterpret_cast<std::uint8_t(*)[SHEARBUS_TRANSFER_BYTES]>(all.data()));
+    return all;
+  }
 
-  // Columns of the replies to later steps; an empty list asks for all default columns of the session.
-  void want(std::vector<Field> columns);
-  void want_energy_ledger();  // asks for all default columns and, if the session has them, wire::kLedgerColumns
-  const std::string& effective_scene()
-      const;  // canonical TOML text with every default and constant, as the server understood it
-  const wire::SessionOpened& opened() const;  // the scene with the strategy and the columns of this session's steps
-  const std::vector<std::string>& warnings() const;
-  std::uint64_t bytes_per_node() const;
-  const std::vector<std::uint64_t>& node_ids() const;  // node ids in the order of the rows
+  std::string ticket() const {
+    char text[SHEARBUS_TICKET_BYTES];
+    call(shearbus_ticket, static_cast<const shearbus_session*>(handle_), static_cast<char*>(text));
+    return text;
+  }
+  void close() { call(shearbus_close, &handle_); }
 
-  // Lets another process continue this session after this process has ended. The ticket is a secret: its holder owns
-  // the session.
-  struct Ticket {
-    wire::SessionId session_id{};
-    wire::ResumeToken resume_token{};
-  };
-  Ticket ticket() const;
-  // Offers of this session that no session had accepted when it was resumed.
-  const std::vector<TransferId>& offers() const;
-  std::uint64_t last_sequence() const;  // number of the last answered request; 0 is the opening
-  void leave();                         // leaves the session open on the server, to be resumed
-
- private:
-  friend class Client;
-  struct Impl;
-  explicit Session(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
-};
-
-// Top nodes of a session by their committed states. sliding_velocity_m_per_s is filled for Top::kFastest only.
-struct TopNodes {
-  wire::SessionInfo session;
-  std::uint64_t matching = 0;  // number of nodes that qualify, including those beyond `count`
-  std::vector<std::uint64_t> node_ids;
-  std::vector<double> interface_temperature_k;
-  std::vector<double> shear_stress_pa;
-  std::vector<double> sliding_velocity_m_per_s;
-  std::vector<std::uint8_t> regime;
-};
-
-class Client {
- public:
-  explicit Client(ClientOptions options);                   // connects and says hello
-  explicit Client(std::shared_ptr<Connection> connection);  // uses a given connection, for tests
-  Client(Client&&) noexcept;
-  Client& operator=(Client&&) noexcept;
-  ~Client();
-
-  const wire::Welcome& welcome() const;
-  // Opens a session of a scene: TOML text, which the server reads. `scene_file` names the text in messages. A scene at
-  // fault throws kInvalidScene with a line "scene_file:line:column: ..." for each fault.
-  Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
-               const OpenOptions& options = {});
-  // Continues the session of a client that has ended. A session has one client at a time.
-  Session resume(const Session::Ticket& ticket);
-  wire::ServerStatus server_status();
-
-  // Calls for operators. top_nodes() returns at most `count` nodes of a session, highest value first.
-  wire::Checkpointed checkpoint();
-  wire::Draining drain(bool exit);
-  std::vector<wire::SessionInfo> sessions();
-  TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
-  // Ends a session whose client has ended, given as returned by sessions(), and frees its states. The server refuses
-  // the call if the session has continued since.
-  wire::SessionClosed close(const wire::SessionInfo& session);
+  Ids node_ids() const {
+    const std::uint64_t* ids = shearbus_node_ids(handle_);
+    return {ids, ids + shearbus_node_count(handle_)};
+  }
+  std::string effective_scene() const { return shearbus_effective_scene(handle_); }
+  std::string warnings() const { return shearbus_warnings(handle_); }
+  shearbus_info info() const {
+    shearbus_info info = SHEARBUS_INFO_INIT;
+    call(shearbus_inspect, static_cast<const shearbus_session*>(handle_), &info);
+    return info;
+  }
+  std::vector<std::uint32_t> columns(int use) const {
+    std::vector<std::uint32_t> fields(shearbus_columns(handle_, use, 0, nullptr));
+    shearbus_columns(handle_, use, fields.size(), fields.data());
+    return fields;
+  }
+  shearbus_session* c_handle() const noexcept { return handle_; }
 
  private:
-  template <typename Answer, typename Question>
-  Answer ask(Question question);
+  using Log = std::function<void(const std::string&)>;
 
-  std::shared_ptr<Connection> connection_;
-  wire::Welcome welcome_;
+  explicit Session(std::unique_ptr<Log> log) : log_(std::move(log)) {}
+  static std::unique_ptr<Log> make_log(const Options& options) {
+    return options.log ? std::make_unique<Log>(options.log) : nullptr;
+  }
+  static const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
+
+  template <typename Opening>
+  void open(const Opening& opening, const Options& options) {
+    shearbus_options given = SHEARBUS_OPTIONS_INIT;
+    given.endpoint = text_or_null(options.endpoint);
+    given.scene_file = text_or_null(options.scene_file);
+    given.scene_text = text_or_null(options.scene_text);
+    given.domain = text_or_null(options.domain);
+    given.name = text_or_null(options.name);
+    given.server_key_file = text_or_null(options.server_key_file);
+    given.secret_key_file = text_or_null(options.secret_key_file);
+    given.connect_deadline_s = options.connect_deadline_s;
+    given.reply_deadline_s = options.reply_deadline_s;
+    given.retry_after_s = options.retry_after_s;
+    given.state_dir = text_or_null(options.state_dir);
+    given.threads = options.threads;
+    if (log_) {
+      given.log = [](void* log, const char* line) { (*static_cast<Log*>(log))(line); };
+      given.log_user = log_.get();
+    }
+    shearbus_status status = SHEARBUS_STATUS_INIT;
+    if (opening(&handle_, &given, &status) == SHEARBUS_OK) return;
+    shearbus_leave(&handle_);
+    throw Error(status);
+  }
+  shearbus_result run(const Step& step, int mode) {
+    const shearbus_request request = step.request(mode);
+    shearbus_result result = SHEARBUS_RESULT_INIT;
+    call(shearbus_step, handle_, &request, &result);
+    return result;
+  }
+
+  std::unique_ptr<Log> log_;  // outlives the handle, and keeps its address when the session moves
+  shearbus_session* handle_ = nullptr;
 };
 
+}  // namespace v1
 }  // namespace shearbus

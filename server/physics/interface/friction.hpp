@@ -20,30 +20,30 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;            // mu, or its value without slip and below the reference temperature
+  double friction_coefficient = 0.0;            // coefficient mu, or its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
-  FrictionLaw friction_law{};                   // the law of mu
+  FrictionLaw friction_law{};                   // friction law: the law of the coefficient mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
   double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
-  double friction_reference_temperature = 0.0;  // T_ref of thermal softening   [K]
+  double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
   double friction_softening_exponent = 0.0;     // m of thermal softening, at least 1
 };
 
-// mu and its slopes.
+// The friction coefficient mu and its derivatives.
 struct FrictionValue {
   double coefficient;
-  double slope;       // d mu / d T0      [1/K]
-  double slip_slope;  // d mu / d |[v]|   [s/m]
+  double slope;       // derivative of mu by T0         [1/K]
+  double slip_slope;  // derivative of mu by the slip velocity |[v]|   [s/m]
 };
 
-// Friction of one step whose slip under the stress a is c - b a, by a law that depends on slip and not on temperature.
-// Slip does not depend on temperature except through the stress, so a step in which mu(c - b a) P holds the stress has
-// its answer before T0 is known: for the rest of the solver the limit is a constant.
+// Friction of one step under a law that depends on slip, not on temperature. The slip under the stress a is c - b a
+// (FrictionHeating). Temperature changes this slip only through the stress, so friction is solved before the interface
+// temperature T0 is known, and the rest of the solver sees a constant limit.
 struct SlidingFriction {
   double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
-  double holding;  // mu P at the slip of a = a_stick: the limit of an interface that sticks                       [Pa]
-  // Above this stress friction again exceeds the stress (less slip strengthens it), so a sticking state may coexist
-  // with the sliding one. Infinity: never.
+  double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
+  // Above this stress, `exceeds_again`, friction exceeds the stress a again because less slip strengthens friction; a
+  // sticking state may then coexist with the sliding state. Infinity: this never happens.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
@@ -73,20 +73,20 @@ concept TemperatureDependentFriction =
   { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
 };
 
-// A law whose coefficient depends on slip solves a step by itself.
+// A law whose coefficient depends on slip solves the friction of a step itself.
 template <class Law>
 concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
-  // The arguments are P, c, b and a_stick.
+  // The arguments are the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress a_stick.
   { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
 };
 
 template <class Law>
 concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDependentFriction<Law> &&
     SlipDependentFriction<Law> && requires(const InterfaceOptions& options, const Material& soft, double value) {
-  { Law::kName } -> std::convertible_to<std::string_view>;      // its name in scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;  // its equation on the options page
+  { Law::kName } -> std::convertible_to<std::string_view>;      // name of the law in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law on the options page
   { Law::kAdds } -> std::convertible_to<std::string_view>;      // what the law adds to constant friction
-  { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use it
+  { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use the law
   // Checks the constants of the law together. The field of a fault is a key of [interface].
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Replaces the constants of the law by typical ones; mu and the yield strength are given.

@@ -1,5 +1,5 @@
-// The friction laws. The place of a law in this list is its FrictionLaw, and one less than its number in the scene's
-// enum.
+// The friction laws. The place of a law in this list is its value of FrictionLaw, and one less than its number in the
+// scene's enum.
 #pragma once
 
 #include <span>

@@ -23,14 +23,14 @@ struct Junctions {
 
   const JunctionOptions* options = nullptr;  // null: no junctions, the bodies touch everywhere
   double strain_old = 0.0;                   // plastic strain ep_a before the step
-  double strain_per_slip = 0.0;              // dt / (sqrt(3) d)  [s/m]
+  double strain_per_slip = 0.0;              // strain of the junctions per slip velocity, dt / (sqrt(3) d)  [s/m]
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }
 
   // Strength f Y_a / (g sqrt(3)) after a step with the slip velocity `slip`, and its derivative by `slip`.
   struct Value {
-    double strength;  // [Pa]
-    double slope;     // [Pa s/m]
+    double strength;  // strength  [Pa]
+    double slope;     // derivative of the strength by the slip velocity  [Pa s/m]
   };
   Value at(double slip) const {
     const Material& m = options->metal;

@@ -9,11 +9,12 @@ namespace {
 
 constexpr int kMaxIterations = 200;        // largest number of iterations; bisection alone needs about 60
 constexpr int kNewtonIterations = 12;      // more than Newton's method has needed; afterwards every second step bisects
-constexpr double kConverged = 1e-9;        // longest last Newton step, relative: the next one is below rounding
-constexpr double kLeastGuess = 1e-12;      // smallest useful starting stress, relative to the upper end of the bracket
+constexpr double kConverged = 1e-9;        // largest last Newton step, relative: the next one is below rounding
+constexpr double kLeastGuess = 1e-12;      // smallest starting stress used, relative to the upper end of the bracket
 constexpr int kMaxSearchIterations = 400;  // largest number of iterations of approach_zero()
 
-// s_lim at the temperature and slip that the stress a causes, and d s_lim / da.
+// The limit s_lim of the interface at the temperature and slip that the stress a causes, and its derivative d s_lim /
+// da.
 struct Carried {
   StressLimit::Value limit;
   double slope;
@@ -26,8 +27,8 @@ Carried carried(const StressLimit& limit, const FrictionHeating& heating, double
   return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
 }
 
-// Removes the error that the tolerance of the iteration left, by one Newton step on H. Returns `cold` if the interface
-// would be molten at `a`.
+// Removes the error that the tolerance of the iteration left, by one Newton step on H(a) = s_lim - a. Returns `cold` if
+// the interface would be molten at `a`.
 double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
   const Carried s = carried(limit, heating, a);
   if (s.limit.stress <= 0.0) return cold;
@@ -66,7 +67,8 @@ double StressLimit::steepest(double coldest, double hottest, double most_slip) c
                            else
                              return 0.0;
                          });
-  // Both branches fall with T0. A branch that is below the other over the whole range is the limit alone.
+  // Both branches of the limit, friction and yield, fall with T0. A branch below the other over the whole range is the
+  // limit.
   const double yield_cold = strength * softening(*soft, pressure, coldest).g;
   const double yield_hot = strength * softening(*soft, pressure, hottest).g;
   if (friction(coldest).stress < yield_hot) return rubbing;
@@ -80,7 +82,7 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 }
 
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
-  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);  // largest limit: no heat, most slip
+  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);  // limit without heat, at most slip
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
@@ -100,7 +102,7 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     if (stress > 0.0 && a > 0.0) {
       next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
       if (std::abs(next - a) <= kConverged * a) {
-        // A short step on the logarithm may only mean that melting is near; convergence needs a short step on H, too.
+        // A short step on the logarithm may only mean that melting is near; convergence also needs a short step on H.
         const double straight = a + (stress - a) / (1.0 - s.slope);
         if (std::abs(straight - a) <= kConverged * a) {
           return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));
@@ -143,10 +145,11 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
 namespace {
 
 constexpr double kSame = 1e-9;      // relative difference below which two zeros count as the same
-constexpr double kArrived = 1e-12;  // relative residual below which a stress counts as a zero
+constexpr double kArrived = 1e-12;  // relative residual below which a stress counts as a zero of H
 
-// The limit at the temperature that the stress a causes. With junctions, whose strength depends on slip: the stress
-// that equals the limit at this temperature and at its own slip.
+// Returns the limit of the interface at the temperature that the stress a causes. The strength of junctions depends on
+// slip: with junctions the result is the stress that equals the limit at this temperature and at the slip under that
+// stress.
 double carried_where(const StressLimit& limit, const FrictionHeating& heating, double a) {
   const double T0 = heating.temperature(a);
   if (limit.effort != nullptr) ++limit.effort->limit_values;
@@ -154,9 +157,9 @@ double carried_where(const StressLimit& limit, const FrictionHeating& heating, d
   return slip_stress(limit, {T0, 0.0, heating.c, heating.b}, std::numeric_limits<double>::infinity(), a);
 }
 
-// Iterates a -> s_lim(T0(a)), which rises with a above the stress of greatest heating: from a start with H > 0 (H < 0)
-// the iteration climbs to the next zero above (falls to the next zero below) and cannot jump over it. It ends at
-// `begin` or `end`, or short of the zero after too many iterations.
+// Iterates a -> s_lim(T0(a)), which rises with a above the stress of greatest heating. From a start with spare strength
+// H > 0 the iteration climbs to the next zero of H, with H < 0 it falls to the next zero below; it cannot jump over a
+// zero. It ends at `begin` or `end`, or short of the zero after too many iterations.
 double approach_zero(const StressLimit& limit, const FrictionHeating& heating, double a, double begin, double end) {
   for (int iteration = 0; iteration < kMaxSearchIterations; ++iteration) {
     const double next = std::clamp(carried_where(limit, heating, a), begin, end);
@@ -172,7 +175,7 @@ double approach_zero(const StressLimit& limit, const FrictionHeating& heating, d
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max) {
   const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   const double spare_end = spare_strength(limit, heating, end);
-  // 1. Up to the stress of greatest heating H falls, so it has at most one zero there.
+  // 1. Up to the stress of greatest heating the spare strength H falls, so it has at most one zero there.
   const double peak = heating.b > 0.0 && heating.c > 0.0 ? std::min(end, 0.5 * heating.c / heating.b) : end;
   if (peak == end && spare_end > 0.0) return {end, false, false};
   if (spare_strength(limit, heating, peak) <= 0.0) {
@@ -189,7 +192,8 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     return found ? SlipSearch{a, true, false} : SlipSearch{end, false, false};
   }
   const double last = approach_zero(limit, heating, end, peak, end);
-  // 3. The iteration may be too slow to arrive where two zeros nearly coincide. H changes sign up to `last`: bisect.
+  // 3. The iteration may be too slow to arrive where two zeros of H nearly coincide. H changes sign up to `last`:
+  // bisect.
   double hi = last;
   while (spare_strength(limit, heating, a) > kArrived * a) {
     const double mid = 0.5 * (a + hi);

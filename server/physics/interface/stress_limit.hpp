@@ -17,22 +17,22 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  // mu P of constant friction; infinity: no friction limit  [Pa]
+  // Friction limit mu P of constant friction; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
   double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
   double pressure = 0.0;  // normal pressure P  [Pa]
   const Material* soft = nullptr;
   Junctions junctions = {};                   // junctions with their state at the node
-  double offset = 0.0;                        // added to the limit                              [Pa]
+  double offset = 0.0;                        // stress added to the limit                       [Pa]
   SearchEffort* effort = nullptr;             // counts evaluations; null: nothing is counted
-  const InterfaceOptions* varying = nullptr;  // a friction law that is not constant, in place of `coulomb`
-  double share = 1.0;                         // factor on the friction of `varying`
+  const InterfaceOptions* varying = nullptr;  // friction law that is not constant; if set, `coulomb` is not used
+  double share = 1.0;                         // factor on the friction of the law in `varying`
 
   struct Value {
     double stress;            // the limit  [Pa]
-    double slope;             // d stress / d T0  [Pa/K]
+    double slope;             // derivative of the limit by T0  [Pa/K]
     bool is_coulomb;          // the friction branch is the limit
-    double slip_slope = 0.0;  // d stress / d slip  [Pa s/m]
+    double slip_slope = 0.0;  // derivative of the limit by the slip velocity  [Pa s/m]
   };
   Value at(double temperature, double slip = 0.0) const {
     const Softening soften = softening(*soft, pressure, temperature);
@@ -59,14 +59,15 @@ struct StressLimit {
     return varying_friction_of_step(c, b, a_stick);
   }
 
-  // This limit with a constant friction stress.
+  // A copy of this limit with a constant friction stress.
   StressLimit with_friction(double stress) const {
     StressLimit other = *this;
     other.coulomb = stress;
     other.varying = nullptr;
     return other;
   }
-  // The limit in a stage of a second-order step: both branches times `factor`, plus `shift`. Not for junctions.
+  // The limit in a stage of a second-order step: both branches (friction and yield) times `factor`, plus `shift`. Not
+  // for junctions.
   StressLimit scaled(double factor, double shift) const {
     StressLimit other = *this;
     other.coulomb *= factor;
@@ -106,7 +107,7 @@ inline StressLimit interface_strength(const InterfaceOptions& options, const Mat
 // Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
 struct FrictionHeating {
   double T_ad;  // interface temperature after a step without friction   [K]
-  double rise;  // beta_T B0                                             [K m2/W]
+  double rise;  // temperature rise per friction power, beta_T B0         [K m2/W]
   double c;     // slip without friction                                 [m/s]
   double b;     // slip lost per stress; 0: imposed slip                 [m/(s Pa)]
 
@@ -114,26 +115,28 @@ struct FrictionHeating {
   double temperature(double a) const { return T_ad + rise * (a * slip(a)); }
 };
 
-// H(a) = s_lim(T0(a), v(a)) - a: positive if the interface can carry more than a  [Pa].
+// The spare strength H(a) = s_lim(T0(a), v(a)) - a of the interface: positive if the interface can carry more than a
+// [Pa].
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
-// The zero of H in [0, a_max], where H has at most one; a_max if H has none, because the interface then carries a_max
-// [Pa]. The search starts at `guess`. Returns NaN if it fails.
+// Finds the zero of the spare strength H in [0, a_max], where H has at most one. Without a zero the result is a_max,
+// because the interface then carries a_max  [Pa]. The search starts at `guess`. Returns NaN if it fails.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
 // The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt; `a` if the
 // interface was molten before. Needed because one ulp of temperature can exceed the distance to melting.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
-// Whether H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0| (2 b a - c) < 1.
-// Sufficient, not necessary. Junctions make H fall faster: less slip hardens them less.
+// Whether the spare strength H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0|
+// (2 b a - c) < 1. Sufficient, not necessary. Junctions make H fall faster: less slip hardens them less.
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
-// The smallest zero of H in [0, a_max], which is the answer with the most slip, for any number of zeros.
+// The smallest zero of the spare strength H in [0, a_max], which is the answer with the most slip, for any number of
+// zeros.
 struct SlipSearch {
   double stress;  // the zero; without a zero the smaller of a_max and the limit   [Pa]
   bool found;
-  bool several;  // H has other zeros in [0, a_max]
+  bool several;  // the spare strength H has other zeros in [0, a_max]
 };
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 

@@ -11,7 +11,7 @@ namespace {
 constexpr int kMaxIterations = 200;  // largest number of iterations; bisection alone needs about 60
 constexpr double kArrived = 1e-15;   // longest last step, relative to the upper end of the bracket
 
-// The balance h(a) = mu(c - b a) P - a of a step, by the stress a.
+// The balance h(a) = mu(c - b a) P - a of a step, as a function of the stress a.
 struct Balance {
   const VelocityWeakening& law;
   double pressure, c, b;
@@ -19,8 +19,8 @@ struct Balance {
   double value(double a) const { return law.coefficient(c - b * a) * pressure - a; }
   double slope(double a) const { return (law.coefficient(c - b * a) - law.fast) * law.decay * b * pressure - 1.0; }
   double end_of_slip() const { return c / b; }
-  // The stress a at which h is smallest. Inside (0, c/b) h has a minimum only if friction falls with velocity; it lies
-  // where b theta (mu_0 - mu_inf) P exp(-theta v) = 1.
+  // The stress a at which the balance h is smallest. Inside (0, c/b) h has a minimum only if friction falls with
+  // velocity; the minimum lies where b theta (mu_0 - mu_inf) P exp(-theta v) = 1.
   double turn() const {
     const double steepness = (law.at_rest - law.fast) * pressure * law.decay * b;
     if (!(steepness > 0.0)) return end_of_slip();
@@ -28,7 +28,7 @@ struct Balance {
   }
 };
 
-// The only zero of h in [left, right], by Newton steps from `a` and bisection; `rising`: h is negative at the left end.
+// Finds the only zero of h in [left, right], by Newton steps from `a` and bisection; `rising`: h(left) is negative.
 double zero_between(const Balance& h, double left, double right, double a, bool rising) {
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const double value = h.value(a);
@@ -52,7 +52,7 @@ double sliding_stress(const VelocityWeakening& law, double pressure, double c, d
   if (c <= 0.0) return at_rest;
   const Balance h{law, pressure, c, b};
   const double turn = h.turn();
-  if (h.value(turn) > 0.0) return at_rest;  // h has no zero while the interface slips
+  if (h.value(turn) > 0.0) return at_rest;  // the balance has no zero while the interface slips
   return zero_between(h, 0.0, turn, 0.0, false);
 }
 

@@ -27,8 +27,8 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
     weight.push_back(0.5 * width.back());
   }
   if (!grid.matched) return;
-  // Arithmetic means make a geometric grid (ln grading)^2/16 too stiff at all times; longer conduction lengths
-  // compensate.
+  // Arithmetic means of two cells make a geometric grid stiffer than the continuum, by the fraction (ln grading)^2/16
+  // at all times; longer conduction lengths compensate.
   const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
   for (double& cell : width) cell *= stretch;
 }
@@ -59,10 +59,10 @@ struct Coupling {
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
   const std::size_t interface = static_cast<std::size_t>(grid.interface);
   if (i == interface && i > 0) {
-    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;  // [W/(m2 K)]
+    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;  // capacity / step  [W/(m2 K)]
     return {hard.conductivity / (inertia * grid.width[i - 1]), soft.conductivity / (inertia * grid.width[i])};
   }
-  const double diffused = (i < interface ? hard : soft).diffusivity * dt;  // [m2]
+  const double diffused = (i < interface ? hard : soft).diffusivity * dt;  // diffusivity times step length  [m2]
   return {i == 0 ? 0.0 : diffused / (grid.weight[i] * grid.width[i - 1]),
           i + 1 == grid.weight.size() ? 0.0 : diffused / (grid.weight[i] * grid.width[i])};
 }
@@ -87,8 +87,8 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   const std::size_t n = grid.weight.size();
   const std::size_t first = static_cast<std::size_t>(interface);
 
-  // kept = 1 - outward. The pivot of the elimination, 1 + a + c - c outward, is computed without the difference, as 1 +
-  // a + kept c.
+  // `kept` is 1 - outward. The pivot of the elimination, 1 + a + c - c outward, is computed without the difference, as
+  // 1 + a + kept c.
   const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
     const double own = 1.0 + outer * kept_outside;
     const double pivot = own + inner;
@@ -113,7 +113,7 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   inward_hard = a / pivot;
   outward[first] = 0.0;
 
-  // Unit flux enters the half cells at z = 0: DLP (31), corrected, for any first width.
+  // A unit flux heats the half cells at z = 0: DLP (31), corrected, for a first cell of any width.
   const double rise = first == 0 ? soft.diffusivity * dt / (grid.weight[0] * soft.conductivity)
                                  : dt / grid.capacity(interface, soft, hard);
   response[first] = rise * inverse_pivot[first];

@@ -13,13 +13,13 @@
 namespace shearbus::physics {
 
 // The vertices of the temperature: those of the layer and, for a half-space, vertices of the soft body behind the
-// layer. The extension behind the layer begins with the layer's last cell, widens by kExtensionGrading up to
-// kExtensionDepth thicknesses and is insulated there. Its vertices hold the geometric mean of their two cells: on
-// geometric cells the discrete half-space then responds as the continuous half-space does (arithmetic means make it (ln
-// grading)^2/16 too stiff at all times), so a few wide cells suffice. A matched grid keeps its own grading in the
-// extension, and its conduction lengths are larger by the factor that compensates the arithmetic means. Where the hard
-// body conducts, its vertices come first, the outermost vertex leading, so that both bodies form one row of cells
-// through z = 0.
+// layer. This extension begins with the layer's last cell, widens by kExtensionGrading from cell to cell up to
+// kExtensionDepth thicknesses and is insulated there. Each of its vertices holds the heat of the geometric mean of its
+// two cells: on geometric cells the discrete half-space then responds as the continuous one does, so a few wide cells
+// suffice (arithmetic means make it stiffer by the fraction (ln grading)^2/16). A matched grid (GridOptions::matched)
+// keeps its own grading in the extension and has longer conduction lengths, which compensate its arithmetic means.
+// Where the hard body conducts, its vertices come first, the outermost vertex leading, so that both bodies form one row
+// of cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
@@ -40,7 +40,7 @@ struct HeatGrid {
 };
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
-//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   with
+//   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   old and t: temperature before and after, and with
 //   a[i] = alpha dt / (weight[i] * width of the cell before i), c[i] likewise with the cell behind i
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
 // temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
@@ -57,11 +57,11 @@ struct HeatOperator {
   int interface;                    // index of the vertex at z = 0
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
-  std::span<double> outward;        // t[i] / t[inner neighbour] for old values 0; unused at z = 0
+  std::span<double> outward;        // t[i] / t[inner neighbour], from old temperatures of 0; unused at z = 0
   double inward_hard;          // elimination factor at z = 0 from the hard side; from the soft side: inward[interface]
-  std::span<double> response;  // B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
+  std::span<double> response;  // response B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
-  const double* layer_response() const { return response.data() + interface; }  // from z = 0 into the soft body
+  const double* layer_response() const { return response.data() + interface; }  // response B of the layer's vertices
 
  private:
   std::unique_ptr<double[]> memory_;  // one block, so that a new step length needs few allocations
@@ -78,7 +78,7 @@ struct SpreadHeat {
 // Both arrays are [vertex][lane] of the layer.
 void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response);
 
-// T = T_ad + q B_phi in both bodies, all lanes. `response` is what respond() wrote.
+// Adds the distributed heat, T = T_ad + q B_phi, in both bodies and all lanes. `response` is what respond() wrote.
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
@@ -89,8 +89,8 @@ void conduct(const HeatOperator& heat, int num_vertices, const double* before, d
 // One step without flux of one lane of a tile, in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
-// T = T_ad + q B, DLP (35), for all lanes or one. Vertices where q B is below half an ulp of the coldest temperature
-// are skipped: their bits would not change.
+// Adds the friction heat, T = T_ad + q B, DLP (35), in all lanes or in one lane. Vertices where q B is below half an
+// ulp of the coldest temperature are skipped: their bits would not change.
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
 

@@ -5,8 +5,8 @@ namespace shearbus::physics {
 Grid::Grid(const GridOptions& options) : grading(options.grading), matched(options.matched) {
   const int n = options.cells;
   const double r = options.grading;
-  // The widths are w r^j with the sum h. The sum is formed term by term: powers of the closed form would depend on the
-  // last bits of the C library's results.
+  // The widths of the cells are w r^j and add up to the thickness h. The sum is formed term by term: powers in its
+  // closed form would depend on the last bits of the C library's results.
   double ratio_sum = 0.0;
   double ratio = 1.0;
   for (int j = 0; j < n; ++j, ratio *= r) ratio_sum += ratio;

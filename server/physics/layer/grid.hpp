@@ -5,17 +5,17 @@
 
 namespace shearbus::physics {
 
-inline constexpr int kMaxBasisVertices = 1000;  // of both bodies in a model with sleep: the modes are a square matrix
+inline constexpr int kMaxBasisVertices = 1000;  // vertices of both bodies with sleep: the modes are a square matrix
 
 enum class FarBoundary { kInsulated, kHalfSpace };
 
 struct GridOptions {
-  double thickness = 20e-6;  // h [m]
+  double thickness = 20e-6;  // thickness h of the layer  [m]
   int cells = 500;
   double grading = 1.0;  // ratio of neighbouring cells, growing from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
-  // Whether the conduction lengths compensate the error of the grading in the response at z = 0, and a half-space
-  // continues with the same grading (METHODS.md, "Tolerance").
+  // Whether the conduction lengths compensate the error that the grading causes in the response at z = 0. A half-space
+  // then continues with the same grading (METHODS.md, "Tolerance").
   bool matched = false;
 };
 

@@ -15,7 +15,7 @@ constexpr double kDead = 1e-17;  // smallest live amplitude  [K]
 
 }  // namespace
 
-// C dT/dt = -K T with the capacities C and conductances K is symmetric in sqrt(C) T.
+// The heat equation C dT/dt = -K T, with capacities C and conductances K, is symmetric in the unknowns sqrt(C) T.
 HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material& hard) {
   const int n = grid.num_vertices();
   Eigen::VectorXd root(n);  // square roots of the capacities
@@ -32,7 +32,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  mode.col(0) = root / root.norm();  // exact, so that heat is conserved exactly; the solver gives it to rounding
+  mode.col(0) = root / root.norm();  // set exactly, so that heat is conserved; the solver finds it to rounding
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
@@ -44,7 +44,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
       projection.push_back(mode(i, k) * root[i] * scale);
-      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 the part in the soft body
+      const double length = grid.weight[static_cast<std::size_t>(i)];  // z = 0: only its length in the soft body
       if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
       if (k == 0) heat += grid.capacity(i, soft, hard);
     }

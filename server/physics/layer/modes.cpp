@@ -12,20 +12,20 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // h^2 / (alpha t) above which the first image source, exp(-h^2 / (alpha t)), is 0
-constexpr double kSpent = 40.0;      // x from which on exp(-x) is below rounding
-constexpr double kPanelRatio = 8.0;  // ratio of mu between the two edges of a panel
+constexpr double kUnfelt = 160.0;    // above this h^2 / (alpha t) the first image source, exp(-h^2 / (alpha t)), is 0
+constexpr double kSpent = 40.0;      // exp(-x) is below rounding for larger x
+constexpr double kPanelRatio = 8.0;  // ratio of mu = sqrt(rate) between the two ends of a panel of the spectrum
 constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum
 constexpr int kLongestRule = 24;     // largest number of nodes of the Gauss rule of a panel
 constexpr int kTimesPerDecade = 40;  // times per decade at which the error is measured
 
-// Lines of a spectrum: K(t) = sum of weight exp(-mu^2 t).
+// Discrete lines of the spectrum of the heat kernel: K(t) = sum of weight exp(-mu^2 t).
 struct Lines {
   std::vector<double> mu;  // [s^(-1/2)]
   std::vector<double> weight;
 };
 
-// Nodes and weights of the Gauss rule whose orthogonal polynomials have this three-term recurrence (Golub, Welsch
+// Nodes and weights of the Gauss rule whose orthogonal polynomials have the given three-term recurrence (Golub, Welsch
 // 1969).
 struct Rule {
   Eigen::VectorXd node, weight;
@@ -36,7 +36,7 @@ Rule rule_from_recurrence(const Eigen::VectorXd& centre, const Eigen::VectorXd& 
   return {solver.eigenvalues(), mass * solver.eigenvectors().row(0).transpose().array().square().matrix()};
 }
 
-// Gauss-Legendre on [-1, 1].
+// The Gauss-Legendre rule with n nodes on [-1, 1].
 Rule legendre(int n) {
   Eigen::VectorXd off(n - 1);
   for (int i = 1; i < n; ++i) off[i - 1] = i / std::sqrt(4.0 * i * i - 1.0);
@@ -128,9 +128,9 @@ bool HeatKernel::far_face_unfelt(double t) const {
   return thickness * thickness > kUnfelt * diffusivity * t;
 }
 
-// The kernel of a slab is the sum over its spectrum, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)) with the rates
-// rate_m = alpha (m pi / h)^2. Few terms are needed: short times, which would need many terms, are left to the formula of
-// the half-space (far_face_unfelt()). The sums of 1/rate and 1/rate^2 over all terms are h^2 / 6 alpha, h^4 / 90 alpha^2.
+// The kernel of a slab is the sum over its spectrum, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)), where
+// rate_m = alpha (m pi / h)^2. Few terms are needed: short times, which would need many, are left to the formula of
+// the half-space (far_face_unfelt()). The sums of 1/rate and 1/rate^2 over all terms are h^2/6 alpha, h^4/90 alpha^2.
 double HeatKernel::at(double t) const {
   if (far_face_unfelt(t)) return half_space / std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
@@ -207,14 +207,14 @@ void ModeOperator::fill(const HeatModes& modes) {
   }
 }
 
-// The flux at the time s before the end of the step: q(dt - s) = q - (q - q_early) s / ((1 - early) dt).
+// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt), linear in time.
 ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : ModeOperator(modes, step) {
   const double span = (1.0 - early) * dt;
   early_response = modes.kernel.moment(dt) / span;
   response -= early_response;
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
     const double x = modes.rate[j] * dt;
-    // (1 - (1 + x) exp(-x)) / x^2, by its series where the closed form would cancel.
+    // Computes (1 - (1 + x) exp(-x)) / x^2, by its series where the closed form would cancel.
     constexpr double kSmall = 0.02;
     const double moment = x < kSmall ? 0.5 - x * (1.0 / 3 - x * (1.0 / 8 - x * (1.0 / 30 - x * (1.0 / 144 - x / 840))))
                                      : (1.0 - (1.0 + x) * decay[j]) / (x * x);

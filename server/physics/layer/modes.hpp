@@ -15,28 +15,29 @@ namespace shearbus::physics {
 struct ModesOptions {
   double accuracy = 1e-6;        // largest relative error of K from shortest_step to longest_time
   double shortest_step = 1e-10;  // shortest step of the host  [s]
-  double longest_time = 1e-4;    // K is accurate up to this time  [s]
+  double longest_time = 1e-4;    // the modes represent the kernel K up to this time  [s]
 };
 
-// K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image sources.
+// The heat kernel K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image
+// sources.
 struct HeatKernel {
   HeatKernel(const Material& soft, const GridOptions& layer);
 
   double at(double t) const;
-  double integral(double t) const;       // integral of K from 0 to t: B0, exact in time and space  [K m2/W]
-  double moment(double t) const;         // integral of s K(s) from 0 to t  [K m2 s/W]
+  double integral(double t) const;       // integral of K from 0 to t, which is the exact response B0  [K m2/W]
+  double moment(double t) const;         // first moment of K, the integral of s K(s) from 0 to t  [K m2 s/W]
   bool far_face_unfelt(double t) const;  // whether the image sources are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // k      [W/(m K)]
   double diffusivity;   // alpha  [m2/s]
-  double half_space;    // K(t) sqrt(t) of a half-space: sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
+  double half_space;    // factor of the half-space kernel, K(t) sqrt(t) = sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
-// K(t) = sum of weight exp(-rate t), all weights positive, for times from shortest_step / kHalvingsCovered on. The
-// spectrum of K over mu = sqrt(rate), uniform for a half-space and lines for a slab, is divided into panels; a Gauss
-// rule with positive weights replaces each panel. The rules are lengthened until the measured relative error of K is
-// below the requested accuracy.
+// The modes that represent the heat kernel: K(t) = sum of weight exp(-rate t), all weights positive, for times from
+// shortest_step / kHalvingsCovered on. The spectrum of K over mu = sqrt(rate), uniform for a half-space and lines for a
+// slab, is divided into panels, and a Gauss rule with positive weights replaces each panel. The rules are lengthened
+// until the measured relative error of K is below the requested accuracy.
 struct HeatModes {
   static constexpr double kHalvingsCovered = 64.0;  // largest ratio of a step to its shortest substep
 
@@ -47,12 +48,12 @@ struct HeatModes {
   std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured relative error of K
 
-  // Rows of a tile: the start temperature, each mode's share of T0, T0 itself.
+  // Rows of a tile: the start temperature, then each mode's share of T0, then T0 itself.
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
 };
 
-// A step of length dt. The response to the flux of the step itself uses the exact K, because no sum of exponentials
-// approximates K down to t = 0.
+// The operator of a step of length dt. The response to the flux of the step itself uses the exact kernel K, because no
+// sum of exponentials approximates K down to t = 0.
 //   constant flux:             T0 = T_start + sum of decay u + B0 q, u: share of T0 of each mode before the step
 //   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
 struct ModeOperator {

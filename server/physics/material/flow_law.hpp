@@ -5,10 +5,10 @@
 //
 // where g is the softening, which is 0 at T_melt and above and which the yield strength of the interface follows too,
 // and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
-// with T, and Y has a closed range of temperatures in which it is positive. Then every balance of the layer has one
-// root and a bracket. The kernels of a separable law, whose H does not depend on P and T, work on logarithms; a law
-// whose rate and temperature are coupled offers an inverse of its own. The concepts below list what a law must offer,
-// one requirement with its comment per line; the compiler names what a new law lacks.
+// with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket. The kernels of a
+// separable law, whose H does not depend on P and T, work on logarithms; a law whose rate and temperature are coupled
+// offers an inverse of its own. The concepts below list what a law must offer, one requirement with its comment per
+// line; the compiler names what a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -22,7 +22,7 @@ namespace shearbus::physics {
 inline constexpr double kSqrt3 = 1.7320508075688772;
 inline constexpr double kMeltingFactor = 0.001;  // the factor in exp(-0.001 T/(T_melt - T)), DLP (15)
 
-// g(P, T) and dg/dT.
+// The softening g(P, T) and its derivative dg/dT.
 struct Softening {
   double g = 0.0;
   double slope = 0.0;
@@ -37,11 +37,11 @@ struct SofteningExcess {
 // N vertices under the loads of their lanes, for the kernel of a law that is not separable.
 template <int N>
 struct LoadedVertices {
-  const double* load;          // load_of(a) of each lane
-  const double* bracket;       // bracket_at(m, P) of each lane
+  const double* load;          // stress of each lane, as load_of(a) gives it
+  const double* bracket;       // part of g that depends on P, bracket_at(m, P), of each lane
   const double* T_melt;        // melting temperature at P           [K]
   alignas(64) double T[N];     // temperature after the step         [K]
-  alignas(64) double rise[N];  // a dT/da: T less T without friction [K]
+  alignas(64) double rise[N];  // temperature rise by friction in the step, equal to a dT/da [K]
 };
 
 // A fault in the constants of a law together, each of which is valid alone. An empty field means no fault.
@@ -52,22 +52,22 @@ struct LawFault {
 
 inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
 inline constexpr double kNoLoad = -1e305;  // the load under which nothing yields, however hot
-// A larger excess is cut to this: the strain is then finite, and beyond that of any host.
+// A larger excess is cut to this value, so that the strain is finite; a host has no strain of that size.
 inline constexpr double kMaxExcess = 300.0;
 
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
 // a default: a law that does not declare all of them does not compile.
 struct FlowLawProperties {
-  bool depends_on_rate;      // H rises with dep/dt
-  bool separable;            // H does not depend on P and T: Y is a product H(ep, dep/dt) g(P, T)
+  bool depends_on_rate;      // the strength H rises with the strain rate dep/dt
+  bool separable;            // H is independent of P and T, so that Y is a product H(ep, dep/dt) g(P, T)
   bool first_order_in_time;  // the stress follows the mean rate of a step, so that the step is of first order
-  bool vanishes_at_melting;  // g is 0 at T_melt and above
-  bool has_pressure_term;    // g contains gP P, so that Material::pressure_term has an effect
-  bool has_ceiling;          // for some constants H has a largest value (Y_max)
+  bool vanishes_at_melting;  // the softening g is 0 at T_melt and above
+  bool has_pressure_term;    // the softening g contains gP P, so that Material::pressure_term has an effect
+  bool has_ceiling;          // for some constants the strength H has a largest value (Y_max)
   bool has_wave_return;      // solver/velocity_driven/waves (inertia) can return a stress to the law's flow stress
 };
 
-// The constexpr members that every law declares.
+// The constexpr members that every flow law declares.
 template <class Law>
 concept DeclaresFlowLawProperties = requires {
   typename std::bool_constant<Law::kDependsOnRate>;
@@ -90,20 +90,20 @@ constexpr FlowLawProperties properties_of_law() {
           .has_wave_return = Law::kHasWaveReturn};
 }
 
-// The law as point functions.
+// The functions of a flow law at one point of a layer.
 template <class Law>
 concept FlowLawFunctions = requires(const Material& m, double ep, double dep, double rate, double dt, double P,
                                     double T) {
-  { Law::kName } -> std::convertible_to<std::string_view>;                  // its name in scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;              // its source, for OPTIONS.md
-  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what it adds, for OPTIONS.md
-  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use it, for OPTIONS.md
+  { Law::kName } -> std::convertible_to<std::string_view>;                  // name of the law in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;              // source of the law, for OPTIONS.md
+  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what the law adds, for OPTIONS.md
+  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for OPTIONS.md
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
-  { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks its constants together
-  { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // g and dg/dT
+  { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks the constants of the law together
+  { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
-  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // H; separable laws ignore P and T
-  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // dH/d(dep) at ep + dep and dep/dt
+  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // strength H; separable laws ignore P and T
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // hardening slope dH/d(dep) at ep + dep
   { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };
@@ -113,21 +113,21 @@ template <class Law>
 concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
     requires(const Law law, const Material& m, double a, double P) {
   { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
-  { Law::unit_of_load(m) } -> std::same_as<double>;   // [Pa]; loads far below it (set_load()) are kNoLoad
+  { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]; far smaller loads are kNoLoad
   { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 
-// The kernel of a separable law. A vertex flows where
-//   excess = load_of(a) + softening_excess - log_strength
-// is positive, by dep with H(ep + dep, dep/dt) g = sqrt(3) a. flow() calls take(lane, dep, slope) with
-// dep and slope = a d(dep)/da, in which heating by a enters through growth = a d(softening_excess)/da.
+// The kernel of a separable law. A vertex flows if excess = load_of(a) + softening_excess - log_strength is positive.
+// Its strain increment dep then solves H(ep + dep, dep/dt) g = sqrt(3) a, and flow() calls take(lane, dep, slope) with
+// slope = a d(dep)/da. Heating by the stress a enters this slope through growth = a d(softening_excess)/da.
+// flow() gets the excess, the growth and the old strain ep of each lane.
 template <class Law>
 concept SeparableFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],
              const double* strain, void (*take)(int lane, double dep, double slope)) {
   { law.log_strength(ep) } -> std::same_as<double>;                               // logarithm of H at rate 0
   { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // part of the excess due to g
-  law.flow(packet, packet, strain, take);                                         // from excess, growth and ep
+  law.flow(packet, packet, strain, take);                                         // arguments: excess, growth, ep
 };
 
 // The kernel of a law that couples rate and temperature. A vertex flows where load_of(a) > strength_at_rest.
@@ -136,7 +136,7 @@ concept CoupledFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const LoadedVertices<1>& vertices,
              const double (&packet)[1], const double* strain, void (*take)(int lane, double dep, double slope)) {
   { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) in the units of load_of
-  law.flow(vertices, packet, strain, take);                                  // from loads, excess and ep
+  law.flow(vertices, packet, strain, take);                                  // arguments: loads, excess, ep
 };
 
 template <class Law>

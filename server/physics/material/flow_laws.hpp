@@ -1,4 +1,5 @@
-// The flow laws. The place of a law in this list is its FlowLaw, and one less than its number in the scene's enum.
+// The flow laws. The place of a law in this list is its value of FlowLaw, and one less than its number in the scene's
+// enum.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +19,7 @@ using FlowLaws = FlowLawList<SteinbergCochranGuinan,  // one line per law
                              JohnsonCook,             //
                              PrestonTonksWallace>;
 
-// Whether a constant is one of the law's own.
+// Whether the constant of Material belongs to this law.
 inline bool has_constant(FlowLaw law, double Material::*constant) {
   return FlowLaws::with(law, [&](auto own) {
     const auto& constants = decltype(own)::type::kConstants;

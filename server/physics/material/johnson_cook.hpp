@@ -56,7 +56,7 @@ class JohnsonCook {
     return {1.0 - lost, -m.thermal_exponent * lost / (share * range)};
   }
 
-  // |dg/dT| = m T*^(m-1) / (T_melt - T_ref) rises with T where m > 1 and falls where m < 1.
+  // The slope |dg/dT| = m T*^(m-1) / (T_melt - T_ref) rises with T where m > 1 and falls where m < 1.
   static double steepest_softening(const Material& m, double /*pressure*/, double coldest, double hottest) {
     const double range = m.melting_temperature - m.reference_temperature;
     const double from = m.thermal_exponent < 1.0 ? coldest : hottest;
@@ -79,7 +79,7 @@ class JohnsonCook {
   static double ceiling(const Material&) { return std::numeric_limits<double>::infinity(); }
   static bool hardens(const Material&) { return true; }
 
-  // All stresses are in units of A.
+  // The stresses of the kernel are in units of the yield strength A.
   JohnsonCook(const Material& m, double dt)
       : yield_strength_(m.yield_strength),
         B_(m.hardening_modulus / m.yield_strength),
@@ -152,7 +152,7 @@ class JohnsonCook {
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
   static constexpr double kMostLogStrain = 230.0;
-  static constexpr double kNever = 1e3;  // ln of a strain beyond the largest; in place of ln(r0 dt) if C = 0
+  static constexpr double kNever = 1e3;  // replaces ln(r0 dt) if C = 0: no strain is so large, so the rate is ignored
   static constexpr double kLeastStrain = 1e-300;
   static constexpr int kMostIterations = 60;  // largest number of iterations; 2 to 5 are usual
   static constexpr double kConverged = 1e-5;  // longest last step in ln(dep): the next one is below rounding
@@ -178,17 +178,18 @@ class JohnsonCook {
   // The roots of a packet of vertices.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];     // sqrt(3) a / (A g)
-    alignas(64) double x[N];          // ln(dep) of the search
+    alignas(64) double target[N];     // strength that carries the load, in units of A: sqrt(3) a / (A g)
+    alignas(64) double x[N];          // ln(dep), the unknown of the search
     alignas(64) double dep[N];        // the root dep
-    alignas(64) double log_slope[N];  // d ln(u w) / d(dep) at the root
+    alignas(64) double log_slope[N];  // derivative of ln(H) by dep at the root
     alignas(64) double moves[N];      // 1 where the search goes on, else 0
     alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
   };
 
-  // Halley's method on u w - target, u = 1 + B (ep + dep)^n, w = 1 + C (x - ln(r0 dt)), lane by lane: a lane that has
-  // converged keeps its root while its neighbours go on. The last step leaves an error of the order of its cube; dep
-  // after a step is dep before it times the series of exp(-step).
+  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and w = 1 + C (x
+  // - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its neighbours go
+  // on. The last step leaves an error of the order of its cube; dep after a step is dep before it times the series of
+  // exp(-step).
   template <int N>
   [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
@@ -201,15 +202,15 @@ class JohnsonCook {
         const double share = dep / strain;
         const double p = B_ * power(strain, n_);
         const double u = 1.0 + p, w = 1.0 + C_ * (x - log_slow_);
-        const double u_1 = n_ * p * share;                    // du/dx
-        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // d2u/dx2
+        const double u_1 = n_ * p * share;                    // derivative of u by x
+        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // second derivative of u by x
         const double f = u * w - roots.target[l];
         const double f_1 = u_1 * w + u * C_;
         const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // The values after the step follow from those before it by series, without another evaluation.
+        // The values after a step of the search follow from those before it by series, without another evaluation.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;

@@ -204,7 +204,7 @@ std::string_view constant_missing_for_options(const Material& material) {
 
 double compression_at(const Material& m, double pressure) {
   if (!(pressure > 0.0)) return 1.0;
-  // With x = 1 - 1/eta: P (1 - s x)^2 = rho0 c0^2 x. The root below 1/s is written without a difference.
+  // Solves the Hugoniot P (1 - s x)^2 = rho0 c0^2 x for x = 1 - 1/eta; the root below 1/s needs no difference.
   const double stiffness = m.density * m.sound_speed * m.sound_speed;
   const double slope = m.hugoniot_slope * pressure;
   const double x = 2.0 * pressure / (stiffness + 2.0 * slope + std::sqrt(stiffness * (stiffness + 4.0 * slope)));

@@ -13,7 +13,7 @@
 namespace shearbus::physics {
 
 enum class MeltingCurve { kConstant, kLindemann };  // T_melt is constant, or rises with P
-enum class PressureTerm { kLinear, kCompressed };   // of g(P, T): gP P, or gP P / eta^(1/3)
+enum class PressureTerm { kLinear, kCompressed };   // pressure term of g(P, T): gP P, or gP P / eta^(1/3)
 
 enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
 
@@ -33,14 +33,14 @@ struct Material {
   double specific_heat = 0.0;                                           // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
 
-  // Johnson-Cook's own.
+  // Constants of Johnson and Cook's law alone.
   double hardening_modulus = kNotGiven;      // B     [Pa]
   double rate_coefficient = kNotGiven;       // C     [1]
   double reference_strain_rate = kNotGiven;  // r0    [1/s]
   double thermal_exponent = kNotGiven;       // m     [1]
   double reference_temperature = kNotGiven;  // T_ref [K]
 
-  // Preston-Tonks-Wallace's own; stresses in units of the shear modulus.
+  // Constants of Preston, Tonks and Wallace's law alone; stresses in units of the shear modulus.
   double molar_mass = kNotGiven;                // M      [kg/mol]
   double work_hardening_rate = kNotGiven;       // theta  [1]
   double work_hardening_curvature = kNotGiven;  // p      [1]; 0: Voce's law
@@ -75,14 +75,14 @@ struct Material {
 struct MaterialField {
   std::string_view name;  // key in scenes, for example "yield_strength_pa"
   double Material::*value;
-  bool required;     // by every material whose law has the constant; false: it may be absent
+  bool required;     // true: every material whose law has the constant must have it
   bool may_be_zero;  // false: the constant must be above 0
 };
 std::span<const MaterialField> material_fields();
 
 struct CatalogEntry {
   std::string_view name;
-  std::string_view source;  // where every number comes from
+  std::string_view source;  // source of every number of the material
   Material material;
 };
 std::span<const CatalogEntry> catalog();

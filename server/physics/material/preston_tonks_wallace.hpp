@@ -17,10 +17,12 @@
 //   5. tau is multiplied by 1 + 1e-9 min(ln r, 0). Where erf is 1 to its last digit and hardening has saturated, the
 //      printed law has one stress for many rates; this keeps rate and strain functions of the stress.
 //
-// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse is
-// closed. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest rate and 1,
-// by Newton's method that bisects where a step leaves the bracket. tau rises with ln r (tests/unit), so the root is
-// unique. tau is computed from tau_y up, tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing.
+// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
+// has a closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest
+// rate and 1, by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by
+// bisection where a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed
+// from tau_y up, tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing. The loops over lanes
+// have no branches, so that the compiler vectorises them.
 #pragma once
 
 #include <algorithm>
@@ -57,9 +59,9 @@ class PrestonTonksWallace {
   static constexpr bool kHasCeiling = false;
   static constexpr bool kHasWaveReturn = false;
 
-  static constexpr double kSlowestRate = 1e-3;  // [1/s]; slower flow has the strength of this rate
+  static constexpr double kSlowestRate = 1e-3;  // slowest rate  [1/s]; slower flow has the strength of this rate
 
-  // What makes Y rise with strain and rate, fall with temperature and reach its overdriven branch at r = 1.
+  // Checks that Y rises with strain and rate, falls with temperature and is on its overdriven branch from r = 1 on.
   static LawFault fault_of(const Material& m) {
     if (m.saturation_hot > m.saturation_cold)
       return {"saturation_stress_hot", "expected at most saturation_stress_cold"};
@@ -92,7 +94,7 @@ class PrestonTonksWallace {
     return {stiffening * modulus * melting, -stiffening * melting * (per_kelvin + modulus * melting_rate)};
   }
 
-  // As for Steinberg's law: the melting factor is steepest at a distance 0.0005 T_melt from melting, or at an end.
+  // The melting factor is steepest at the distance 0.0005 T_melt from melting or, without this point, at an end.
   static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
     const double nearest = std::max(0.0, m.melting_temperature - hottest);
@@ -100,7 +102,7 @@ class PrestonTonksWallace {
     const double stiffening = bracket_at(m, pressure);
     if (farthest <= 0.0 || stiffening <= 0.0) return 0.0;
     const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
+    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
     const double per_kelvin = m.modulus_temperature / m.melting_temperature;
     return stiffening * (per_kelvin + (1.0 - per_kelvin * coldest) * melting * c / (x * x));
   }
@@ -123,6 +125,7 @@ class PrestonTonksWallace {
         p_(std::max(m.work_hardening_curvature, kLeastCurvature)),
         inverse_p_(1.0 / p_),
         s0_(m.saturation_cold),
+        log_s0_(logarithm(m.saturation_cold)),
         s_range_(m.saturation_cold - m.saturation_hot),
         y0_(m.yield_cold),
         y_range_(m.yield_cold - m.yield_hot),
@@ -132,7 +135,7 @@ class PrestonTonksWallace {
         beta_(m.overdriven_exponent),
         inverse_beta_(1.0 / m.overdriven_exponent),
         alpha_(m.modulus_temperature),
-        attempts_in_step_(attempts(m) * dt),
+        log_attempts_in_step_(logarithm(attempts(m) * dt)),
         slowest_strain_(kSlowestRate * dt),
         log_slowest_(logarithm(kSlowestRate / attempts(m))) {}
 
@@ -151,25 +154,45 @@ class PrestonTonksWallace {
     Roots<N> roots;
     for (int l = 0; l < N; ++l) {
       const Vertex vertex = vertex_at(loaded.bracket[l], loaded.T_melt[l], loaded.T[l]);
-      const double target = vertex.g > 0.0 ? loaded.load[l] / vertex.g : kMostTarget;
-      roots.target[l] = target < kMostTarget ? target : kMostTarget;
+      const double inverse_g = 1.0 / (vertex.g > 0.0 ? vertex.g : 1.0);
+      const double carried = loaded.load[l] * inverse_g + (vertex.g > 0.0 ? 0.0 : kMostTarget);
+      const double least = carried > kLeastTarget ? carried : kLeastTarget;
+      roots.target[l] = least < kMostTarget ? least : kMostTarget;
+      roots.above_rest[l] = excess[l] * inverse_g;
       roots.T_hat[l] = vertex.T_hat;
-      roots.scale[l] = vertex.scale;
+      roots.log_scale[l] = vertex.log_scale;
       roots.lo[l] = vertex.log_slowest;
       roots.hi[l] = 0.0;
-      begin(excess[l] > 0.0, ep[l], l, roots);
     }
+    double any_near_rest = 0.0;
+    for (int l = 0; l < N; ++l) {
+      const double target = roots.target[l], above_rest = roots.above_rest[l];
+      const double rest = target - above_rest;
+      const double share = above_rest / (s0_ > rest ? s0_ - rest : 1.0);
+      const double glides = roots.lo[l] * (1.0 - share);
+      const double overdriven = (logarithm(target) - log_s0_) * inverse_beta_;
+      const double yields = excess[l] > 0.0 ? 1.0 : 0.0;
+      const double moves = target < s0_ ? yields : 0.0;
+      roots.y[l] = target < s0_ ? glides : overdriven;
+      roots.by_log_rate[l] = beta_ * target;  // that of an overdriven vertex, which the search leaves out
+      roots.by_strain[l] = roots.by_T_hat[l] = roots.crept[l] = 0.0;
+      roots.moves[l] = moves;
+      roots.creeps[l] = above_rest <= theta_ * slowest_strain_ + kNearRest * target ? moves : 0.0;
+      any_near_rest += roots.creeps[l];
+    }
+    if (any_near_rest > 0.0) creep(ep, roots);
     search(ep, roots);
     for (int l = 0; l < N; ++l) {
-      const double log_strain = roots.y[l] + logarithm(roots.scale[l]);
+      const Slopes vertex = slopes_at(loaded.bracket[l], loaded.T_melt[l], loaded.T[l]);
+      const double log_strain = roots.y[l] + roots.log_scale[l];
       const double searched = exponential(log_strain < kMostLogStrain ? log_strain : kMostLogStrain);
       const double dep = roots.creeps[l] > 0.0 ? roots.crept[l] : searched;
-      const Vertex vertex = vertex_at(loaded.bracket[l], loaded.T_melt[l], loaded.T[l]);
       const double rise = loaded.rise[l];
-      // tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) + by_strain ddep + by_T_hat dT^, dT = rise dlna.
+      // The balance is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) + by_strain ddep + by_T_hat dT^, with
+      // dT = rise dlna.
       const double by_dep = roots.by_log_rate[l] + roots.by_strain[l] * dep;
-      const double pull = roots.target[l] * (1.0 - vertex.log_g_slope * rise) +
-                          roots.by_log_rate[l] * (0.5 * vertex.log_modulus_slope * rise) -
+      const double pull = roots.target[l] * (1.0 - vertex.log_g * rise) +
+                          roots.by_log_rate[l] * (0.5 * vertex.log_modulus * rise) -
                           roots.by_T_hat[l] * (rise * vertex.inverse_T_melt);
       const double least = kLeastSlope * roots.target[l];
       const double slope = dep * (pull / (by_dep > least ? by_dep : least));
@@ -180,54 +203,65 @@ class PrestonTonksWallace {
 
  private:
   static constexpr double kPi = 3.141592653589793;
-  static constexpr double kAvogadro = 6.02214076e23;  // [1/mol]
-  static constexpr double kLeastAttempts = 1.0;       // [1/s]
-  static constexpr double kMostSoftening = 0.6;       // alpha: up to here Y falls with T through xi too
-  static constexpr double kMostCurvature = 100.0;     // p: exp(p) stays a number
-  static constexpr double kLeastCurvature = 1e-12;    // p = 0 is Voce's law: computed with this p, as close as rounding
-  static constexpr double kRateSensitivity = 1e-9;    // departure 5
-  static constexpr double kMostTarget = 1e100;        // of tau: dep is cut long before
-  static constexpr double kMostLogStrain = 230.0;     // the strain is then beyond any host's, and finite
-  static constexpr double kLeastSlope = 1e-30;        // of the target: a slope is no infinity
-  static constexpr double kArrived = 1e-8;            // of ln r: the next Newton step is below rounding
-  static constexpr double kRounding = 1e-15;          // of the target
-  static constexpr int kNewtonIterations = 12;        // it takes 3 to 7; from then on every second step bisects
+  static constexpr double kAvogadro = 6.02214076e23;  // Avogadro constant  [1/mol]
+  static constexpr double kLeastAttempts = 1.0;       // smallest attempt rate gamma xi  [1/s]
+  static constexpr double kMostSoftening = 0.6;       // largest alpha: Y then falls with T although xi does, too
+  static constexpr double kMostCurvature = 100.0;     // largest p: exp(p) stays finite
+  static constexpr double kLeastCurvature = 1e-12;    // replaces p = 0 (Voce's law), equal to rounding
+  static constexpr double kRateSensitivity = 1e-9;    // coefficient of departure 5
+  static constexpr double kLeastTarget = 1e-300;      // smallest target of tau: its logarithm is finite
+  static constexpr double kMostTarget = 1e100;        // largest target of tau: dep is cut at smaller ones
+  static constexpr double kMostLogStrain = 230.0;     // largest ln of a strain: finite, but larger than any host's
+  static constexpr double kLeastSlope = 1e-30;        // smallest slope, relative to the target: its inverse is finite
+  static constexpr double kNearRest = 1e-12;          // relative distance from rest of a vertex that may creep
+  static constexpr double kArrived = 1e-8;            // longest last step of ln r: the next step is below rounding
+  // A step by two points leaves an error of ln r of the order of the squared product of the distances to the points.
+  // kArrivedByTwo is the largest product whose square is below rounding.
+  static constexpr double kArrivedByTwo = 3e-8;
+  static constexpr double kSmooth = 3e-4;   // longest last step by two points; no branch of tau ends within 3 kSmooth
+  static constexpr double kMostBend = 4.0;  // largest correction by the second point, over the square of Newton's step
+  static constexpr double kRounding = 1e-15;    // rounding error of tau, relative to the target
+  static constexpr int kNewtonIterations = 12;  // 2 to 5 are usual; after these every second step bisects
   static constexpr int kMostIterations = 150;
 
-  // tau and its derivatives with respect to ln r, ep and T^.
+  // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.
   struct Reduced {
     double stress, by_log_rate, by_strain, by_T_hat;
+    double branch;  // code of the branches that form tau_s and tau_y; NaN near the end of a branch
   };
 
-  // What a vertex at a temperature has, whatever its load and strain.
+  // Properties of a vertex that depend on its temperature, but not on its load and strain.
   struct Vertex {
-    double g;                  // (G/G0) m; 0 where molten
-    double T_hat;              // T/T_melt
-    double inverse_T_melt;     // [1/K]
-    double scale;              // dep of the step at r = 1
-    double log_slowest;        // ln r at the slowest rate
-    double log_g_slope;        // dln(g)/dT      [1/K]
-    double log_modulus_slope;  // dln(G)/dT      [1/K]
+    double g;            // softening (G/G0) m; 0 where molten
+    double T_hat;        // relative temperature T/T_melt
+    double log_scale;    // ln of the strain increment dep of the step at r = 1
+    double log_slowest;  // logarithm of r at the slowest rate
+  };
+  struct Slopes {
+    double inverse_T_melt;  // [1/K]
+    double log_g;           // logarithmic slope dln(g)/dT      [1/K]
+    double log_modulus;     // logarithmic slope dln(G)/dT      [1/K]
   };
 
-  // The roots of N vertices.
+  // The search for ln r at N vertices, and its results.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];  // tau
+    alignas(64) double target[N];      // value that tau must reach
+    alignas(64) double above_rest[N];  // target less tau at the slowest rate and old strain
     alignas(64) double T_hat[N];
-    alignas(64) double scale[N];
-    alignas(64) double lo[N];  // bracket of ln r
+    alignas(64) double log_scale[N];
+    alignas(64) double lo[N];  // bracket of the root ln r: lo, hi
     alignas(64) double hi[N];
-    alignas(64) double y[N];            // ln r
-    alignas(64) double by_log_rate[N];  // of tau there
+    alignas(64) double y[N];            // ln r, the unknown of the search
+    alignas(64) double by_log_rate[N];  // derivative of tau by ln r at the root
     alignas(64) double by_strain[N];
     alignas(64) double by_T_hat[N];
-    alignas(64) double crept[N];   // dep where the rate has no effect
-    alignas(64) double creeps[N];  // 1 where the root is crept
-    alignas(64) double moves[N];   // 1 where the search goes on
+    alignas(64) double crept[N];   // strain increment dep of a vertex on which the rate has no effect
+    alignas(64) double creeps[N];  // 1 where the root is `crept`; before creep(), where it may be
+    alignas(64) double moves[N];   // 1 where the search goes on, else 0
   };
 
-  // gamma xi at G0   [1/s]
+  // The attempt rate gamma xi at the modulus G0   [1/s]
   static double attempts(const Material& m) {
     const double per_length = 4.0 * kPi * m.density * kAvogadro / (3.0 * m.molar_mass);
     return m.attempt_rate * 0.5 * power(per_length, 1.0 / 3.0) * std::sqrt(m.shear_modulus / m.density);
@@ -241,156 +275,192 @@ class PrestonTonksWallace {
     return law.reduced(logarithm(std::max(rate, kSlowestRate) / scale), ep, T_hat);
   }
 
-  Vertex vertex_at(double bracket, double T_melt, double T) const {
+  [[gnu::always_inline]] Vertex vertex_at(double bracket, double T_melt, double T) const {
     const double to_melting = T_melt - T;
-    const bool solid = to_melting > 0.0 && bracket > 0.0;
-    const double x = solid ? to_melting : T_melt;
-    const double inverse_x = 1.0 / x;
-    const double inverse_T_melt = 1.0 / T_melt;
-    const double T_hat = solid ? T * inverse_T_melt : 1.0;
-    const double softened = 1.0 - alpha_ * T_hat;
-    const double modulus = (solid ? bracket : 1.0) * softened;
-    const double exponent = kMeltingFactor * T * inverse_x;
-    const double melting = exponent < kExponentialRange ? exponential(-exponent) : 0.0;
-    const double log_modulus_slope = -alpha_ * inverse_T_melt / softened;
+    const double share = T / T_melt;
+    const double T_hat = share < 1.0 ? share : 1.0;
+    const double some_bracket = bracket > 0.0 ? bracket : 1.0;
+    const double modulus = some_bracket * (1.0 - alpha_ * T_hat);
+    const double exponent = kMeltingFactor * T / (to_melting > 0.0 ? to_melting : T_melt);
+    const double melting = modulus * exponential(-exponent);
+    const double solid = to_melting > (kMeltingFactor / kExponentialRange) * T ? melting : 0.0;
     const double half_log = 0.5 * logarithm(modulus);
-    return {solid ? modulus * melting : 0.0,
-            T_hat,
-            inverse_T_melt,
-            attempts_in_step_ * exponential(half_log),
-            log_slowest_ - half_log,
-            solid ? log_modulus_slope - kMeltingFactor * T_melt * inverse_x * inverse_x : 0.0,
-            solid ? log_modulus_slope : 0.0};
+    return {bracket > 0.0 ? solid : 0.0, T_hat, log_attempts_in_step_ + half_log, log_slowest_ - half_log};
+  }
+  [[gnu::always_inline]] Slopes slopes_at(double bracket, double T_melt, double T) const {
+    const double to_melting = bracket > 0.0 ? T_melt - T : 0.0;
+    const bool solid = to_melting > 0.0;
+    const double inverse_x = 1.0 / (solid ? to_melting : T_melt);
+    const double log_modulus = solid ? -alpha_ / (T_melt - alpha_ * T) : 0.0;
+    return {1.0 / T_melt, solid ? log_modulus - kMeltingFactor * T_melt * inverse_x * inverse_x : 0.0, log_modulus};
   }
 
-  // tau_s and tau_y at y = ln r, their derivatives with respect to y and T^, and what hardening makes of them.
+  // The stresses tau_s and tau_y at y = ln r, their derivatives by y and T^, and the hardening between the two.
   struct Branches {
     double tau_s, tau_y;
     double s_rate, y_rate;
     double s_T, y_T;
-    bool hardens;
-    double d;      // s0 - tau_y
-    double share;  // (tau_s - tau_y) / d, at most 1
+    double branch;   // as Reduced::branch
+    double hardens;  // hardening tau_s - tau_y, at most d
+    double d;        // largest hardening, s0 - tau_y
+    double share;    // hardening relative to the largest, (tau_s - tau_y) / d, at most 1
   };
   [[gnu::always_inline]] Branches branches(double y, double T_hat) const {
-    const double slower = y < 0.0 ? -y : 0.0;  // ln(1/r)
-    const ErrorFunction erf = error_function(kappa_ * T_hat * slower);
+    const double slower = y < 0.0 ? -y : 0.0;  // logarithm of 1/r; 0 if r > 1
+    const double activated = kappa_ * T_hat;
+    const ErrorFunction erf = error_function(activated * slower);
     const double over = s0_ * exponential(beta_ * y);
     const double medium = y1_ * exponential(y2_ * y);
     const double glide_s = s0_ - s_range_ * erf.value;
     const double glide_y = y0_ - y_range_ * erf.value;
+    const double over_rate = beta_ * over, medium_rate = y2_ * medium;
     const double fast_y = over < medium ? over : medium;
-    const double fast_slope = over < medium ? beta_ * over : y2_ * medium;
+    const double fast_rate = over < medium ? over_rate : medium_rate;
     const double tau_s = over > glide_s ? over : glide_s;
     const double some_y = fast_y > glide_y ? fast_y : glide_y;
     const double tau_y = some_y < tau_s ? some_y : tau_s;
-    const double erf_rate = y < 0.0 ? kappa_ * T_hat * erf.slope : 0.0;
+    const double erf_rate = y < 0.0 ? activated * erf.slope : 0.0;
     const double erf_T = -kappa_ * slower * erf.slope;
-    const bool hardens = tau_s > tau_y && s0_ > tau_y;
-    const double d = hardens ? s0_ - tau_y : 1.0;
-    const double share = hardens ? (tau_s - tau_y) / d : 1.0;
+    const double s_glides = s_range_ * erf_rate, y_glides = y_range_ * erf_rate;
+    const double room = s0_ - tau_y;
+    const double rise = tau_s - tau_y;
+    const double hardens = rise < room ? rise : room;
+    const double d = hardens > 0.0 ? room : 1.0;
+    const double share = hardens > 0.0 ? hardens / d : 1.0;
     return {tau_s,
             tau_y,
-            over > glide_s ? beta_ * over : s_range_ * erf_rate,
-            fast_y > glide_y ? fast_slope : y_range_ * erf_rate,
+            over > glide_s ? over_rate : s_glides,
+            fast_y > glide_y ? fast_rate : y_glides,
             over > glide_s ? 0.0 : s_range_ * erf_T,
             fast_y > glide_y ? 0.0 : y_range_ * erf_T,
+            branch_of(over - glide_s, over_rate + s_glides) + 3.0 * branch_of(fast_y - glide_y, fast_rate + y_glides) +
+                9.0 * branch_of(over - medium, over_rate + medium_rate),
             hardens,
             d,
-            share < 1.0 ? share : 1.0};
+            share};
+  }
+  // The sign of the difference of two branches, or NaN where the branches may cross within three steps of kSmooth.
+  [[gnu::always_inline]] static double branch_of(double difference, double rates) {
+    const double reach = 3.0 * kSmooth * rates;
+    const double larger = difference > reach ? 1.0 : std::numeric_limits<double>::quiet_NaN();
+    return difference < -reach ? -1.0 : larger;
   }
 
-  // tau at y = ln r.
+  // The flow stress tau at y = ln r, and its derivatives.
   [[gnu::always_inline]] Reduced reduced(double y, double ep, double T_hat) const {
     const double slower = y < 0.0 ? -y : 0.0;
     const Branches at = branches(y, T_hat);
+    const bool hardens = at.hardens > 0.0;
     const double grown = exponential_minus_1(p_ * at.share);
     const double strained = p_ * theta_ / (at.d * grown) * ep;
-    const double left = exponential(-strained);
     const double gone = -exponential_minus_1(-strained);
-    const double log_sum = logarithm_of_1_plus(grown * gone);
-    const double inverse_sum = 1.0 / (1.0 + grown * gone);
+    const double left = 1.0 - gone;
+    const double sum = grown * gone;
+    const double log_sum = logarithm_of_1_plus(sum);
+    const double inverse_sum = 1.0 / (1.0 + sum);
     const double some_bend = gone - strained * left;
-    const double bend = some_bend > 0.0 ? some_bend : 0.0;
-    const double by_s = at.hardens ? (1.0 + grown) * bend * inverse_sum : 1.0;
-    const double less = grown * strained * left * inverse_p_ - (1.0 - at.share) * (1.0 + grown) * bend;
-    const double by_y = at.hardens ? 1.0 - log_sum * inverse_p_ + less * inverse_sum : 0.0;
-    const double stress = at.hardens ? at.tau_y + at.d * (log_sum * inverse_p_) : at.tau_s;
+    const double bend = (1.0 + grown) * (some_bend > 0.0 ? some_bend : 0.0);
+    const double by_s = hardens ? bend * inverse_sum : 1.0;
+    const double less = grown * strained * left * inverse_p_ - (1.0 - at.share) * bend;
+    const double by_y = hardens ? 1.0 - log_sum * inverse_p_ + less * inverse_sum : 0.0;
+    const double stress = hardens ? at.tau_y + at.d * (log_sum * inverse_p_) : at.tau_s;
     const double by_rate = by_s * at.s_rate + by_y * at.y_rate;
     const double sensitive = 1.0 - kRateSensitivity * slower;
     return {stress * sensitive,
             (by_rate > 0.0 ? by_rate : 0.0) * sensitive + (y < 0.0 ? kRateSensitivity * stress : 0.0),
-            at.hardens ? theta_ * left * inverse_sum * sensitive : 0.0, (by_s * at.s_T + by_y * at.y_T) * sensitive};
+            hardens ? theta_ * left * inverse_sum * sensitive : 0.0, (by_s * at.s_T + by_y * at.y_T) * sensitive,
+            at.branch};
   }
 
-  // The increment of strain that brings tau to `stress` at the slowest rate: the inverse of Voce's hardening.
-  [[gnu::always_inline]] double creep(double stress, double y, double ep, double T_hat) const {
-    const Branches at = branches(y, T_hat);
-    const double grown = exponential_minus_1(p_ * at.share);
-    const double wanted = stress / (1.0 + kRateSensitivity * y) - at.tau_y;
-    const double some_gone = exponential_minus_1(p_ * (wanted / at.d)) / grown;
-    const double gone = some_gone < kMostGone ? some_gone : kMostGone;
-    const double risen = gone > 0.0 ? gone : 0.0;
-    const double strain = logarithm_of_1_plus(risen / (1.0 - risen)) * (at.d * grown / (p_ * theta_));
-    const double more = at.hardens && strain > ep ? strain - ep : 0.0;
-    return more < slowest_strain_ ? more : slowest_strain_;
+  // Finds the roots of vertices whose strength at the slowest rate, after the strain of a step at this rate, reaches
+  // the target: there the rate has no effect, and dep follows from the inverse of Voce's hardening.
+  template <int N>
+  [[gnu::always_inline]] void creep(const double* ep, Roots<N>& roots) const {
+    for (int l = 0; l < N; ++l) {
+      const double y = roots.lo[l], target = roots.target[l];
+      const Reduced slow = reduced(y, ep[l] + slowest_strain_, roots.T_hat[l]);
+      const Branches at = branches(y, roots.T_hat[l]);
+      const double grown = exponential_minus_1(p_ * at.share);
+      const double wanted = target / (1.0 + kRateSensitivity * y) - at.tau_y;
+      const double some_gone = exponential_minus_1(p_ * (wanted / at.d)) / grown;
+      const double gone = some_gone < kMostGone ? some_gone : kMostGone;
+      const double risen = gone > 0.0 ? gone : 0.0;
+      const double strain = logarithm_of_1_plus(risen / (1.0 - risen)) * (at.d * grown / (p_ * theta_));
+      const double flows = strain > ep[l] ? strain - ep[l] : 0.0;
+      const double more = at.hardens > 0.0 ? flows : 0.0;
+      const double creeps = slow.stress >= target ? roots.creeps[l] : 0.0;
+      roots.crept[l] = more < slowest_strain_ ? more : slowest_strain_;
+      roots.y[l] = creeps > 0.0 ? y : roots.y[l];
+      roots.by_log_rate[l] = creeps > 0.0 ? 0.0 : roots.by_log_rate[l];
+      roots.by_strain[l] = creeps > 0.0 ? slow.by_strain : roots.by_strain[l];
+      roots.by_T_hat[l] = creeps > 0.0 ? slow.by_T_hat : roots.by_T_hat[l];
+      roots.moves[l] = creeps > 0.0 ? 0.0 : roots.moves[l];
+      roots.creeps[l] = creeps;
+    }
   }
   static constexpr double kMostGone = 1.0 - 0x1p-53;
 
-  // Bracket and first guess of a vertex, or its root where that is closed.
-  template <int N>
-  [[gnu::always_inline]] void begin(bool yields, double ep, int l, Roots<N>& roots) const {
-    const double target = roots.target[l];
-    const double slowest = roots.lo[l];
-    const Reduced slow = reduced(slowest, ep + slowest_strain_, roots.T_hat[l]);
-    const bool overdriven = target >= s0_;
-    const bool creeps = !overdriven && slow.stress >= target;
-    const double share = (target - slow.stress) / (s0_ - slow.stress);
-    const double between = slowest * (1.0 - share);
-    const double over = logarithm((overdriven ? target : s0_) / s0_) * inverse_beta_;
-    roots.y[l] = overdriven ? over : creeps ? slowest : between;
-    roots.by_log_rate[l] = overdriven ? beta_ * target : 0.0;
-    roots.by_strain[l] = overdriven ? 0.0 : slow.by_strain;
-    roots.by_T_hat[l] = overdriven ? 0.0 : slow.by_T_hat;
-    roots.creeps[l] = creeps ? 1.0 : 0.0;
-    roots.moves[l] = yields && !overdriven && !creeps ? 1.0 : 0.0;
-    roots.crept[l] = creep(target, slowest, ep, roots.T_hat[l]);
-  }
-
-  // Newton's method on tau - target in ln r, lane by lane: a lane that has arrived stays, whatever its neighbours do.
+  // Solves tau = target in ln r, lane by lane: a lane that has arrived keeps its root while its neighbours go on. The
+  // first step is Newton's. A later step adds the correction of inverse Hermite interpolation: the cubic of ln r over
+  // tau through the last two points and slopes, which is of order 2.7 if both points are on the same branches of tau.
   template <int N>
   [[gnu::always_inline]] void search(const double* ep, Roots<N>& roots) const {
+    alignas(64) double last_y[N], last_missing[N], last_inverse[N], last_branch[N];
+    for (int l = 0; l < N; ++l) {
+      last_y[l] = last_missing[l] = last_inverse[l] = 0.0;
+      last_branch[l] = std::numeric_limits<double>::quiet_NaN();
+    }
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
       double moving = 0.0;
       for (int l = 0; l < N; ++l) moving += roots.moves[l];
       if (moving == 0.0) break;
-      const bool bisects = iteration >= kNewtonIterations && iteration % 2 == 0;
+      const double bisects = iteration >= kNewtonIterations && iteration % 2 == 0 ? 1.0 : 0.0;
       for (int l = 0; l < N; ++l) {
         const bool moves = roots.moves[l] > 0.0;
         const double y = roots.y[l];
-        const double dep = roots.scale[l] * exponential(y);
+        const double dep = exponential(y + roots.log_scale[l]);
         const Reduced tau = reduced(y, ep[l] + dep, roots.T_hat[l]);
         const double missing = tau.stress - roots.target[l];
         const double lo = missing < 0.0 ? y : roots.lo[l];
         const double hi = missing < 0.0 ? roots.hi[l] : y;
-        const double newton = y - missing / (tau.by_log_rate + tau.by_strain * dep);
-        const bool inside = newton > lo && newton < hi && !bisects;
-        const double next = inside ? newton : 0.5 * (lo + hi);
-        const bool met = std::abs(missing) <= kRounding * roots.target[l];
-        const bool arrived = met || (inside && std::abs(next - y) <= kArrived) || hi - lo <= -2.0 * kRounding * lo;
+        const double inverse = 1.0 / (tau.by_log_rate + tau.by_strain * dep);
+        const double newton = -missing * inverse;
+        const double apart = last_y[l] - y;
+        const double span = last_missing[l] - missing;
+        const double u = missing / (missing - last_missing[l]);
+        const double a = span * inverse, b = span * last_inverse[l];
+        const double bend = u * u * ((3.0 * apart - 2.0 * a - b) + u * ((a + b) - 2.0 * apart));
+        const double smooth = tau.branch == last_branch[l] ? 1.0 : 0.0;
+        const double mild = std::abs(bend) <= kMostBend * (newton * newton) ? smooth : 0.0;
+        const double step = mild > 0.0 ? newton + bend : newton;
+        const double tried = y + step;
+        const double below = tried < hi ? 1.0 - bisects : 0.0;
+        const double inside = tried > lo ? below : 0.0;
+        const double next = inside > 0.0 ? tried : 0.5 * (lo + hi);
+        const double size = std::abs(step);
+        const double longest = mild > 0.0 ? kArrivedByTwo / (std::abs(apart) + kArrivedByTwo / kSmooth) : kArrived;
+        const double met = std::abs(missing) <= kRounding * roots.target[l] ? 1.0 : 0.0;
+        const double close = size <= longest ? inside : met;
+        const double arrived = hi - lo <= -2.0 * kRounding * lo ? 1.0 : close;
+        const double goes_on = arrived + met > 0.0 ? 0.0 : 1.0;
+        const double stays = met > 0.0 ? y : next;
+        last_y[l] = y;
+        last_missing[l] = missing;
+        last_inverse[l] = inverse;
+        last_branch[l] = tau.branch;
         roots.lo[l] = moves ? lo : roots.lo[l];
         roots.hi[l] = moves ? hi : roots.hi[l];
-        roots.y[l] = moves ? (met ? y : next) : y;
+        roots.y[l] = moves ? stays : y;
         roots.by_log_rate[l] = moves ? tau.by_log_rate : roots.by_log_rate[l];
         roots.by_strain[l] = moves ? tau.by_strain : roots.by_strain[l];
         roots.by_T_hat[l] = moves ? tau.by_T_hat : roots.by_T_hat[l];
-        roots.moves[l] = moves && !arrived ? 1.0 : 0.0;
+        roots.moves[l] = moves ? goes_on : 0.0;
       }
     }
   }
 
-  double inverse_unit_, theta_, p_, inverse_p_, s0_, s_range_, y0_, y_range_, kappa_, y1_, y2_, beta_, inverse_beta_,
-      alpha_, attempts_in_step_, slowest_strain_, log_slowest_;
+  double inverse_unit_, theta_, p_, inverse_p_, s0_, log_s0_, s_range_, y0_, y_range_, kappa_, y1_, y2_, beta_,
+      inverse_beta_, alpha_, log_attempts_in_step_, slowest_strain_, log_slowest_;
 };
 
 }  // namespace shearbus::physics

@@ -4,7 +4,7 @@
 //   g(P, T) = (1 + gP P - hT (T - 300)) exp(-0.001 T / (T_melt - T))                DLP (15), (41)
 //
 // g is 0 where the bracket is not positive and at T_melt and above. excess = log(sqrt(3) a / (Y0 g)) / n - log(1 + beta
-// ep), so that DLP (48) is dep = (1/beta + ep) (exp(excess) - 1), without cancellation. The kernel knows no Y_max:
+// ep), so that DLP (48) is dep = (1/beta + ep) (exp(excess) - 1), without cancellation. The kernel leaves out Y_max:
 // solvers cap the stress.
 #pragma once
 
@@ -36,7 +36,7 @@ class SteinbergCochranGuinan {
   static constexpr bool kHasCeiling = true;
   static constexpr bool kHasWaveReturn = true;
 
-  static constexpr double kReference = 300.0;      // the reference in hT (T - 300)  [K]
+  static constexpr double kReference = 300.0;      // reference temperature of the term hT (T - 300)  [K]
   static constexpr double kMeltingFactor = 0.001;  // the factor in exp(-0.001 T / (T_melt - T))
 
   static LawFault fault_of(const Material&) { return {}; }
@@ -52,14 +52,14 @@ class SteinbergCochranGuinan {
     return {bracket * melting, -melting * (m.temperature_coefficient + bracket * melting_rate)};
   }
 
-  // In the distance x from melting the steep part of dg/dT is as exp(-c/x)/x^2, with its only maximum at x = c/2.
+  // With the distance x from melting the steep part of dg/dT goes as exp(-c/x)/x^2, whose only maximum is at x = c/2.
   static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
     const double nearest = std::max(0.0, m.melting_temperature - hottest);
     const double farthest = m.melting_temperature - coldest;
     if (farthest <= 0.0) return 0.0;
     const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // exp(-0.001 T / x) with T = T_melt - x
+    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
     const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kReference);
     if (bracket <= 0.0) return 0.0;
     return m.temperature_coefficient + bracket * melting * c / (x * x);
@@ -90,7 +90,7 @@ class SteinbergCochranGuinan {
 
   double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
   static double unit_of_load(const Material& m) { return m.yield_strength; }
-  // 1 + gP P + 300 hT, so that bracket - hT T is the bracket of g.
+  // Returns 1 + gP P + 300 hT; minus hT T it is the bracket of g.
   static double bracket_at(const Material& m, double pressure) {
     return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
   }

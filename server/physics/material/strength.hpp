@@ -8,8 +8,8 @@ namespace shearbus::physics {
 
 inline constexpr double kMeltingShare = 0.99;  // share of T_melt above which an interface that yields is called melting
 
-// eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The density of any state at that pressure
-// differs from it in the third order of the compression only.
+// The compression eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The compression of any other
+// state at that pressure differs from it only in the third order of the compression.
 double compression_at(const Material& m, double pressure);
 
 // The material at a pressure: its melting_curve and pressure_term are worked into the constants T_melt and gP.
@@ -41,7 +41,7 @@ inline double hardened_strength(const Material& m, double plastic_strain, double
   });
 }
 
-// dH/d(dep) where a step of dt adds the plastic strain `increment`   [Pa]
+// The hardening slope dH/d(dep) where a step of dt adds the plastic strain `increment`   [Pa]
 inline double hardening_slope(const Material& m, double plastic_strain, double increment, double dt, double pressure,
                               double T) {
   return with_law_at(m, pressure, [&](auto law, const Material& now) {
@@ -55,13 +55,13 @@ inline double flow_stress(const Material& m, double plastic_strain, double press
   return hardened_strength(m, plastic_strain, rate, pressure, temperature) * softening(m, pressure, temperature).g;
 }
 
-// H of the metal at rest, before any strain, without pressure and at room temperature   [Pa]
+// The strength H of the metal at rest, before any strain, without pressure and at room temperature   [Pa]
 inline double fresh_strength(const Material& m) {
   constexpr double kRoomTemperature = 300.0;
   return hardened_strength(m, 0.0, 0.0, 0.0, kRoomTemperature);
 }
 
-// The largest H; infinity: none   [Pa]
+// The largest strength H; infinity: none   [Pa]
 inline double strength_ceiling(const Material& m) {
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::ceiling(m); });
 }
@@ -71,8 +71,8 @@ inline bool hardens(const Material& m) {
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::hardens(m); });
 }
 
-// beta_T = k sqrt(alpha_h) / (k sqrt(alpha_h) + k_h sqrt(alpha)): the share of the friction heat that enters `soft`
-// (DLP 18-19).
+// The share of the friction heat that enters `soft`, DLP (18-19): beta_T = k sqrt(alpha_h) / (k sqrt(alpha_h) + k_h
+// sqrt(alpha)).
 double heat_partition(const Material& soft, const Material& hard);
 
 }  // namespace shearbus::physics

@@ -24,7 +24,7 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
     return options.friction_coefficient.value_or(std::numeric_limits<double>::infinity());
   const InterfaceOptions& law = options.interface;
   const double mu = law.friction_coefficient;
-  if (law.friction_law == FrictionLaws::place<VelocityWeakening>()) {  // DLP (3)
+  if (law.friction_law == FrictionLaws::place<VelocityWeakening>()) {  // velocity-weakening friction, DLP (3)
     const double fast = law.friction_coefficient_fast;
     return fast + (mu - fast) * std::exp(-law.velocity_decay * std::max(0.0, slip));
   }
@@ -184,7 +184,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
     const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
     const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
-    if (law.limit(T0(stick)) >= stick) {  // the node sticks; one that comes to rest is left to backward Euler
+    if (law.limit(T0(stick)) >= stick) {  // the node sticks, which is left to backward Euler
       if (V != 0.0) return false;
       rests = true;
       mean = s1 = s2 = stick;
@@ -287,7 +287,8 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = 0.5 * (in.velocity_jump + jump_free);
     out.velocity_jump_new = jump_free;
   } else {
-    // All roots: every stress between 0 and the sticking stress that equals the stress the interface carries.
+    // Finds all roots: the stresses between 0 and the sticking stress that equal the stress which the interface
+    // carries.
     const double a_stick = std::abs(jump_free) / per_stress;
     const double most = yield(T_ad[0], slip(0.0));
     const double end = std::min(a_stick, weakens ? most : std::min(coulomb(0.0), most));
@@ -302,7 +303,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    if (slips.empty() && !can_stick) slips.push_back(end);  // only the limit itself, reached without heating
+    if (slips.empty() && !can_stick) slips.push_back(end);  // only the limit itself solves the step, without heat
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
     const bool stick = can_stick && (rests || slips.empty());

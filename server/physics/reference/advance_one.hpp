@@ -1,6 +1,6 @@
-// The reference twin of the solvers: the step of one node, scalar, slow and obvious, against which the fast solvers are
-// tested. It shares only the grid and the softening of the materials with the fast solvers; the laws are written here
-// as their papers print them. The heat equation is solved by Eigen's sparse LU, every root by bisection.
+// The reference twin of the solvers: a scalar solver of the step of one node, slow and obvious, against which the fast
+// solvers are tested. It shares only the grid and the softening of the materials with the fast solvers; the laws are
+// written here as their papers print them. The heat equation is solved by Eigen's sparse LU, every root by bisection.
 #pragma once
 
 #include <vector>
@@ -10,14 +10,14 @@
 namespace shearbus::physics::reference {
 
 struct NodeState {
-  std::vector<double> temperature;       // temperature at the soft body's heat vertices, z = 0 first [K]
-  std::vector<double> hard_temperature;  // temperature in a conducting hard body, outermost first; without a
-                                         // temperature profile, the rows of HeatModes before T0      [K]
-  std::vector<double> plastic_strain;    // plastic strain at each layer vertex
-  std::vector<double> heat_shape;        // share of the work that heats each layer vertex; empty: all heats z = 0
-  std::vector<double> stress_field;      // with inertia: stress at each layer vertex                        [Pa]
-  std::vector<double> layer_velocity;    // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
-  double shear_stress = 0.0;             // [Pa]
+  std::vector<double> temperature;  // temperature at the soft body's heat vertices, z = 0 first [K]
+  // Temperatures in a conducting hard body, outermost first  [K]; with modes instead, the rows of HeatModes before T0.
+  std::vector<double> hard_temperature;
+  std::vector<double> plastic_strain;  // plastic strain at each layer vertex
+  std::vector<double> heat_shape;      // share of the work that heats each layer vertex; empty: all work heats z = 0
+  std::vector<double> stress_field;    // with inertia: stress at each layer vertex                        [Pa]
+  std::vector<double> layer_velocity;  // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
+  double shear_stress = 0.0;           // [Pa]
   Regime regime = Regime::kOpen;
   bool sticking = false;         // with a plastic layer: the last step ended without slip
   double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
@@ -32,7 +32,7 @@ struct NodeInputs {
   double mass_soft = 1.0;
   double mass_hard = 1.0;
   double soft_plastic_strain_rate = 0.0;
-  bool backward_euler = false;  // first order in spite of the options, because the fast solver fell back to it
+  bool backward_euler = false;  // backward Euler in spite of the options, because the fast solver fell back to it
 };
 
 struct NodeOutputs {
@@ -43,9 +43,10 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // error estimate of a step with a tolerance
-  bool first_order = false;     // the options ask for SDIRK2, and the step left its domain
-  int answers = 1;  // number of stresses that satisfy the step (force-driven; found on a fine scan); with a plastic
-                    // layer only the answers between which its rule does not choose
+  bool first_order = false;     // the options ask for SDIRK2, but the step left the range of SDIRK2
+  // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer only those answers
+  // count between which the rule of MODEL.md, "Plastic layer", does not choose.
+  int answers = 1;
 };
 
 NodeState initial_state(const ModelOptions& options);

@@ -101,7 +101,8 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   fluxes.erase(std::unique(fluxes.begin(), fluxes.end()), fluxes.end());
   const auto stress = [&](double q) { return std::min(step.limit(q), step.ceiling(q)); };
   const auto balance = [&](double q) { return q - beta_T * stress(q) * step.slip(stress(q), q); };
-  // A layer at its ceiling takes any slip, so the interface slips only where its own limit is not higher.
+  // A layer at its ceiling flows by any amount. The interface therefore slips only where its own limit is not above
+  // that ceiling.
   const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
   std::vector<Candidate> found;
   const auto add = [&](double q) {
@@ -111,7 +112,7 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   };
   for (std::size_t i = 0; i + 1 < fluxes.size(); ++i) {
     double lo = fluxes[i], hi = fluxes[i + 1];
-    if (at_interface(lo) != at_interface(hi)) {  // where the two limits are equal the layer takes the rest of the slip
+    if (at_interface(lo) != at_interface(hi)) {  // where both limits are equal, the layer takes the rest of the slip
       const bool from_interface = at_interface(lo);
       const double both = bisect([&](double x) { return at_interface(x) == from_interface ? -1.0 : 1.0; }, lo, hi);
       if (balance(both) <= 0.0) add(both);
@@ -158,7 +159,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   const bool sticks = (can_stick && !molten && (state.sticking || !rigid_slip)) || slips.empty();
   const Candidate taken = sticks ? stick : slips.back();
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
-  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the layer flows
+  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides if the layer flows
 
   // 2. Strain by DLP (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
   const double a = taken.stress;

@@ -40,16 +40,16 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 
 namespace {
 
-// State rows of a model without a temperature profile: the start temperature, one row per mode of HeatModes, T0. T0
-// uses the exact integral of K.
+// State rows of a model without a temperature profile: the start temperature, one row per mode of HeatModes, and T0.
+// The response of T0 to the flux of the step is the exact integral of the heat kernel.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
   Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
   double T0 = old.rows[0];
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
-    // The weight of q_early is the integral over the step of exp(-rate s) s / ((1 - early) dt); the rest of the
-    // integral of exp(-rate s) is the weight of q.
+    // The integral of exp(-rate s) over the step weighs the flux: its part exp(-rate s) s / ((1 - early) dt) weighs
+    // q_early, the rest weighs q.
     const long double x = static_cast<long double>(modes.rate[j]) * dt;
     const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
     const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;
@@ -75,7 +75,7 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   std::vector<Eigen::Triplet<double>> entries;
   Eigen::VectorXd rhs(n);
   for (int i = 0; i < n; ++i) {
-    const double storage = grid.capacity(i, options.soft, options.hard) / dt;  // [W/(m2 K)]
+    const double storage = grid.capacity(i, options.soft, options.hard) / dt;  // capacity / step  [W/(m2 K)]
     double diagonal = storage;
     if (i > 0) {
       const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;

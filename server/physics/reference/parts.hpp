@@ -13,7 +13,7 @@ inline constexpr int kScan = 4000;  // points in the search for sign changes
 // The only zero of f in [lo, hi], where f rises from negative values. Bisects until no number lies between the ends.
 double bisect(const std::function<double(double)>& f, double lo, double hi);
 
-// One value per row of the heat grid, read from z = 0 into the soft body.
+// A value for each row of the heat grid. The index counts vertices from z = 0 into the soft body.
 struct Profile {
   std::vector<double> rows;
   std::size_t interface = 0;
@@ -32,13 +32,13 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
 // The response of the temperatures to 1 W/m2 at z = 0, or distributed over the layer by `shape`.
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like);
 
-// T at the end of a step with flux q: T_ad + q B.
+// The temperatures at the end of a step with the heat flux q are T_ad + q B.
 struct Heat {
   Profile T_ad, B;
 };
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old);
 // The second stage of SDIRK2, from the temperatures at the end of the first stage.
-inline constexpr double kGamma = 0.29289321881345254;  // 1 - 1/sqrt(2)
+inline constexpr double kGamma = 0.29289321881345254;  // coefficient gamma of SDIRK2, 1 - 1/sqrt(2)
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
 // Whether the temperatures of a second-order step stay between the coldest old temperature and melting.
@@ -47,7 +47,7 @@ bool in_range(const ModelOptions& options, double pressure, const Profile& old, 
 // Sets the temperatures of the state to T_ad + q B.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
 
-// dep of one vertex under a stress magnitude [Pa], by the flow law of the material as its paper prints it.
+// The plastic strain increment dep of one vertex under a stress magnitude [Pa], by the flow law as its paper prints it.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
 
 // The friction coefficient at z = 0. Force-driven: by the interface law, as its paper prints it. Velocity-driven: the

@@ -21,7 +21,7 @@ double increment_of(const std::function<double(double)>& yield, double a) {
   return missing(kMostLog) <= 0.0 ? kMostStrain : std::exp(bisect(missing, kLeastLog, kMostLog));
 }
 
-// The strain increment of DLP (48).
+// The plastic strain increment of Steinberg's law, DLP (48).
 double steinberg(const Material& m, double a, double g, double ep_old) {
   const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
   return std::min(kMostStrain, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));

@@ -46,13 +46,13 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   return {t - stiffness * lo, lo, rate / (rate + stiffness)};
 }
 
-// The solution of the balance, or an iterate.
+// An iterate of the balance and, at the end, its solution.
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;
 };
 
-// Stresses, flow and slopes for the velocities of `at`.
+// Computes the stresses, the flow and the slopes of `at` from its velocities.
 void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   for (int i = 0; i <= layer.cells(); ++i) {
     const double before = i == 0 ? 0.0 : at.velocity[i - 1];

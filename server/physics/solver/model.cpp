@@ -155,8 +155,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: number of halvings of the step already made. So many fewer are left to force_driven/substeps.hpp,
-  // whose shortest substep therefore does not depend on the tolerance.
+  // `times`: number of halvings of the step already made. The halvings left to force_driven/substeps.hpp are fewer by
+  // this number, so that the shortest substep does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;

@@ -31,7 +31,7 @@ class Model {
   // Warnings about this combination of options, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;
 
-  // T0 of one lane, asleep or awake  [K].
+  // Interface temperature T0 of one lane, asleep or awake  [K].
   double interface_temperature(const double* tile, int lane) const;
 
   // The initial states of a tile: uniform temperature, one value per lane, no stress, no strain.

@@ -28,10 +28,10 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: it gets 1 - beta_T of the heat
+  std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: the body gets 1 - beta_T of the heat
   double initial_temperature = 300.0;    // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
-  std::optional<ModesOptions> modes;  // force-driven, one conducting body: heat by modes, from the thickness alone
+  std::optional<ModesOptions> modes;  // force-driven with one conducting body: heat by modes, which replace the cells
   Drive drive = Drive::kLayerShear;   // velocity-driven: what shears the layer
   std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
   InterfaceOptions interface;                  // force-driven: law of the interface

@@ -5,7 +5,7 @@
 
 namespace shearbus::physics {
 
-// Markdown. A test compares the committed page with it.
+// Returns the page as Markdown. A test compares the committed file with this text.
 std::string options_page();
 
 }  // namespace shearbus::physics

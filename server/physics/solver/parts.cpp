@@ -35,13 +35,13 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
   return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
 }
 
-// Sets that several rows name.
+// Sets of properties that several rows use.
 constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// Properties that do not change the balance of one step at a given temperature, or that every solver of this balance
-// handles. They go with parts that need no more than that balance.
+// Properties that leave the balance of one step at a given temperature unchanged, and properties that every solver of
+// this balance handles. They go with each part that needs no more than this balance.
 constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
@@ -256,7 +256,7 @@ constexpr std::array kExclusions = {
     Exclusion{kConductingHardBody, kFixedHeatShare, "the hard body conducts or takes a fixed share"},
     Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
     Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
-    // Heat released inside the layer: by the model's own flow, between bodies that both conduct.
+    // Plastic-work heating: the model must compute the flow that heats, and both bodies must conduct.
     Exclusion{kPlasticHeating, kForceDriven,
               "it heats where the velocity-driven layer flows; the plastic work of a force-driven layer heats nothing"},
     Exclusion{kPlasticHeating, kInterfaceSlip,
@@ -265,7 +265,7 @@ constexpr std::array kExclusions = {
     Exclusion{kPlasticHeating, kFixedHeatShare,
               "the fixed share of the hard body is that of heat released at z = 0, not inside the layer: give the "
               "table [hard_layer]"},
-    // Waves in the layer: the layer carries the jump, and no other part needs its stress to be one number.
+    // Inertia: the jump must cross the layer, and no other part may need the stress to be one number.
     Exclusion{kInertia, kForceDriven,
               "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
               "them, which would then count twice"},
@@ -290,7 +290,7 @@ constexpr std::array kExclusions = {
               "could be solved for first"},
     Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
               "it changes a pressure term that the law does not have"},
-    // Second order: no quantity may come from the step before or from the length of the step.
+    // Second order in time: no quantity may come from the step before or from the length of the step.
     Exclusion{kSecondOrder, kPlasticHeating,
               "where the work becomes heat is taken from the step before, which is first order"},
     Exclusion{kSecondOrder, kPlasticLayer, "its slip and flow share one balance per step"},
@@ -298,7 +298,7 @@ constexpr std::array kExclusions = {
     Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
     Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
     Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},
-    // Modes keep the interface temperature of one body and no profile.
+    // Modes: they hold the interface temperature of one body and no profile.
     Exclusion{kModes, kVelocityDriven,
               "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
     Exclusion{kModes, kPlasticLayer, "modes keep no temperature inside the layer, and a plastic layer flows by it"},
@@ -329,9 +329,8 @@ using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
 std::optional<Refusal> most_cells(std::string key, int most, int found) {
   if (found <= most) return {};
-  std::string text =
-      text_of(key, " works with at most ", most, " cells, found ", found, ": grade them (layer.grading)");
-  return Refusal{std::move(key), std::move(text)};
+  std::string text = text_of(key, " works with at most ", most, " cells, found ", found);
+  return Refusal{std::move(key), std::move(text), "Take fewer cells that grow with the depth (layer.grading)."};
 }
 
 constexpr std::array<Limit, 7> kLimits = {
@@ -347,34 +346,37 @@ constexpr std::array<Limit, 7> kLimits = {
       if (!o.modes || !(o.modes->longest_time < o.modes->shortest_step)) return {};
       return Refusal{"layer.modes.longest_time_s",
                      text_of("layer.modes.longest_time_s = ", o.modes->longest_time,
-                             " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s")};
+                             " s is below layer.modes.shortest_step_s = ", o.modes->shortest_step, " s"),
+                     "Give a longest_time_s of at least shortest_step_s."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (o.hard.melting_curve == MeltingCurve::kConstant) return {};
       return Refusal{"hard.melting_curve",
-                     "hard.melting_curve changes the strength of a body, and only that of the soft "
-                     "body is computed: give it to [soft]"};
+                     "hard.melting_curve changes the strength of a body, and only that of the soft body is computed",
+                     "Give it to [soft]."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (o.hard.pressure_term == PressureTerm::kLinear) return {};
       return Refusal{"hard.pressure_term",
-                     "hard.pressure_term changes the strength of a body, and only that of the soft "
-                     "body is computed: give it to [soft]"};
+                     "hard.pressure_term changes the strength of a body, and only that of the soft body is computed",
+                     "Give it to [soft]."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       const std::string_view missing = constant_missing_for_options(o.soft);
       if (missing.empty()) return {};
       const std::string key = "soft." + std::string(missing);
-      return Refusal{key, key +
-                              " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
-                              "compression at a pressure: give it, or leave both options at their defaults"};
+      return Refusal{key,
+                     key +
+                         " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                         "compression at a pressure",
+                     "Give it, or leave both options at their defaults."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       const LawFault fault = FrictionLaws::with(
           o.interface.friction_law, [&](auto own) { return decltype(own)::type::fault_of(o.interface, o.soft); });
       if (fault.field.empty()) return {};
       const std::string key = "interface." + std::string(fault.field);
-      return Refusal{key, key + ": " + std::string(fault.text)};
+      return Refusal{key, key + ": " + std::string(fault.text), "Give a value within these bounds."};
     },
 };
 
@@ -449,8 +451,10 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
                               std::span<const Exclusion> exclusions) {
   std::vector<Refusal> found;
   const auto refuse = [&](const Part& named, const Part& other, std::string_view reason) {
-    found.push_back({std::string(named.key), setting_of(named, options) + " does not go with " +
-                                                 setting_of(other, options) + ": " + std::string(reason)});
+    found.push_back(
+        {std::string(named.key),
+         setting_of(named, options) + " does not go with " + setting_of(other, options) + ": " + std::string(reason),
+         "Leave out one of the two."});
   };
   std::vector<const Part*> on;
   for (const Part& part : parts)

@@ -1,4 +1,4 @@
-// The parts of which a model can be made, and which of them exclude each other: the one place of these rules. A part is
+// The parts of which a model can be made, and which of them exclude each other; no other file has such rules. A part is
 // an option of the model or a kind of law, and has one row and one Property. Two properties may be on together only if
 // the later row lists the earlier one. If a pair of rows in parts.cpp is neither listed, nor excluded, nor unable to
 // meet, that file does not compile. Model's constructor, the service, the options page and the tests read the same
@@ -17,7 +17,7 @@
 
 namespace shearbus::physics {
 
-// A new property stands at the end: its row decides about all rows before it.
+// A new property is added at the end, because its row decides about all rows before it.
 enum class Property : std::uint8_t {
   kVelocityDriven,
   kForceDriven,
@@ -64,16 +64,16 @@ class Properties {
   std::uint64_t bits_ = 0;
 };
 
-// The row of one property. Where it is a property of laws, `value` is empty, because a scene writes the law's name
-// there, and so are the texts, which the law has.
+// The row of one property. For a property of laws `value` is empty, because a scene gives the name of the law there,
+// and the texts are empty, because the law declares them.
 struct Part {
   Property property{};
   std::string_view key{};    // key of a scene, for example "layer.inertia"
-  std::string_view value{};  // its value that switches the property on, as a scene writes it: "true"
+  std::string_view value{};  // value of the key that switches the property on, as a scene writes it: "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
-  // Switches the part on, with typical values where it needs some, or off. Null: a choice that cannot be switched off.
+  // Switches the part on, with typical values if it needs values, or off. Null: a choice that cannot be switched off.
   void (*set)(ModelOptions&, bool on) = nullptr;
-  Properties goes_with{};       // properties of earlier rows with which it may be on together
+  Properties goes_with{};       // properties of earlier rows with which this property may be on together
   std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
   // Texts of the row on the options page; empty where that page has no row.
   std::string_view equation{};
@@ -96,13 +96,14 @@ std::span<const Exclusion> exclusions();
 
 // Why a model cannot be made.
 struct Refusal {
-  std::string key;   // key of a scene, for example "layer.inertia"
-  std::string text;  // one sentence that begins with the key
+  std::string key;     // key of a scene, for example "layer.inertia"
+  std::string text;    // one sentence that begins with the key
+  std::string remedy;  // one sentence: what to change
 };
 
 // All reasons why a model with these options cannot be made; empty: it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
-// The same under other rows and exclusions, for tests.
+// Returns the same reasons under other rows and exclusions, for tests.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 

@@ -23,7 +23,7 @@ void advance_tile(const Problem& problem, const StepOperators& operators, const 
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs);
 
-// T0 of a lane, awake or asleep  [K].
+// Interface temperature T0 of a lane, awake or asleep  [K].
 double interface_temperature(const Problem& problem, const double* tile, int lane);
 
 // Growth of the heat in the bodies over a step, of lanes awake or asleep. `entered`: friction heat, [lane]  [J/m2].

@@ -33,13 +33,13 @@ struct Problem {
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // modes in place of a temperature profile
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // modes of sleeping nodes
+  std::optional<HeatBasis> basis;  // modes of heat conduction, for sleeping nodes
   int steps_before_sleep = 0;      // number of steps at rest before a node sleeps
   int heat_rows;                   // rows of temperature or modes in a tile, from layout.first_temperature() on
-  double heat_partition;  // fraction of the friction power that enters the conducting bodies: beta_T, or 1 if both do
+  double heat_partition;  // share of the friction power that enters the conducting bodies: beta_T, or 1 if both conduct
 };
 
-inline constexpr double kOutsideDomainShare = 0.1;  // a larger |slip - jump| / |jump| is kOutsideDomain
+inline constexpr double kOutsideDomainShare = 0.1;  // a step with a larger |slip - jump| / |jump| is kOutsideDomain
 
 inline std::uint8_t outside_domain(double slip, double jump) {
   return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;

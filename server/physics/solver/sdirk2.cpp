@@ -6,7 +6,7 @@
 namespace shearbus::physics::sdirk2 {
 namespace {
 
-constexpr double kRounding = 1e-12;  // relative: a temperature below the coldest by less is a rounding error
+constexpr double kRounding = 1e-12;  // relative distance below the coldest old temperature that counts as rounding
 
 }  // namespace
 

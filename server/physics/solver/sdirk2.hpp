@@ -1,5 +1,5 @@
-// SDIRK2 (Alexander 1977), the second-order time step of the heat: two implicit stages at gamma dt and dt, L-stable;
-// the last stage is the answer. In increments,
+// SDIRK2 (Alexander 1977), the second-order time step of the heat equation dT/dt = f(T): two implicit stages at gamma
+// dt and dt, L-stable; the last stage is the answer. In increments,
 //   T1 = T_old + gamma dt f(T1),   T = T_old + r (T1 - T_old) + gamma dt f(T),   r = (1 - gamma) / gamma
 // so that each stage is a backward Euler step of gamma dt from a known temperature, and contains the root of the
 // balance or of the interface law. The scheme needs no slope from before the step, which may be stale after a jump in
@@ -14,8 +14,8 @@
 
 namespace shearbus::physics::sdirk2 {
 
-inline constexpr double kDiagonal = 0.29289321881345254;     // gamma = 1 - 1/sqrt(2)
-inline constexpr double kExtrapolation = 2.414213562373095;  // r = (1 - gamma) / gamma = 1 + sqrt(2)
+inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma = 1 - 1/sqrt(2)
+inline constexpr double kExtrapolation = 2.414213562373095;  // factor of the extrapolation, r = (1 - gamma) / gamma
 inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in a mean; second: kDiagonal
 
 // Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T`: T1 on

@@ -16,7 +16,7 @@ namespace shearbus::physics {
 
 struct State {
   const char* name;    // name of the checkpoint column
-  const char* unit;    // in the notation of UDUNITS
+  const char* unit;    // unit in the notation of UDUNITS
   std::size_t offset;  // offset in the tile of the state's values, [width][kLanes]
   std::size_t width;   // number of values per node
 };
@@ -29,9 +29,10 @@ class StateList {
   std::size_t doubles = 0;  // doubles of a tile, a multiple of kLanes
 
  protected:
-  // The offset of a new row behind the others; kAbsent where the width is 0: this model does not have the state.
+  // Adds a row behind the others and returns its offset, or kAbsent if the width is 0: this model does not have the
+  // state.
   std::size_t add(const char* name, const char* unit, std::size_t width);
-  // Rows of the states that a law declares, one value each; the offset of the first.
+  // Adds a row for each state that a law declares, with one value per node; returns the offset of the first.
   std::size_t add(std::span<const StateVariable> of_law);
 
  private:
@@ -45,12 +46,12 @@ class TileLayout : public StateList {
   const ModelOptions* options_;  // null after the construction
 
  public:
-  // `modes`: null with a temperature profile.
+  // `modes` is null in a model with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;    // vertices of the hard body without that at z = 0; 0 if it does not conduct
+  std::size_t num_hard_vertices;    // vertices of the hard body except z = 0; 0 if the hard body does not conduct
   std::size_t num_heat_modes;       // rows instead of a profile: start temperature, each mode's share of T0
-  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes: 1, T0
+  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes 1, that of T0
   std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
   std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
   std::size_t num_velocity_cells;   // cells of a layer with inertia
@@ -69,13 +70,13 @@ class TileLayout : public StateList {
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
-  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // number of steps at rest; live modes, 0: awake
-  // Where the layer can flow, while the node sleeps: the temperature of the hottest vertex, and the plastic strain of
-  // the least strained vertex.
+  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; live modes (0: awake)
+  // For a sleeping node whose layer can flow: the temperature of the hottest vertex, and the plastic strain of the
+  // least strained vertex.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
   std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
 
-  // Offset of the first row of temperature state: of HeatGrid, HeatModes or, asleep, HeatBasis.
+  // Offset of the first row that stores temperatures: of HeatGrid or HeatModes or, while the node sleeps, of HeatBasis.
   std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }
 };
 

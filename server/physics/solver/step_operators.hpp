@@ -43,7 +43,7 @@ class StepOperators {
 
   const HeatOperator& heat() const { return *heat_; }
   const ModeOperator& modes() const { return *modes_; }
-  // Operators of dt / 2^k. Thread-safe, without allocation.
+  // The heat operator of a step of length dt / 2^k. Thread-safe, without allocation.
   const HeatOperator& heat_halved(int k) const {
     Shorter<HeatOperator>& shorter = shorter_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.factorise(*bodies_.grid, *bodies_.soft, *bodies_.hard); });

@@ -6,7 +6,7 @@
 
 namespace shearbus::physics {
 
-// A number with `digits` digits; other numbers have six.
+// A number to be printed with `digits` digits; a plain number is printed with six.
 struct Digits {
   int digits;
   double value;

@@ -25,7 +25,7 @@ struct TileInputs {
   const double* stress_before = nullptr;            // stress before the step, [kLanes]; null: committed stress  [Pa]
   SearchEffort* effort = nullptr;                   // counters to add to; null: none
   std::uint32_t active = 0;                         // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};    // [V]; force-driven: at n-1/2      [m/s]
+  alignas(64) double velocity_jump[kLanes] = {};    // jump [V]; force-driven: at n-1/2      [m/s]
   alignas(64) double pressure[kLanes] = {};         // P, compression positive          [Pa]
   alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the soft zone (interface_slip)  [1/s]
   alignas(64) double stress_soft[kLanes] = {};      // far stress on the soft side      [Pa]
@@ -33,22 +33,22 @@ struct TileInputs {
   alignas(64) double mass_soft[kLanes] = {};        // mass of the soft zone per area   [kg/m2]
   alignas(64) double mass_hard[kLanes] = {};        // mass of the hard zone per area   [kg/m2]
   alignas(64) double soft_plastic_strain_rate[kLanes] = {};  // Ep_dot >= 0 of the soft zone (plastic layer)  [1/s]
-  alignas(64) double second_velocity_jump[kLanes] = {};      // [m/s]
-  alignas(64) double second_stress_soft[kLanes] = {};        // [Pa]
-  alignas(64) double second_stress_hard[kLanes] = {};        // [Pa]
+  alignas(64) double second_velocity_jump[kLanes] = {};      // second component of the jump  [m/s]
+  alignas(64) double second_stress_soft[kLanes] = {};        // second component  [Pa]
+  alignas(64) double second_stress_hard[kLanes] = {};        // second component  [Pa]
 };
 
 // Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.
 struct TileOutputs {
   alignas(64) double shear_stress[kLanes];              // shear stress s                   [Pa]
   alignas(64) double sliding_velocity[kLanes];          // sliding velocity [v]             [m/s]
-  alignas(64) double interface_temperature[kLanes];     // T0                               [K]
+  alignas(64) double interface_temperature[kLanes];     // interface temperature T0                   [K]
   alignas(64) double velocity_jump_new[kLanes];         // force-driven: [V] at n+1/2       [m/s]
-  alignas(64) double friction_heat[kLanes];             // entered the conducting bodies in this step   [J/m2]
-  alignas(64) double error_estimate[kLanes];            // of T0, relative as the tolerance; only with one  [1]
-  alignas(64) double second_shear_stress[kLanes];       // [Pa]
-  alignas(64) double second_sliding_velocity[kLanes];   // [m/s]
-  alignas(64) double second_velocity_jump_new[kLanes];  // [m/s]
+  alignas(64) double friction_heat[kLanes];             // heat that entered the conducting bodies in the step   [J/m2]
+  alignas(64) double error_estimate[kLanes];            // estimated error of T0, as a tolerance measures it         [1]
+  alignas(64) double second_shear_stress[kLanes];       // second component of s  [Pa]
+  alignas(64) double second_sliding_velocity[kLanes];   // second component of [v]  [m/s]
+  alignas(64) double second_velocity_jump_new[kLanes];  // second component of the new [V]  [m/s]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
 };

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/include/shearbus/client.hpp"
+#include "client/src/client.hpp"
 
 namespace shearbus::map {
 

@@ -14,8 +14,8 @@ namespace shearbus::testing {
 // Requires that the velocity jump satisfies the momentum balance of the bodies, DLP (61), and that the stress is within
 // the limits of the interface.
 inline void require_interface_law(const ModelOptions& options, const Answered& a, Figures& figures) {
-  // In a step of several substeps the jump may rise and fall by the plastic flow of the host's zone; rounding errors
-  // are relative to that as well.
+  // In a step of several substeps the jump may rise and fall by the plastic flow of the host's zone; the scale of
+  // rounding errors includes this flow.
   const double size = a.size() + (a.in_parts() ? a.plastic_drive : 0.0);
   require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * size + kProductOfDenormals,
                "[V] against (61)");

@@ -32,7 +32,7 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
           after[interface]);
   double coldest = *std::min_element(before.begin(), before.end());
-  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // initial temperature
+  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // the row of the start value
   const double hottest = *std::max_element(before.begin(), before.end());
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
   for (std::size_t i = 0; i < after.size(); ++i) {

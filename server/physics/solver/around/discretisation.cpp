@@ -12,28 +12,29 @@
 namespace shearbus::physics {
 namespace {
 
-// (Cell growth - 1) / sqrt(tolerance). With an insulated face the quasi-steady profile limits the accuracy; without
-// one, the flow localised at the interface does. Both errors are second order in (growth - 1), measured.
+// The cells of a graded grid grow by the ratio 1 + constant * sqrt(tolerance). With an insulated face the quasi-steady
+// profile limits the accuracy; without one, the localised flow at z = 0 does. Both errors are measured to be of second
+// order in (ratio - 1).
 constexpr double kGrowthInsulated = 7.0;
 constexpr double kGrowthHalfSpace = 20.0;
-constexpr double kMostGrowth = 1.0;  // largest (cell growth - 1)
-// The first cells resolve the diffusion length of this time, and therefore the skin in which the flow localises near
+constexpr double kMostGrowth = 1.0;  // largest (ratio - 1)
+// The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
 // melting.
-constexpr double kShortTime = 1e-11;          // proportional to tolerance^3 below kShortTimeTolerance  [s]
-constexpr double kShortestTime = 1e-14;       // lower limit of that time  [s]
-constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which that time falls
+constexpr double kShortTime = 1e-11;          // short time  [s]; falls as tolerance^3 below kShortTimeTolerance
+constexpr double kShortestTime = 1e-14;       // lower limit of the short time  [s]
+constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which the short time falls
 
-constexpr double kKernelShare = 0.1;   // error of the modes' kernel, relative to the tolerance
-constexpr double kLongestTime = 1e-3;  // longest time of the modes; a half-space has forgotten older heat  [s]
+constexpr double kKernelShare = 0.1;   // error of the heat kernel that the modes represent, relative to the tolerance
+constexpr double kLongestTime = 1e-3;  // longest time that the modes represent  [s]; a half-space forgets older heat
 
-// Cells grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length of the short
-// time: every cell is then (g - 1) times as wide as its distance from z = -delta.
+// Makes cells that grow by a ratio g outwards from a first cell of (g - 1) delta, where delta is the diffusion length
+// of the short time: every cell is then (g - 1) times as wide as its distance from z = -delta.
 GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
   const double growth =
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
-  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // last cell over first cell
+  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // last cell / first cell
   grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
   grid.grading = std::pow(ratio, 1.0 / grid.cells);
   grid.matched = true;

@@ -1,4 +1,4 @@
-// The grid and the methods of a model with a tolerance, as one sentence (METHODS.md, "Tolerance").
+// Describes in one sentence the grid and the methods of a model with a tolerance (METHODS.md, "Tolerance").
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace shearbus::physics {
 
-// A sentence for the user. `modes`: number of modes.
+// Returns the description for the user, as one sentence. `modes`: number of modes.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 
 }  // namespace shearbus::physics

@@ -31,7 +31,7 @@ double working_velocity(const Problem& problem, double jump, double jump_new) {
   return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
 }
 
-// The velocity of the host's own shear along the stress; velocity-driven, with its sign  [m/s].
+// Slip velocity by the host's own shear: along the stress or, in a velocity-driven model, with its own sign  [m/s].
 double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
   if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
@@ -52,8 +52,8 @@ double cold_share(const ModelOptions& options) {
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
   StoredHeat stored;
   if (problem.modes) {
-    // Without a profile: in a slab the mode of rate 0, whose row follows the start temperature, holds all heat; from a
-    // half-space no heat returns.
+    // Without a temperature profile: a slab holds all heat in its mode of rate 0, whose row follows the start
+    // temperature; from a half-space no heat returns, so the heat that entered is stored.
     const HeatModes& modes = *problem.modes;
     if (modes.rate.front() > 0.0) {
       std::copy_n(entered, kLanes, stored.soft.begin());

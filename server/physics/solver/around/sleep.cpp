@@ -21,10 +21,10 @@ int living(const TileLayout& layout, const double* tile, int lane) {
 }
 
 // The strength at the temperature of the hottest vertex and the strain of the least strained vertex is a lower bound of
-// the layer's strength. It holds as long as the lane sleeps: without a source diffusion only levels the temperature,
-// and without flow the strain is constant.
+// the layer's strength. This bound holds as long as the lane sleeps: without a source diffusion only levels the
+// temperature, and without flow the strain is constant.
 struct WeakestVertex {
-  double temperature;  // of the hottest vertex         [K]
+  double temperature;  // temperature of the hottest vertex         [K]
   double strain;       // plastic strain of the least strained vertex
 };
 
@@ -227,7 +227,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     resting |= 1u << l;
   }
 
-  // 3. Solve the others.
+  // 3. Solve the lanes that are awake.
   const std::uint32_t solved = inputs.active & ~resting;
   if (solved != 0) {
     TileInputs others = inputs;

@@ -1,7 +1,7 @@
-// Sleep of nodes at rest (server/physics/METHODS.md). A node rests while its contact is open. It also rests while it
-// sticks, produces no friction heat and its layer certainly does not flow. After some steps at rest the temperatures of
-// the node are replaced, in place, by the amplitudes of the eigenmodes of heat conduction; a step then multiplies each
-// mode that has not decayed by a factor. The first step that would bring heat or might bring flow restores the
+// Sleep of nodes at rest (server/physics/METHODS.md). A node rests while its contact is open. A sticking node rests,
+// too, if it produces no friction heat and its layer certainly does not flow. After some steps at rest the temperatures
+// of the node are replaced, in place, by the amplitudes of the eigenmodes of heat conduction; a step then multiplies
+// each mode that has not decayed by a factor. The first step that would bring heat or might bring flow restores the
 // temperatures and is solved. Sleep and waking of a lane depend on its own state and inputs alone.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace shearbus::physics {
 
-// Number of steps at rest before a node sleeps. To solve as many costs about as much as the transformation of the
+// Number of steps at rest before a node sleeps. Solving that many steps costs about as much as transforming the
 // temperatures to amplitudes and back.
 int steps_before_sleep(int num_heat_vertices);
 
@@ -21,7 +21,7 @@ inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
   return layout.resting != TileLayout::kAbsent && tile[layout.resting + kLanes + lane] != 0.0;
 }
 
-// T0 of a lane, asleep or not  [K].
+// Interface temperature T0 of a lane, asleep or not  [K].
 double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
 
 // Growth of the heat in the bodies over a step, also of lanes that are asleep before or after it  [J/m2].

@@ -13,18 +13,18 @@ namespace {
 
 // Error budget of a step, as a fraction of the tolerance.
 constexpr double kStepShare = 0.25;
-// A substep may use a share of the remaining error budget: its length relative to the remaining time, but at least the
-// following fractions.
-constexpr double kEarlyShare = 0.05;    // times its length over the time since the step began: steps may start suddenly
-constexpr double kRefinedShare = 0.25;  // for a shortened substep: a later change may be sudden, too
-// The next substep may be twice as long where the error was below this fraction of the budget of the substep.
+// A substep may use a share of the remaining error budget, the largest of three: (its length) / (remaining time) and
+// the following two.
+constexpr double kEarlyShare = 0.05;    // factor on length / (time from step start to its end): steps start suddenly
+constexpr double kRefinedShare = 0.25;  // least share of a shortened substep: a later change may be sudden, too
+// The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // time for which an error of the jump continues to heat  [s]
+constexpr double kJumpTime = 1e-6;    // time in which an error of the jump goes on heating  [s]
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
 constexpr int kMostAttempts = 1024;   // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;    // number of substeps, about, of that unchecked rest
+constexpr int kHurriedPieces = 64;    // approximate number of unchecked substeps after kMostAttempts
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -59,7 +59,7 @@ struct Progress {
   int level = 0;        // the next substep is dt / 2^level long
   std::int64_t at = 0;  // begin of the next substep, in units of the shortest substep
   Answer sum;           // answer of the accepted substeps together
-  Answer coarse;        // answer of the next substep in one piece, if coarse_known
+  Answer coarse;        // answer of the next substep solved in one piece, if coarse_known
   bool coarse_known = true;
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
@@ -67,12 +67,12 @@ struct Progress {
   double estimate = 0.0;  // estimated error of the accepted substeps
 };
 
-// Error of the jump after a substep from `before` to `after` in which the jump reverses or stops. One stress s acts
-// over the whole substep, so all halves of the substep can have the same error and comparing them does not show it. Let
-// the jump change by A in the substep, to which s contributes b s. Before the reversal friction has the other sign, so
-// that the jump really changes at the rate of A + 2 b s per substep, and at that of A only afterwards: the jump found
-// is wrong by the returned value. If the jump stops although the far stresses exceed the stress of the slip before, its
-// error is bounded only by its old value.
+// Error of the jump after a substep in which the jump reverses or stops; `before` and `after` are the jump at the two
+// ends. One stress s acts over the whole substep, so its two halves can have the same error and comparing them does not
+// show it. Let the jump change by A in the substep, to which s contributes b s. Until the reversal friction really has
+// the other sign, so the jump changes at the rate A + 2 b s per substep, and at the rate A only afterwards: the
+// returned error is the difference. If the jump stops although the far stresses exceed the stress of the slip before,
+// only the old jump bounds its error.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -186,7 +186,7 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // An error above the budget raises the remaining budget to that error.
+    // An error above the allowed error raises the remaining budget to the error.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -196,10 +196,10 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Error of a substep, estimated from one substep against two halves, as an error of T0 at the end of the step
-  // relative to T_melt less the initial temperature. The largest of three errors: of T0 (diffusion damps it), of the
-  // heat released, and of the new jump of the host, which continues to heat. `of_rest`: length of the substep relative
-  // to the rest of the step.
+  // Estimates the error of a substep from one substep against two halves, as an error of T0 at the end of the step
+  // relative to T_melt less the initial temperature. It is the largest of three errors: that of T0, which diffusion
+  // damps, that of the heat released, and that of the host's new velocity jump, which goes on heating. `of_rest`:
+  // length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();
@@ -229,7 +229,7 @@ class ControlledStep {
     trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
     outputs_.error_estimate[l] = lanes_[l].estimate;
     outputs_.shear_stress[l] = sum.stress;
-    // The mean slip could oppose the stress where the slip reverses; friction does no negative work.
+    // The mean slip could oppose the mean stress where the slip reverses; friction does no negative work.
     outputs_.sliding_velocity[l] = sum.stress * sum.slip < 0.0 ? 0.0 : sum.slip;
     outputs_.interface_temperature[l] = sum.T0;
     outputs_.velocity_jump_new[l] = sum.jump_new;
@@ -254,10 +254,10 @@ class ControlledStep {
   const double response_;   // B0 of the whole step
   double* const accepted_;  // state after the substeps accepted so far
   double* const half_;      // state after the first half of the next substep
-  double* const fine_;      // state after both halves
+  double* const fine_;      // state after both halves of the next substep
   Progress lanes_[kLanes];
   const int deepest_;
-  std::uint32_t open_;  // lanes that have not reached the end
+  std::uint32_t open_;  // lanes that have not reached the end of the step
   const bool forced_;
 };
 

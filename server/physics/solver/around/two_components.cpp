@@ -19,7 +19,7 @@ Vector operator*(double a, const Vector& b) {
 double dot(const Vector& a, const Vector& b) {
   return a.first * b.first + a.second * b.second;
 }
-// Exact along an axis, and without overflow.
+// The length of a vector: exact for a vector along an axis, and without overflow.
 double length(const Vector& a) {
   const double largest = std::max(std::abs(a.first), std::abs(a.second));
   if (largest == 0.0) return 0.0;
@@ -72,7 +72,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
   const ModelOptions& options = problem.options;
   const bool forced = options.strategy == Strategy::kForceDriven;
 
-  // 1. The scalar problem along each lane's direction.
+  // 1. Solve the scalar problem along each lane's direction.
   TileInputs along = inputs;
   Vector direction[kLanes];
   double stress_old[kLanes] = {};
@@ -89,7 +89,7 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
   along.stress_before = stress_old;
   advance(problem, operators, along, committed, trial, outputs);
 
-  // 2. The answer of the scalar problem as vectors.
+  // 2. Turn the answer of the scalar problem into vectors.
   for (const int l : lanes_of(inputs.active)) {
     const LaneVectors lane = vectors_of(layout, inputs, committed, l);
     const Vector& e = direction[l];

@@ -1,5 +1,5 @@
 // Slip with two tangential components (MODEL.md, "Two tangential components"). Friction and plasticity are isotropic:
-// the step is the scalar one along the direction of its trial stress.
+// the step is the scalar step along the direction of its trial stress.
 #pragma once
 
 #include "server/physics/solver/pipeline.hpp"

@@ -13,7 +13,7 @@ double ceiling_stress(const StressLimit& limit, const Heated& heated, const Fric
     hottest = heated.hottest(flux.rise * (a * flux.slip(a)));
     if (a < a_max && hottest == before) return a;
     a = slip_stress(limit, {heated.T(hottest, 0.0), flux.rise * heated.response(hottest), flux.c, flux.b}, a, guess);
-    if (!(a < a_before)) return a;  // also if `a` is not a number
+    if (!(a < a_before)) return a;  // ends the iteration also if `a` is not a number
   }
 }
 

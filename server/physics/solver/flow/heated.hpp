@@ -8,10 +8,11 @@
 
 namespace shearbus::physics {
 
-// T = T_ad + q B at the vertices that can be the hottest: z = 0 alone if all heat enters there and none leaves there.
+// The temperatures T = T_ad + q B of the vertices that can be the hottest: z = 0 alone if all heat enters there and
+// none leaves there.
 struct Heated {
-  const double* T_ad = nullptr;  // [vertex][lane]; points to the lane's value at z = 0  [K]
-  const double* B = nullptr;     // [vertex], or [vertex][lane] from the lane's value at z = 0  [K m2/W]
+  const double* T_ad = nullptr;  // T without the heat of the step, [vertex][lane] from the lane's z = 0  [K]
+  const double* B = nullptr;     // response B, [vertex], or [vertex][lane] from the lane's z = 0  [K m2/W]
   std::ptrdiff_t stride = 1;     // distance in B from one vertex to the next
   int candidates = 1;            // number of vertices, from z = 0, that can be the hottest
 
@@ -24,9 +25,9 @@ struct Heated {
   }
 };
 
-// The stress at which the first vertex reaches its ceiling, limit.tresca g(T), where a stress a heats by the flux
-// q = rise a max(0, c - b a), which must increase with a; `a_max` if no vertex does. `hottest`: before the call the
-// vertex that is hottest without that heat, after it the vertex that limits the stress.
+// Returns the smallest stress at which a vertex reaches its ceiling limit.tresca g(T), or `a_max` if no vertex does. A
+// stress a heats by the flux q = rise a max(0, c - b a), which must increase with a. `hottest`: on entry the vertex
+// that is hottest without this heat, on return the vertex that limits the stress.
 double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
                       double guess, int& hottest);
 

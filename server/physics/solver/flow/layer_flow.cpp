@@ -16,8 +16,8 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-// Temperatures for a law that couples rate and temperature, which needs that of every vertex. A separable law needs the
-// temperatures of the heated vertices alone, since the thresholds contain those of the others.
+// Computes the temperatures that the flow needs. A law that couples rate and temperature needs them at every vertex. A
+// separable law needs them at the heated vertices alone, since the thresholds contain those of the others.
 template <class Law, bool kSpread>
 [[gnu::always_inline]] inline void load_vertices(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t i,
                                                  LoadedVertices<kLanes>& vertices) {
@@ -30,9 +30,10 @@ template <class Law, bool kSpread>
   }
 }
 
+// Each law is a function of its own: all laws in one function would cost each of them registers.
 template <class Law, bool kWrite, bool kSpread>
-[[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
-                                        const double* threshold, double* strain_new, FlowSum& sum) {
+SHEARBUS_WIDE void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
+                        const double* threshold, double* strain_new, FlowSum& sum) {
   const Law law(*problem.soft, problem.dt);
   const std::ptrdiff_t heated = problem.num_heated;
   std::ptrdiff_t num_yielding = 0;
@@ -42,7 +43,7 @@ template <class Law, bool kWrite, bool kSpread>
     const double* strain = problem.strain + i * kLanes;
     const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
-    alignas(64) double growth[kLanes] = {};  // d(softening excess) / d log(a)
+    alignas(64) double growth[kLanes] = {};  // derivative of the softening excess by ln(a)
     [[maybe_unused]] LoadedVertices<kLanes> vertices{load.load, load.bracket, load.T_melt, {}, {}};
     if constexpr (!Law::kSeparable) {
       load_vertices<Law, kSpread>(problem, load, i, vertices);
@@ -90,21 +91,20 @@ template <class Law, bool kWrite, bool kSpread>
 }
 
 template <bool kWrite>
-[[gnu::always_inline]] inline void flow(const FlowProblem& problem, const FlowLoad& load, int num_rows,
-                                        const double* threshold, double* strain_new, FlowSum& sum) {
-  FlowLaws::with(
-      problem.soft->flow_law, [&](auto law) __attribute__((always_inline)) {
-        using Law = typename decltype(law)::type;
-        if (problem.spread_response == nullptr) {
-          flow<Law, kWrite, false>(problem, load, num_rows, threshold, strain_new, sum);
-        } else {
-          flow<Law, kWrite, true>(problem, load, num_rows, threshold, strain_new, sum);
-        }
-      });
+void flow(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, double* strain_new,
+          FlowSum& sum) {
+  FlowLaws::with(problem.soft->flow_law, [&](auto law) {
+    using Law = typename decltype(law)::type;
+    if (problem.spread_response == nullptr) {
+      flow<Law, kWrite, false>(problem, load, num_rows, threshold, strain_new, sum);
+    } else {
+      flow<Law, kWrite, true>(problem, load, num_rows, threshold, strain_new, sum);
+    }
+  });
 }
 
 template <class Law>
-[[gnu::always_inline]] inline void thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
+SHEARBUS_WIDE void thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
   const Law law(*problem.soft, problem.dt);
   const std::ptrdiff_t n = problem.grid->num_vertices();
   for (std::ptrdiff_t i = 0; i < n; ++i) {
@@ -126,7 +126,7 @@ template <class Law>
 }  // namespace
 
 int num_heated_vertices(const Grid& grid, const double* response) {
-  // Heating stays below T_melt, so below this share it is lost when added to a temperature.
+  // A vertex whose response is a smaller fraction of that at z = 0 is heated by less than its last digit.
   constexpr double kLost = 1e-17;
   int n = grid.num_vertices();
   while (n > 1 && response[n - 1] < kLost * response[0]) --n;
@@ -144,16 +144,14 @@ void set_load(const Material& soft, double pressure, double a, double flux, int 
   load.T_melt[lane] = soft.melting_temperature;
 }
 
-SHEARBUS_WIDE void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
-  FlowLaws::with(
-      problem.soft->flow_law, [&](auto law) __attribute__((always_inline)) {
-        thresholds<typename decltype(law)::type>(problem, load, threshold);
-      });
+void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold) {
+  FlowLaws::with(problem.soft->flow_law,
+                 [&](auto law) { thresholds<typename decltype(law)::type>(problem, load, threshold); });
 }
 
 namespace {
 
-// dep of one vertex at the given temperature T, without its slope.
+// The plastic strain increment dep of one vertex at the given temperature T, without its slope.
 template <class Law>
 double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
   double dep = 0.0;
@@ -189,13 +187,12 @@ double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, 
   });
 }
 
-SHEARBUS_WIDE void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold,
-                              FlowSum& sum) {
+void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum) {
   flow<false>(problem, load, num_rows, threshold, nullptr, sum);
 }
 
-SHEARBUS_WIDE void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
-                           FlowSum& sum) {
+void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain,
+             FlowSum& sum) {
   flow<true>(problem, load, num_rows, threshold_to_strain, threshold_to_strain, sum);
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(num_rows) * kLanes;
   const std::ptrdiff_t end = static_cast<std::ptrdiff_t>(problem.grid->num_vertices()) * kLanes;

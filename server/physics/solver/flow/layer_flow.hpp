@@ -7,21 +7,21 @@
 
 namespace shearbus::physics {
 
-// Whatever the law of the flow stress, the layer yields at a vertex where its excess is positive
-// (material/flow_law.hpp). Vertices beyond `num_heated` do not feel the heat of the step in any digit: there everything
-// but the load is known in advance.
+// Whatever the flow law, the layer yields at a vertex where its excess is positive (material/flow_law.hpp). The heat of
+// the step does not change the temperature of vertices beyond `num_heated` in any digit: there everything but the load
+// is known in advance.
 
-// What the flow needs of the stress magnitude a of each lane.
+// The load of each lane under a stress of magnitude a.
 struct FlowLoad {
-  alignas(64) double load[kLanes];     // the law's load_of(a), or kNoLoad
+  alignas(64) double load[kLanes];     // stress a as the flow law's load_of(a) gives it, or kNoLoad
   alignas(64) double flux[kLanes];     // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
-  alignas(64) double bracket[kLanes];  // the law's bracket_at() at the lane's pressure
+  alignas(64) double bracket[kLanes];  // part of g that depends on the lane's pressure, the flow law's bracket_at()
   alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure         [K]
 };
 
 struct FlowSum {
   alignas(64) double slip[kLanes];   // integral of dep over the layer                  [m]
-  alignas(64) double slope[kLanes];  // a d slip / d a, heating by a included           [m]
+  alignas(64) double slope[kLanes];  // derivative of the slip, a d slip / d a, heating by a included  [m]
   int num_yielding;                  // number of vertices from z = 0 to the last one at which any lane yields
 };
 
@@ -46,16 +46,16 @@ void set_load(const Material& soft, double pressure, double a, double flux, int 
 // Writes the yield threshold of each vertex: the part of its yield condition that is the same for all loads of a step.
 void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold);
 
-// The integral of dep over the layer and its slope under one load. Only the first `num_rows` vertices are summed: the
-// caller knows that the others do not yield.
+// Computes the integral of dep over the layer and its slope under one load. Only the first `num_rows` vertices are
+// summed: the caller knows that the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
-// The integral of dep over the layer of one lane, without thresholds. Writes the new strain to `strain_new` unless that
-// is null; `strain_new` may be the array of the old strain.
+// Returns the integral of dep over the layer of one lane, without thresholds. Writes the new strain to `strain_new`
+// unless that is null; `strain_new` may be the array of the old strain.
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
 
-// The same sums as flow_under(). Overwrites the array of thresholds with the new plastic strain of all vertices; the
-// vertices from `num_rows` on keep their old strain.
+// Computes the same sums as flow_under(). Overwrites the array of thresholds with the new plastic strain of all
+// vertices; the vertices from `num_rows` on keep their old strain.
 void flow_to(const FlowProblem& problem, const FlowLoad& load, int num_rows, double* threshold_to_strain, FlowSum& sum);
 
 }  // namespace shearbus::physics

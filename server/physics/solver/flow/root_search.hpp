@@ -1,4 +1,4 @@
-// The zero of a function inside a bracket, without derivatives: Chandrupatla's search (1997), inverse quadratic
+// Finds the zero of a function inside a bracket, without derivatives: Chandrupatla's search (1997), inverse quadratic
 // interpolation where it is reliable, else bisection. The caller supplies one value at a time, so the lanes of a tile
 // search together.
 #pragma once
@@ -15,8 +15,9 @@ class RootSearch {
  public:
   RootSearch() = default;
 
-  // f(lo) = f_lo < 0 < f_hi = f(hi), 0 <= lo < hi. `scale` is the size of f that counts as far from zero: beyond it the
-  // search works on the logarithm of f, whose own size may be anything. `guess` outside the bracket is not used.
+  // The bracket has f(lo) = f_lo < 0 < f_hi = f(hi) and 0 <= lo < hi. `scale` is the size of f that counts as far from
+  // zero: beyond it the search works on the logarithm of f, because f may be huge. A `guess` outside the bracket is not
+  // used.
   RootSearch(double lo, double f_lo, double hi, double f_hi, double scale, double guess) : scale_(scale) {
     one_ = {lo, squeezed(f_lo)};
     two_ = {hi, squeezed(f_hi)};
@@ -25,7 +26,7 @@ class RootSearch {
 
   double at() const { return at_; }  // argument of the next value; the zero after update() has returned true
 
-  // `value`: f(at()). Returns true when the search has ended.
+  // `value` is f(at()). Returns true when the search has ended.
   bool update(double value) {
     const Point now{at_, squeezed(value)};
     if (now.f == 0.0) return true;
@@ -46,7 +47,7 @@ class RootSearch {
     double share = 0.5;
     const double xi = (one_.x - two_.x) / (three_.x - two_.x);
     const double phi = (one_.f - two_.f) / (three_.f - two_.f);
-    // Regular bisections end the search on flat tails of f.
+    // Bisections at regular intervals end the search where f has flat tails.
     if (values_ % kBisectEvery != 0 && phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi) {
       share = one_.f / (two_.f - one_.f) * (three_.f / (two_.f - three_.f)) +
               (three_.x - one_.x) / (two_.x - one_.x) * (one_.f / (three_.f - one_.f)) * (two_.f / (three_.f - two_.f));

@@ -10,7 +10,7 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kAtCeiling = 1e-11;  // relative excess over the ceiling up to which a stress counts as at it
+constexpr double kAtCeiling = 1e-11;  // relative distance from the ceiling up to which a stress counts as equal to it
 constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search, in ulps
 constexpr double kBeyond = 1e-10;     // relative margin of a bound that is not itself an answer
 
@@ -73,8 +73,8 @@ bool FlowingSlip::rigid_holds(double slip) const {
   return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at(rigid_.flux) * (1.0 + kAtCeiling);
 }
 
-// The smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the resolution of
-// T0.
+// Finds the smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the
+// resolution of T0.
 template <class Predicate>
 double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) const {
   const double T_ad = T0(0.0);
@@ -133,7 +133,7 @@ void FlowingSlip::update(double slip) {
     }
     case Phase::kSlip: {
       if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
-      // Where the layer limits the stress the interface does not slip: the answer then has less slip.
+      // If the layer carries less than the interface at the flux found, the answer has a smaller flux and less slip.
       const double q = search_.at();
       if (layer_holds(q)) {
         high_ = q;
@@ -203,9 +203,9 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The heat
-//    of the remaining slip is below q at the q of the rigid answer, because flow reduces the slip, and above q where
-//    the limit equals the sticking stress.
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The slip
+//    that the flow leaves heats by less than q at the q of the rigid answer, because flow reduces the slip. It heats by
+//    more than q where the limit of the interface equals the sticking stress.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;
@@ -264,7 +264,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
     return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
   }
-  // The slip follows from its heat; a layer at its ceiling flows by the rest of the slip in DLP (64).
+  // The slip follows from the friction heat; a layer at its ceiling flows by the rest of the slip in DLP (64).
   const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;

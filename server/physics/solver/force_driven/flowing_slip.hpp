@@ -12,13 +12,13 @@ namespace shearbus::physics {
 
 // A lane with a closed contact at the start of a step.
 struct FlowingStart {
-  StressLimit limit;      // limit of the interface
-  double ceiling;         // ceiling of the layer at g = 1, where hardening ends; infinity: none             [Pa]
-  bool hardens;           // without hardening the layer flows at the ceiling only
+  StressLimit limit;      // strength of the interface
+  double ceiling;         // stress at which hardening of the layer ends, for g = 1; infinity: never           [Pa]
+  bool hardens;           // false: the layer flows only at its ceiling
   double first_weight;    // length of z that the first vertex represents                                 [m]
   double first_strain;    // plastic strain of the first vertex
   Heated layer;           // temperatures of the layer
-  double heat_partition;  // beta_T; 1 where the hard body conducts too
+  double heat_partition;  // share of the friction heat for the soft body, beta_T; 1 if the hard body conducts, too
   double dt;
   Forcing forcing;
   LaneStep before;  // stress, jump_new and sticks of the last step
@@ -33,14 +33,14 @@ class FlowingSlip {
   // Load of the layer to evaluate next (stress magnitude and heat flux); once done, the load of the answer.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void update(double slip);  // integral(dep) under that load   [m]
+  void update(double slip);  // takes integral(dep) under the load of stress() and flux()   [m]
 
   struct Answer {
     LaneStep step;
-    double surplus;  // integral(dep) in excess of DLP (48), at the hottest vertex   [m]
+    double surplus;  // part of integral(dep) beyond DLP (48), which flows at the hottest vertex   [m]
     int hottest;     // index of the hottest vertex
   };
-  Answer answer(double slip) const;  // `slip` under the answer's load
+  Answer answer(double slip) const;  // `slip`: integral(dep) under the load of the answer
 
  private:
   enum class Phase { kDone, kRigid, kOtherAnswer, kStickEnd, kStick, kSlipLow, kSlipHigh, kSlip };
@@ -67,19 +67,19 @@ class FlowingSlip {
 
   FlowingStart start_{};
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
-  FrictionHeating stopping_{};  // heat of a lane that sticks at the end of the step
-  FrictionHeating slipping_{};  // heat of a lane that slips at the end of the step
+  FrictionHeating stopping_{};  // heating of a lane that sticks at the end of the step
+  FrictionHeating slipping_{};  // heating of a lane that slips at the end of the step
   LaneStep rigid_{};            // the answer of a layer that does not flow
-  double compliance_ = 0.0;     // stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
+  double compliance_ = 0.0;     // stress that relieves integral(dep) = 1 m: sqrt(3) / (dt per_stress)   [Pa/m]
   RootSearch search_;
 
   Phase phase_ = Phase::kDone;
   Kind kind_ = Kind::kRigid;
   double a_ = 0.0, q_ = 0.0;                         // the load to evaluate next: stress [Pa], heat flux [W/m2]
-  double a_stick_ = 0.0;                             // sticking stress of the flowing layer
-  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // bracket of the flux, slip_balance() at its lower end
-  bool high_is_ceiling_ = false;                     // in the present search the layer is at its ceiling at `high_`
-  bool at_ceiling_ = false;                          // the answer is at the ceiling
+  double a_stick_ = 0.0;                             // sticking stress of the flowing layer  [Pa]
+  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // ends of the bracket of the flux; slip_balance() at the lower end
+  bool high_is_ceiling_ = false;                     // the layer is at its ceiling under the flux `high_`
+  bool at_ceiling_ = false;                          // the stress of the answer is the ceiling of the layer
   bool stick_was_searched_ = false;
   bool several_ = false;  // the step has another answer
 };

@@ -41,7 +41,7 @@ class InterfaceStep {
         false};
   }
 
-  // A step of dt from `last`. B0: response of T0 to the flux; T_ad: T0 without friction in this step.
+  // The step of length dt that follows `last`. B0: response of T0 to the flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
     if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
     strength_.junctions =
@@ -53,7 +53,7 @@ class InterfaceStep {
     return step;
   }
 
-  double junction_strain;  // before the step; from() updates it
+  double junction_strain;  // strain of the junctions before the step; from() updates it
 
  private:
   const Problem& problem_;

@@ -10,9 +10,9 @@ namespace shearbus::physics {
 
 // Forces of the host on one lane.
 struct Forcing {
-  double acceleration;         // of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
-  double mobility;             // acceleration of the jump lost per interface stress: 1/m_soft + 1/m_hard  [m2/kg]
-  double plastic_drive = 0.0;  // sqrt(3) h Ep_dot of the host's soft zone, DLP (64)              [m/s]
+  double acceleration;         // acceleration of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
+  double mobility;             // deceleration of the jump per stress of the interface: 1/m_soft + 1/m_hard  [m2/kg]
+  double plastic_drive = 0.0;  // slip velocity due to the host's plastic shear, sqrt(3) h Ep_dot, DLP (64)  [m/s]
 };
 
 inline Forcing forcing_of(const TileInputs& inputs, int lane) {
@@ -20,7 +20,7 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
           1.0 / inputs.mass_soft[lane] + 1.0 / inputs.mass_hard[lane]};
 }
 
-// The jump without friction and its reduction by a stress, DLP (61). Magnitudes along the trial direction.
+// The velocity jump without friction and its reduction by a stress, DLP (61), in magnitudes along the trial direction.
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
 
@@ -29,7 +29,7 @@ struct TrialSlip {
   double jump_free;     // jump after the step without friction, signed               [m/s]
   double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
   double direction;     // the trial direction, +1 or -1
-  double jump_old;      // along the direction                                        [m/s]
+  double jump_old;      // jump before the step, along the direction                   [m/s]
   double drive;         // plastic_drive, along the direction                         [m/s]
   double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 

@@ -36,7 +36,7 @@ struct StagedLane {
   StressLimit limit;
   Forcing forcing;
   double direction;  // sign of the jump; without a jump, of the acceleration
-  double jump_old;   // along the direction  [m/s]
+  double jump_old;   // jump before the step, along the direction  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean stress of the step  [Pa]
@@ -129,7 +129,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   }
   add_flux(first, n, early_flux, T);
 
-  // 2. Second stage.
+  // 2. Second stage, from the extrapolated temperatures.
   begin_second_stage(second, n, T_old, early_flux, T);
   solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
   double flux[kLanes] = {};
@@ -152,12 +152,12 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
     for (const int l : lanes_of(fallen_back)) {
       copy_lane(fallback, trial, layout.doubles, l);
-      // A node that stops or rests has no slip whose order matters.
+      // For a node that stops or rests the order in time does not matter.
       if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }
   }
 
-  // 4. Answers.
+  // 4. Write the answers of the solved lanes.
   for (const int l : lanes_of(solved)) {
     const StagedLane& lane = lanes[l];
     const bool open = inputs.pressure[l] <= 0.0;

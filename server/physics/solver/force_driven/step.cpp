@@ -10,7 +10,7 @@
 namespace shearbus::physics {
 namespace {
 
-// `heat_of(k)`: the operator of dt / 2^k.
+// `heat_of(k)` returns the heat operator of a step of length dt / 2^k.
 template <class HeatOf>
 void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, const TileInputs& inputs,
              const double* committed, double* trial, TileOutputs& outputs) {

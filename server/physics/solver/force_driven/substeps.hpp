@@ -1,6 +1,6 @@
 // The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
-// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each gives its own
-// substep.
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each supplies its own
+// function for a substep.
 #pragma once
 
 #include <cmath>
@@ -37,13 +37,13 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 struct LaneStart {
   int lane;
   LaneStep before;      // stress, jump_new and sticks of the last step
-  int num_rows;         // rows of temperatures or modes, [row][lane]
+  int num_rows;         // number of rows of temperatures or modes, [row][lane]
   const double* T_old;  // temperatures or modes before the step
-  double* T;            // the same after conduction over the whole step; after substeps: their new values
+  double* T;            // temperatures or modes after conduction over the whole step, or after the substeps
 };
 
-// Equal substeps from the old temperatures. `substep(from)` returns the LaneStep after `from` and after conduction.
-// Returns false at the first substep without a unique answer, unless `accept`.
+// Makes equal substeps from the old temperatures. `substep(from)` makes the substep that follows the LaneStep `from`,
+// after its conduction. Returns false at the first substep without a unique answer, unless `accept` is true.
 template <class Heat, class Substep>
 bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& start, LaneResult& result,
                   const Substep& substep) {
@@ -73,7 +73,7 @@ bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& 
 // divided into 2, 4, ..., 2^max_halvings substeps until each has a unique answer, and the finest substeps are accepted
 // in any case. With max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is
 // accepted.
-//   heat_of(k)           operator of dt / 2^k
+//   heat_of(k)           heat operator of a step of length dt / 2^k
 //   restart()            restores the quantities other than temperatures that substeps change
 //   substep(heat, from)  one substep after conduction
 template <class HeatOf, class Restart, class Substep>

@@ -16,7 +16,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kConverged = 1e-10;  // longest last Newton step, relative to the stress: a further one is rounding
-// Largest residual before the last Newton step, relative to the trial stress; that step squares it.
+// Largest residual before the last Newton step, relative to the trial stress; the last step squares it.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;     // largest residual of an answer, relative to the stress that the flow relieves
 constexpr double kFarAbove = 100.0;    // ratio of the flow to the trial stress above which Newton works on logarithms
@@ -30,15 +30,15 @@ enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 // The balance of one lane in magnitudes along the trial direction:
 //   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
 struct Lane {
-  double direction = 1.0;         // of the trial stress
-  double a_trial = 0.0;           // |s_old + G0 dt w / h|                                      [Pa]
+  double direction = 1.0;         // direction of the trial stress, 1 or -1
+  double a_trial = 0.0;           // magnitude of the elastic trial stress, |s_old + G0 dt w / h|  [Pa]
   double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
   double a = 0.0;                 // iterate, then answer                                       [Pa]
   Bound bound = Bound::kElastic;  // which bound `hi` is, as long as hi_seen is false
   int hottest = 0;                // vertex that reaches Y_max first
   bool loaded = false;            // the trial stress is not 0
-  bool hi_seen = false;           // F has been evaluated at `hi` and is not negative there
+  bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
   bool done = false;
   bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
   bool at_bound = false;       // the answer is `hi`, held by `bound`
@@ -91,8 +91,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.hi = rubbing;
     state.bound = Bound::kCoulomb;
   }
-  // Two more upper ends, which are bounds but not answers: above the first the hottest vertex alone would flow by more
-  // than the whole slip; above the second a vertex would be molten.
+  // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
+  // flow by more than the whole slip; above the second a vertex would be molten.
   const double most_strain =
       h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
   const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
@@ -119,7 +119,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
 void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
   const double flow = compliance * slip;
   const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
-  // 1. Bracket.
+  // 1. Narrow the bracket.
   if (flow < left) {
     if (lane.a == lane.hi && !lane.hi_seen) {
       lane.at_bound = true;
@@ -188,14 +188,14 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // Vertices that do not yield under more stress than every lane's answer are left out from here on.
+    // Every lane was evaluated above its answer: vertices that did not yield there are left out from here on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
 }
 
-// Newton's last step is accepted without an evaluation. If a vertex begins to flow within that step the flow may be far
-// off, however small the step: such lanes continue. Returns whether there are any.
+// The result of Newton's last step is not evaluated. If a vertex begins to flow within that step, the balance may be
+// far from closed, however small the step. The search of such lanes is resumed; returns whether there are any.
 bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
   bool any = false;
   for (int l = 0; l < kLanes; ++l) {
@@ -218,8 +218,9 @@ double heated_share(const Grid& grid, const double* shape) {
   return sum;
 }
 
-// Heat shape for the next step: the distribution of this step's slip. The Taylor-Quinney fraction of the work of the
-// layer's flow becomes heat, and all work of the interface's slip. One lane; a step without slip keeps the shape.
+// Computes the heat shape of one lane for the next step from the distribution of this step's slip. All work of the
+// interface's slip becomes heat, and the Taylor-Quinney fraction of the work of the layer's flow. A step without slip
+// keeps the shape.
 void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
                   double* shape) {
   const Grid& grid = problem.grid;
@@ -240,7 +241,7 @@ struct Answer {
   Regime regime;
 };
 
-// [v] and the regime from the solved balance.
+// Computes the sliding velocity [v] and the regime from the solved balance.
 Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
                  double interface_slip, double T_hottest, double jump, double drive, double dt) {
   const bool flows = layer_slip > 0.0 || interface_slip > 0.0;
@@ -323,7 +324,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
-  // 4. The root of the balance: heat law q = beta_T max(s [V], 0) and plastic flow with it, DLP (42-48).
+  // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens && loaded) {

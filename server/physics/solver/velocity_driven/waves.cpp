@@ -16,7 +16,7 @@ using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;        // longest last Newton step, relative to the unknowns; the next is rounding
-constexpr double kLocallyConverged = 1e-9;  // the same for the return to the yield stress at one vertex
+constexpr double kLocallyConverged = 1e-9;  // longest last step of the return to the yield stress at a vertex, relative
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
 // Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
@@ -27,6 +27,10 @@ constexpr int kLocalSteps = 60;         // largest number of iterations of a ret
 constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
 constexpr int kGuardedSteps = 400;      // largest number of Newton steps with line search at one flux
+constexpr double kBalanced = 1e-6;      // largest accepted residual of the guarded search, relative to the stresses
+constexpr double kLeastStress =
+    1e6;                       // a smaller stress is judged as this one: close to melting all stresses vanish [Pa]
+constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of a velocity
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
@@ -37,7 +41,7 @@ constexpr int kGuardedSteps = 400;      // largest number of Newton steps with l
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
-  double ceiling;   // Y_max / sqrt(3)                                       [Pa]
+  double ceiling;   // largest strength in shear, Y_max / sqrt(3)             [Pa]
   double bracket;   // bracket of g at 0 K: 1 + gP P + 300 hT
   double hT;        // temperature coefficient of g     [1/K]
   double T_melt;    // melting temperature at P         [K]
@@ -48,7 +52,7 @@ struct ReturnRows {
   alignas(64) Row t;           // trial stress                                    [Pa]
   alignas(64) Row T;           // temperature                                     [K]
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
-  alignas(64) Row compliance;  // growth of x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
+  alignas(64) Row compliance;  // growth of the hardening term x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
   alignas(64) Row slope;       // slope of s over the trial stress t
   alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
 };
@@ -154,8 +158,10 @@ class Waves {
   }
 
   WaveAnswer advance(int newton_steps) {
-    if (!descend({}, newton_steps, false)) search();
-    answer_.found = evaluations_left_ > 0;
+    if (!descend({}, newton_steps, false)) {
+      search();
+      answer_.found = evaluations_left_ > 0 && balanced();
+    }
     finish();
     return answer_;
   }
@@ -185,7 +191,7 @@ class Waves {
     }
   }
 
-  // Stresses and slopes at the iterate, T = T_ad + q B with a given q.
+  // Evaluates stresses and slopes at the iterate, with the temperatures T = T_ad + q B of a given heat flux q.
   void evaluate_at(double flux) {
     --evaluations_left_;
     answer_.flux = flux;
@@ -198,12 +204,12 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // Stresses and slopes at the iterate, at the given q or else at the q that the stress at z = 0 causes.
+  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else that of the stress at z = 0.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
-    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // q / s[0]  [m/s]
+    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
     const InterfaceReturn found = return_at_interface(per_stress);
     evaluate_at(per_stress * found.stress);
     held_ = found.held;
@@ -215,7 +221,7 @@ class Waves {
   struct InterfaceReturn {
     double stress;  // magnitude of the stress at z = 0  [Pa]
     double slope;   // d stress / d|t|, t the trial stress
-    bool held;      // mu P holds the stress
+    bool held;      // the friction limit mu P holds the stress
   };
 
   // The return to the yield stress at z = 0, with the heat of the stress itself: finds the magnitude a = R(|t|) at the
@@ -226,7 +232,8 @@ class Waves {
     const double rise = per_stress * step_.response[0];
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
-    // The yield stress if the stress is a, its logarithmic slope d log(stress) / da and its slope d stress / d|t|.
+    // The yield stress at the heat of a stress a, its logarithmic slope d log(stress) / da and its slope d stress /
+    // d|t|.
     struct Carried {
       double stress, log_slope, flow_slope;
     };
@@ -279,7 +286,7 @@ class Waves {
   // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {
     ++answer_.iterations;
-    double stiffness = 0.0;  // ds/d(dv) of the vertex behind cell c
+    double stiffness = 0.0;  // slope ds/d(dv) of the stress behind cell c over the velocity difference
     double excess = 0.0;     // pivot of row c without the term of the vertex before cell c
     double heat = 0.0;       // coupling to dv[0] carried over from the rows behind
     double pushed = 0.0;     // residual carried over from the rows behind
@@ -314,7 +321,7 @@ class Waves {
     double largest = 0.0;
     for (int c = 0; c < num_cells_; ++c) {
       const double size = std::abs(direction_[c]);
-      largest = size <= largest ? largest : size;  // a NaN is the largest
+      largest = size <= largest ? largest : size;  // a NaN counts as the largest
     }
     return largest;
   }
@@ -334,7 +341,7 @@ class Waves {
     return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
   }
 
-  // Slope of the energy (see search()) along the direction, after a part of the step.
+  // Slope of the energy (see search()) along Newton's direction, after a part of the step.
   double slope_after(double part, std::optional<double> flux) {
     for (int c = 0; c < num_cells_; ++c) fields_.velocity[c] = start_[c] + part * direction_[c];
     evaluate(flux);
@@ -357,7 +364,8 @@ class Waves {
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
       double slope = slope_after(1.0, flux);
       if (last) return true;
-      // With heating by the stress the balance is not the gradient of an energy, so a direction need not descend.
+      // With heating by the stress the balance is not the gradient of an energy, so Newton's direction need not
+      // descend.
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;
@@ -376,7 +384,7 @@ class Waves {
     return false;
   }
 
-  // The search that cannot fail. At a given q the step minimises the convex energy
+  // The guarded search. At a given q the step minimises the convex energy
   //   E(v) = sum over cells of rho width/2 (v - v_old)^2
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
@@ -388,7 +396,7 @@ class Waves {
     double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
     descend(0.0, kGuardedSteps, true);
-    const auto made = [&] { return share * fields_.stress[0]; };  // q of the stress at z = 0
+    const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
@@ -399,7 +407,24 @@ class Waves {
     evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
   }
 
-  // Plastic strain and interface slip from the difference between trial stress and stress.
+  // Whether the balance of momentum holds in every cell. Far outside physics (steps of microseconds over cells of
+  // nanometres) Newton's steps may still zigzag when their number runs out.
+  bool balanced() const {
+    double v = std::abs(step_.jump);
+    double s = std::abs(fields_.stress[num_cells_]);
+    for (int c = 0; c < num_cells_; ++c) {
+      v = std::max(v, std::abs(fields_.velocity[c]));
+      s = std::max(s, std::abs(fields_.stress[c]));
+    }
+    const double ulp = std::numeric_limits<double>::epsilon() * v;
+    for (int c = 0; c < num_cells_; ++c) {
+      const double accepted = kBalanced * (s + kLeastStress + inertia(c) * v) + kUlps * ulp * (gain(c) + gain(c + 1));
+      if (!(std::abs(residual(c)) <= accepted)) return false;
+    }
+    return true;
+  }
+
+  // Computes plastic strain and interface slip from the difference between trial stress and stress.
   void finish() {
     for (int i = 0; i <= num_cells_; ++i) {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
@@ -424,7 +449,7 @@ class Waves {
   ReturnLaw law_;
   WaveAnswer answer_;
   int evaluations_left_;
-  bool held_ = false;             // mu P holds the stress at z = 0
+  bool held_ = false;             // the friction limit mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
   double flux_slope_ = 0.0;       // slope of q over the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;

@@ -25,7 +25,7 @@ struct WaveStep {
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
   double heat_share;       // fraction of the friction power that enters the conducting bodies
-  double coulomb;          // mu P; infinity: no such limit                [Pa]
+  double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
 };
 
 // One node's fields, a value per vertex or cell.
@@ -44,11 +44,12 @@ struct WaveAnswer {
   double interface_slip = 0.0;  // slip velocity v[-1], signed            [m/s]
   int iterations = 0;           // number of Newton steps
   bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
-  bool found = true;            // false: the search stopped early, the fields mean nothing
+  bool found = true;            // false: the guarded search ended without balance, and the fields mean nothing
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
-// follows, which cannot fail but may be long: it stops after `evaluations` of the balance, and `found` is then false.
+// follows, which descends from any start but may be long: `found` is false where momentum does not balance when its
+// Newton steps or its `evaluations` of the balance run out.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,

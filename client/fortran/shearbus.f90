@@ -1,0 +1,1032 @@
+! The Fortran interface of the shearbus subgrid service (Fortran 2008): one source file, compiled with the host, over the C
+! library libshearbus.so. The interface carries its columns:
+!
+!   use shearbus
+!   type(shearbus_interface) :: bus
+!   call bus%open(scene='friction.toml', nodes=ids)           ! without an endpoint the server runs in this process
+!   bus%jump = v_soft - v_hard;  bus%pressure = p             ! one value per node, in the order of nodes
+!   bus%stress_soft = ...;  bus%mass_soft = ...               ! and hard: what the strategy of the scene requires
+!   call bus%step(dt, time, n)
+!   f_soft = f_soft - bus%stress*area;  f_hard = f_hard + bus%stress*area
+!   call bus%close()
+!
+! Every call has stat and msg as in allocate: stat is 0 or the code of a fault (client/include/shearbus/shearbus.h), msg says
+! what was expected and found, and what to do. A call without stat that fails prints this and stops the program. A call that
+! fails changes nothing; after SHEARBUS_UNKNOWN_OUTCOME (501) the same call with the same values is the same request. All
+! quantities are in SI units. An input that the host has not set is refused by name: it is NaN after open.
+!
+! A session that is not closed stays open on the server when its variable goes out of scope, so that its ticket can resume it.
+! A copy of an interface has the columns, but no session.
+module shearbus
+  use, intrinsic :: iso_c_binding
+  use, intrinsic :: iso_fortran_env, only: error_unit, int8, int32, int64, real64
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  implicit none
+  private
+
+  public :: shearbus_interface, shearbus_version
+  ! Values of regime, and bits of outcome.
+  integer, parameter, public :: shearbus_open_interface = 0, shearbus_stick = 1, shearbus_coulomb = 2, &
+                                shearbus_tresca = 3, shearbus_melting = 4
+  integer, parameter, public :: shearbus_substepped = 1, shearbus_multiple_roots = 2, shearbus_outside_domain = 4, &
+                                shearbus_asleep = 32, shearbus_first_order = 64, shearbus_failed = 128
+  integer, parameter, public :: shearbus_ticket_length = 65, shearbus_transfer_length = 32
+
+  type :: shearbus_interface
+    integer :: n = 0                                 ! number of nodes
+    integer(int64), allocatable :: nodes(:)          ! their ids, in the order of the columns
+    ! Columns that the host sets before a step. Allocated by open: those that the scene requires. A host allocates the optional
+    ! ones itself. Names that end in 2 are the second component of a scene with tangential_components = 2.
+    real(real64), allocatable :: jump(:), jump2(:)                 ! m/s, V_soft - V_hard
+    real(real64), allocatable :: pressure(:)                       ! Pa, compression positive
+    real(real64), allocatable :: stress_soft(:), stress_soft2(:)   ! Pa, shear stress half a zone inside the soft body
+    real(real64), allocatable :: stress_hard(:), stress_hard2(:)   ! Pa, shear stress half a zone inside the hard body
+    real(real64), allocatable :: mass_soft(:), mass_hard(:)        ! kg/m2, of the half zone that moves with the interface
+    real(real64), allocatable :: soft_shear_rate(:)                ! 1/s, optional
+    real(real64), allocatable :: soft_plastic_strain_rate(:)       ! 1/s, optional
+    ! Columns of the answer.
+    real(real64), allocatable :: stress(:), stress2(:)             ! Pa, positive when the jump is
+    real(real64), allocatable :: slip(:), slip2(:)                 ! m/s, sliding velocity
+    real(real64), allocatable :: temperature(:)                    ! K
+    real(real64), allocatable :: jump_new(:), jump_new2(:)         ! m/s, force-driven scenes
+    real(real64), allocatable :: heat(:)                           ! J/m2, that entered the layer in the step
+    integer, allocatable :: regime(:), outcome(:)
+    integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
+    type(c_ptr), private :: handle = c_null_ptr
+  contains
+    procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
+                          offer_32, offer_64, copy
+    ! open(nodes, scene | scene_text [, endpoint, domain, initial_temperature, name, server_key_file, secret_key_file,
+    !      connect_deadline, reply_deadline, state_dir, threads, stat, msg])
+    generic :: open => open_32, open_64
+    procedure :: resume          ! resume(ticket [, endpoint, ..., stat, msg]) continues a session of a process that has ended
+    ! step(dt [, time [, n]] [, trial, commit_previous, all_or_nothing, mask, stat, msg]); mask: the rows that are stepped
+    generic :: step => step_plain, step_32, step_64
+    procedure :: commit, rollback                    ! of a trial
+    procedure :: mark, rollback_to                   ! (name [, stat, msg]) states on the server, beside the host's dump
+    generic :: register => register_32, register_64  ! (nodes [, initial_temperature, stat, msg])
+    generic :: retire => retire_32, retire_64        ! (nodes [, stat, msg])
+    generic :: offer => offer_32, offer_64           ! (nodes, transfer [, stat, msg])
+    procedure :: accept                              ! (transfer [, stat, msg])
+    procedure :: ticket                              ! a secret by which another process resumes the session; blank: no session
+    procedure :: effective_scene, warnings           ! texts of the server
+    procedure :: is_open
+    procedure :: leave, close
+    generic :: assignment(=) => copy
+    final :: finalise
+  end type
+
+  ! ---- the C interface ----
+
+  integer(c_size_t), parameter :: text_bytes = 2048, remedy_bytes = 512, field_bytes = 64
+  integer, parameter :: columns_at_most = 32
+
+  type, bind(c) :: c_status
+    integer(c_size_t) :: size
+    integer(c_int) :: code, n_nodes
+    integer(c_int64_t) :: nodes(16)
+    character(kind=c_char) :: field(field_bytes), remedy(remedy_bytes), text(text_bytes)
+  end type
+  type, bind(c) :: c_options
+    integer(c_size_t) :: size
+    type(c_ptr) :: endpoint, scene_file, scene_text, domain, name, server_key_file, secret_key_file
+    real(c_double) :: connect_deadline_s, reply_deadline_s, retry_after_s
+    type(c_funptr) :: log
+    type(c_ptr) :: log_user, state_dir
+    integer(c_int32_t) :: threads
+  end type
+  type, bind(c) :: c_column
+    integer(c_int32_t) :: field, component
+    type(c_ptr) :: values
+    integer(c_intptr_t) :: stride_bytes
+  end type
+  type, bind(c) :: c_request
+    integer(c_size_t) :: size
+    real(c_double) :: dt_s, time_s
+    integer(c_int64_t) :: step
+    integer(c_int32_t) :: attempt
+    integer(c_int) :: mode, commit_previous, all_or_nothing
+    integer(c_size_t) :: n
+    type(c_ptr) :: node_ids, inputs
+    integer(c_size_t) :: n_inputs
+    type(c_ptr) :: outputs
+    integer(c_size_t) :: n_outputs
+  end type
+  type, bind(c) :: c_result
+    integer(c_size_t) :: size
+    integer(c_int64_t) :: nodes, flagged_nodes, state_version, solver_ns, service_ns, round_trip_ns
+  end type
+  type, bind(c) :: c_info
+    integer(c_size_t) :: size
+    integer(c_int) :: strategy
+    integer(c_int32_t) :: tangential_components
+    integer(c_int64_t) :: bytes_per_node, last_sequence
+    integer(c_int) :: outlives_server
+  end type
+
+  interface
+    function c_open(session, options, n, ids, temperatures, status) bind(c, name='shearbus_open') result(code)
+      import
+      type(c_ptr), intent(inout) :: session
+      type(c_options), intent(in) :: options
+      integer(c_size_t), value :: n
+      integer(c_int64_t), intent(in) :: ids(*)
+      type(c_ptr), value :: temperatures
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_resume(session, options, ticket, status) bind(c, name='shearbus_resume') result(code)
+      import
+      type(c_ptr), intent(inout) :: session
+      type(c_options), intent(in) :: options
+      character(kind=c_char), intent(in) :: ticket(*)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_close(session, status) bind(c, name='shearbus_close') result(code)
+      import
+      type(c_ptr), intent(inout) :: session
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    subroutine c_leave(session) bind(c, name='shearbus_leave')
+      import
+      type(c_ptr), intent(inout) :: session
+    end subroutine
+    function c_step(session, request, result, status) bind(c, name='shearbus_step') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_request), intent(in) :: request
+      type(c_result), intent(inout) :: result
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_commit(session, status) bind(c, name='shearbus_commit') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_rollback(session, status) bind(c, name='shearbus_rollback') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_mark(session, name, status) bind(c, name='shearbus_mark') result(code)
+      import
+      type(c_ptr), value :: session
+      character(kind=c_char), intent(in) :: name(*)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_rollback_to(session, name, status) bind(c, name='shearbus_rollback_to') result(code)
+      import
+      type(c_ptr), value :: session
+      character(kind=c_char), intent(in) :: name(*)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_register(session, n, ids, temperatures, status) bind(c, name='shearbus_register') result(code)
+      import
+      type(c_ptr), value :: session
+      integer(c_size_t), value :: n
+      integer(c_int64_t), intent(in) :: ids(*)
+      type(c_ptr), value :: temperatures
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_retire(session, n, ids, status) bind(c, name='shearbus_retire') result(code)
+      import
+      type(c_ptr), value :: session
+      integer(c_size_t), value :: n
+      integer(c_int64_t), intent(in) :: ids(*)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_offer(session, n, ids, transfer, status) bind(c, name='shearbus_offer') result(code)
+      import
+      type(c_ptr), value :: session
+      integer(c_size_t), value :: n
+      integer(c_int64_t), intent(in) :: ids(*)
+      integer(c_int8_t), intent(out) :: transfer(16)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_accept(session, transfer, status) bind(c, name='shearbus_accept') result(code)
+      import
+      type(c_ptr), value :: session
+      integer(c_int8_t), intent(in) :: transfer(16)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_ticket(session, ticket, status) bind(c, name='shearbus_ticket') result(code)
+      import
+      type(c_ptr), value :: session
+      character(kind=c_char), intent(out) :: ticket(80)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_inspect(session, info, status) bind(c, name='shearbus_inspect') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_info), intent(inout) :: info
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_columns(session, use, capacity, fields) bind(c, name='shearbus_columns') result(count)
+      import
+      type(c_ptr), value :: session
+      integer(c_int), value :: use
+      integer(c_size_t), value :: capacity
+      integer(c_int32_t), intent(inout) :: fields(*)
+      integer(c_size_t) :: count
+    end function
+    function c_node_count(session) bind(c, name='shearbus_node_count') result(count)
+      import
+      type(c_ptr), value :: session
+      integer(c_size_t) :: count
+    end function
+    function c_node_ids(session) bind(c, name='shearbus_node_ids') result(ids)
+      import
+      type(c_ptr), value :: session
+      type(c_ptr) :: ids
+    end function
+    function c_effective_scene(session) bind(c, name='shearbus_effective_scene') result(text)
+      import
+      type(c_ptr), value :: session
+      type(c_ptr) :: text
+    end function
+    function c_warnings(session) bind(c, name='shearbus_warnings') result(text)
+      import
+      type(c_ptr), value :: session
+      type(c_ptr) :: text
+    end function
+    function c_code_name(code) bind(c, name='shearbus_code_name') result(text)
+      import
+      integer(c_int), value :: code
+      type(c_ptr) :: text
+    end function
+    function c_version() bind(c, name='shearbus_version') result(text)
+      import
+      type(c_ptr) :: text
+    end function
+    function c_strlen(text) bind(c, name='strlen') result(length)
+      import
+      type(c_ptr), value :: text
+      integer(c_size_t) :: length
+    end function
+  end interface
+
+contains
+
+  ! ---- texts and faults ----
+
+  function shearbus_version() result(text)
+    character(len=:), allocatable :: text
+    text = text_at(c_version())
+  end function
+
+  function text_at(address) result(text)
+    type(c_ptr), intent(in) :: address
+    character(len=:), allocatable :: text
+    character(kind=c_char), pointer :: bytes(:)
+    integer :: i
+    call c_f_pointer(address, bytes, [c_strlen(address)])
+    allocate (character(len=size(bytes)) :: text)
+    do i = 1, size(bytes)
+      text(i:i) = bytes(i)
+    end do
+  end function
+
+  function text_of(bytes) result(text)
+    character(kind=c_char), intent(in) :: bytes(:)
+    character(len=:), allocatable :: text
+    integer :: i
+    text = ''
+    do i = 1, size(bytes)
+      if (bytes(i) == c_null_char) exit
+      text = text//bytes(i)
+    end do
+  end function
+
+  ! A C string, or nothing for an absent or blank text.
+  subroutine to_c(text, bytes, address)
+    character(len=*), intent(in), optional :: text
+    character(kind=c_char, len=:), allocatable, target, intent(out) :: bytes
+    type(c_ptr), intent(out) :: address
+    address = c_null_ptr
+    if (.not. present(text)) return
+    if (len_trim(text) == 0) return
+    bytes = trim(text)//c_null_char
+    address = c_loc(bytes)
+  end subroutine
+
+  function fresh_status() result(status)
+    type(c_status) :: status
+    status%size = c_sizeof(status)
+    status%code = 0
+  end function
+
+  ! Gives the outcome of a call to the caller; stops the program if the call failed and the caller has no stat.
+  subroutine report(code, status, stat, msg)
+    integer(c_int), intent(in) :: code
+    type(c_status), intent(in) :: status
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    character(len=:), allocatable :: text
+    if (present(stat)) stat = code
+    if (code == 0) return
+    text = text_at(c_code_name(code))//': '//text_of(status%text)
+    if (status%remedy(1) /= c_null_char) text = text//' ('//text_of(status%remedy)//')'
+    if (present(msg)) msg = text
+    if (present(stat)) return
+    write (error_unit, '(2a)') 'shearbus: ', text
+    error stop 1
+  end subroutine
+
+  ! ---- opening and ending ----
+
+  subroutine open_64(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
+                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    integer(int64), intent(in) :: nodes(:)
+    character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                                              state_dir
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+    integer, intent(in), optional :: threads
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
+               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+  end subroutine
+
+  subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
+                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    integer(int32), intent(in) :: nodes(:)
+    character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                                              state_dir
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+    integer, intent(in), optional :: threads
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
+               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+  end subroutine
+
+  subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
+                    state_dir, threads, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    character(len=*), intent(in) :: ticket
+    character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline
+    integer, intent(in), optional :: threads
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    integer(int64) :: none(0)
+    call enter(self, none, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
+               secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
+               state_dir=state_dir, threads=threads, stat=stat, msg=msg)
+  end subroutine
+
+  ! Opens a session, or resumes the one of the ticket.
+  subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
+                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    integer(int64), intent(in) :: nodes(:)
+    character(len=*), intent(in) :: ticket
+    character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                                              state_dir
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+    integer, intent(in), optional :: threads
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    character(kind=c_char, len=:), allocatable, target :: texts_1, texts_2, texts_3, texts_4, texts_5, texts_6, texts_7, texts_8
+    real(c_double), allocatable, target :: temperatures(:)
+    type(c_ptr) :: temperatures_at
+    type(c_options) :: options
+    type(c_status) :: status
+    integer(c_int) :: code
+    status = fresh_status()
+    options%size = c_sizeof(options)
+    call to_c(endpoint, texts_1, options%endpoint)
+    call to_c(scene, texts_2, options%scene_file)
+    call to_c(scene_text, texts_3, options%scene_text)
+    call to_c(domain, texts_4, options%domain)
+    call to_c(name, texts_5, options%name)
+    call to_c(server_key_file, texts_6, options%server_key_file)
+    call to_c(secret_key_file, texts_7, options%secret_key_file)
+    call to_c(state_dir, texts_8, options%state_dir)
+    options%connect_deadline_s = 0
+    options%reply_deadline_s = 0
+    options%retry_after_s = 0
+    options%log = c_null_funptr
+    options%log_user = c_null_ptr
+    options%threads = 0
+    if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
+    if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
+    if (present(threads)) options%threads = int(threads, c_int32_t)
+    call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
+    if (code == 0 .and. len(ticket) > 0) then
+      code = c_resume(self%handle, options, ticket, status)
+    else if (code == 0) then
+      code = c_open(self%handle, options, size(nodes, kind=c_size_t), nodes, temperatures_at, status)
+    end if
+    if (code == 0) call make_columns(self)
+    call report(code, status, stat, msg)
+  end subroutine
+
+  ! The address of one value per node, or of nothing where they are absent.
+  subroutine per_node(values, n, copy, address, code, status)
+    real(real64), intent(in), optional :: values(:)
+    integer, intent(in) :: n
+    real(c_double), allocatable, target, intent(out) :: copy(:)
+    type(c_ptr), intent(out) :: address
+    integer(c_int), intent(out) :: code
+    type(c_status), intent(inout) :: status
+    code = 0
+    address = c_null_ptr
+    if (.not. present(values)) return
+    if (size(values) /= n) then
+      call refuse(code, status, 'initial_temperature', size(values), n)
+      return
+    end if
+    allocate (copy, source=values)
+    if (n > 0) address = c_loc(copy)
+  end subroutine
+
+  ! Allocates the columns of a session's steps, the inputs as NaN.
+  subroutine make_columns(self)
+    type(shearbus_interface), intent(inout), target :: self
+    real(real64) :: unset
+    logical :: two
+    unset = ieee_value(unset, ieee_quiet_nan)
+    two = components(self) == 2
+    call adopt_nodes(self)
+    call fit(self%jump, has(self, 0, 10))
+    call fit(self%jump2, has(self, 0, 10) .and. two)
+    call fit(self%pressure, has(self, 0, 11))
+    call fit(self%stress_soft, has(self, 0, 12))
+    call fit(self%stress_soft2, has(self, 0, 12) .and. two)
+    call fit(self%stress_hard, has(self, 0, 13))
+    call fit(self%stress_hard2, has(self, 0, 13) .and. two)
+    call fit(self%mass_soft, has(self, 0, 14))
+    call fit(self%mass_hard, has(self, 0, 15))
+    call fit(self%soft_shear_rate, .false.)
+    call fit(self%soft_plastic_strain_rate, .false.)
+    call fit(self%stress, has(self, 2, 30))
+    call fit(self%stress2, has(self, 2, 30) .and. two)
+    call fit(self%slip, has(self, 2, 31))
+    call fit(self%slip2, has(self, 2, 31) .and. two)
+    call fit(self%temperature, has(self, 2, 32))
+    call fit(self%jump_new, has(self, 2, 33))
+    call fit(self%jump_new2, has(self, 2, 33) .and. two)
+    call fit(self%heat, has(self, 2, 36))
+    if (allocated(self%regime)) deallocate (self%regime, self%outcome)
+    allocate (self%regime(self%n), self%outcome(self%n), source=0)
+  contains
+    subroutine fit(column, wanted)
+      real(real64), allocatable, intent(inout) :: column(:)
+      logical, intent(in) :: wanted
+      if (allocated(column)) deallocate (column)
+      if (wanted) allocate (column(self%n), source=unset)
+    end subroutine
+  end subroutine
+
+  subroutine adopt_nodes(self)
+    type(shearbus_interface), intent(inout) :: self
+    integer(c_int64_t), pointer :: ids(:)
+    self%n = int(c_node_count(self%handle))
+    if (allocated(self%nodes)) deallocate (self%nodes)
+    allocate (self%nodes(self%n))
+    if (self%n == 0) return
+    call c_f_pointer(c_node_ids(self%handle), ids, [self%n])
+    self%nodes = ids
+  end subroutine
+
+  ! Whether the steps of the session have a column. use: 0 required input, 1 optional input, 2 default output.
+  function has(self, use, field) result(yes)
+    type(shearbus_interface), intent(in) :: self
+    integer, intent(in) :: use, field
+    logical :: yes
+    integer(c_int32_t) :: fields(columns_at_most)
+    integer(c_size_t) :: count
+    count = min(c_columns(self%handle, int(use, c_int), int(columns_at_most, c_size_t), fields), &
+                int(columns_at_most, c_size_t))
+    yes = any(fields(:count) == field)
+  end function
+
+  function components(self) result(count)
+    type(shearbus_interface), intent(in) :: self
+    integer :: count
+    type(c_info) :: info
+    type(c_status) :: status
+    status = fresh_status()
+    info%size = c_sizeof(info)
+    count = 1
+    if (c_inspect(self%handle, info, status) == 0) count = info%tangential_components
+  end function
+
+  function is_open(self) result(yes)
+    class(shearbus_interface), intent(in) :: self
+    logical :: yes
+    yes = c_associated(self%handle)
+  end function
+
+  subroutine close(self, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    status = fresh_status()
+    call report(c_close(self%handle, status), status, stat, msg)
+  end subroutine
+
+  subroutine leave(self)
+    class(shearbus_interface), intent(inout) :: self
+    call c_leave(self%handle)
+  end subroutine
+
+  impure elemental subroutine finalise(self)
+    type(shearbus_interface), intent(inout) :: self
+    call c_leave(self%handle)
+  end subroutine
+
+  subroutine copy(self, other)
+    class(shearbus_interface), intent(inout) :: self
+    type(shearbus_interface), intent(in) :: other
+    call c_leave(self%handle)
+    self%n = other%n
+    self%nodes = other%nodes
+    call take(self%jump, other%jump)
+    call take(self%jump2, other%jump2)
+    call take(self%pressure, other%pressure)
+    call take(self%stress_soft, other%stress_soft)
+    call take(self%stress_soft2, other%stress_soft2)
+    call take(self%stress_hard, other%stress_hard)
+    call take(self%stress_hard2, other%stress_hard2)
+    call take(self%mass_soft, other%mass_soft)
+    call take(self%mass_hard, other%mass_hard)
+    call take(self%soft_shear_rate, other%soft_shear_rate)
+    call take(self%soft_plastic_strain_rate, other%soft_plastic_strain_rate)
+    call take(self%stress, other%stress)
+    call take(self%stress2, other%stress2)
+    call take(self%slip, other%slip)
+    call take(self%slip2, other%slip2)
+    call take(self%temperature, other%temperature)
+    call take(self%jump_new, other%jump_new)
+    call take(self%jump_new2, other%jump_new2)
+    call take(self%heat, other%heat)
+    if (allocated(other%regime)) then
+      self%regime = other%regime
+      self%outcome = other%outcome
+    end if
+    self%flagged = other%flagged
+  contains
+    subroutine take(to, from)
+      real(real64), allocatable, intent(inout) :: to(:)
+      real(real64), allocatable, intent(in) :: from(:)
+      if (allocated(from)) then
+        to = from
+      else if (allocated(to)) then
+        deallocate (to)
+      end if
+    end subroutine
+  end subroutine
+
+  function ticket(self) result(text)
+    class(shearbus_interface), intent(in) :: self
+    character(len=shearbus_ticket_length) :: text
+    character(kind=c_char) :: bytes(80)
+    type(c_status) :: status
+    status = fresh_status()
+    text = ''
+    if (c_ticket(self%handle, bytes, status) == 0) text = text_of(bytes)
+  end function
+
+  function effective_scene(self) result(text)
+    class(shearbus_interface), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = text_at(c_effective_scene(self%handle))
+  end function
+
+  function warnings(self) result(text)
+    class(shearbus_interface), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = text_at(c_warnings(self%handle))
+  end function
+
+  ! ---- steps ----
+
+  subroutine step_64(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    real(real64), intent(in) :: dt, time
+    integer(int64), intent(in) :: n
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+  end subroutine
+
+  subroutine step_32(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    real(real64), intent(in) :: dt, time
+    integer(int32), intent(in) :: n
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call run(self, dt, time, int(n, int64), trial, commit_previous, all_or_nothing, mask, stat, msg)
+  end subroutine
+
+  subroutine step_plain(self, dt, time, trial, commit_previous, all_or_nothing, mask, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    real(real64), intent(in) :: dt
+    real(real64), intent(in), optional :: time
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    real(real64) :: end_time
+    end_time = 0
+    if (present(time)) end_time = time
+    call run(self, dt, end_time, 0_int64, trial, commit_previous, all_or_nothing, mask, stat, msg)
+  end subroutine
+
+  subroutine run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    real(real64), intent(in) :: dt, time
+    integer(int64), intent(in) :: n
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, mask(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_column), target :: inputs(columns_at_most), outputs(columns_at_most)
+    real(c_double), allocatable, target :: in(:, :), out(:, :)
+    real(c_double), target :: nothing  ! address of a column without rows
+    integer(c_int8_t), allocatable, target :: regime(:), outcome(:)
+    integer(c_int64_t), allocatable, target :: ids(:)
+    integer, allocatable :: rows(:)
+    type(c_request) :: request
+    type(c_result) :: answer
+    type(c_status) :: status
+    integer(c_int) :: code
+    logical :: masked
+    integer :: i, count, n_in, n_out
+    status = fresh_status()
+    code = 0
+    masked = present(mask)
+    if (masked) then
+      if (size(mask) /= self%n) call refuse(code, status, 'mask', size(mask), self%n)
+      if (code == 0) rows = pack([(i, i=1, self%n)], mask)
+    end if
+    count = self%n
+    if (allocated(rows)) count = size(rows)
+    if (masked) allocate (in(max(count, 1), columns_at_most), out(max(count, 1), columns_at_most))
+    allocate (regime(max(count, 1)), outcome(max(count, 1)))
+    request%size = c_sizeof(request)
+    request%dt_s = dt
+    request%time_s = time
+    request%step = n
+    request%attempt = 0
+    request%mode = number_of(trial)
+    request%commit_previous = number_of(commit_previous)
+    request%all_or_nothing = number_of(all_or_nothing)
+    request%n = int(count, c_size_t)
+    request%node_ids = c_null_ptr
+    if (allocated(rows)) then
+      ids = [self%nodes(rows), 0_c_int64_t]  ! one more, since an array without elements has no address
+      request%node_ids = c_loc(ids)
+    end if
+
+    n_in = 0
+    call give(self%jump, 'jump', 10, 0)
+    call give(self%jump2, 'jump2', 10, 1)
+    call give(self%pressure, 'pressure', 11, 0)
+    call give(self%stress_soft, 'stress_soft', 12, 0)
+    call give(self%stress_soft2, 'stress_soft2', 12, 1)
+    call give(self%stress_hard, 'stress_hard', 13, 0)
+    call give(self%stress_hard2, 'stress_hard2', 13, 1)
+    call give(self%mass_soft, 'mass_soft', 14, 0)
+    call give(self%mass_hard, 'mass_hard', 15, 0)
+    call give(self%soft_shear_rate, 'soft_shear_rate', 16, 0)
+    call give(self%soft_plastic_strain_rate, 'soft_plastic_strain_rate', 17, 0)
+    n_out = 0
+    call want(self%stress, 'stress', 30, 0)
+    call want(self%stress2, 'stress2', 30, 1)
+    call want(self%slip, 'slip', 31, 0)
+    call want(self%slip2, 'slip2', 31, 1)
+    call want(self%temperature, 'temperature', 32, 0)
+    call want(self%jump_new, 'jump_new', 33, 0)
+    call want(self%jump_new2, 'jump_new2', 33, 1)
+    call want(self%heat, 'heat', 36, 0)
+    outputs(n_out + 1) = c_column(34, 0, c_loc(regime), 0)
+    outputs(n_out + 2) = c_column(35, 0, c_loc(outcome), 0)
+    request%inputs = c_loc(inputs)
+    request%n_inputs = int(n_in, c_size_t)
+    request%outputs = c_loc(outputs)
+    request%n_outputs = int(n_out + 2, c_size_t)
+    answer%size = c_sizeof(answer)
+    if (code == 0) code = c_step(self%handle, request, answer, status)
+    if (code == 0) call adopt()
+    call report(code, status, stat, msg)
+  contains
+    function number_of(flag) result(number)
+      logical, intent(in), optional :: flag
+      integer(c_int) :: number
+      number = 0
+      if (.not. present(flag)) return
+      if (flag) number = 1
+    end function
+
+    function is_sound(column, name) result(yes)
+      real(real64), allocatable, intent(in) :: column(:)
+      character(len=*), intent(in) :: name
+      logical :: yes
+      yes = allocated(column)
+      if (.not. yes) return
+      if (size(column) /= self%n) call refuse(code, status, name, size(column), self%n)
+      yes = code == 0
+    end function
+
+    subroutine give(column, name, field, component)
+      real(real64), allocatable, target, intent(in) :: column(:)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: field, component
+      if (.not. is_sound(column, name)) return
+      n_in = n_in + 1
+      inputs(n_in) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(nothing), 0)
+      if (masked) then
+        in(:count, n_in) = column(rows)
+        inputs(n_in)%values = c_loc(in(1, n_in))
+      else if (count > 0) then
+        inputs(n_in)%values = c_loc(column)
+      end if
+    end subroutine
+
+    subroutine want(column, name, field, component)
+      real(real64), allocatable, target, intent(inout) :: column(:)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: field, component
+      if (.not. is_sound(column, name)) return
+      n_out = n_out + 1
+      outputs(n_out) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(nothing), 0)
+      if (masked) then
+        outputs(n_out)%values = c_loc(out(1, n_out))
+      else if (count > 0) then
+        outputs(n_out)%values = c_loc(column)
+      end if
+    end subroutine
+
+    ! Rows that were not stepped keep their former answers.
+    subroutine adopt()
+      self%flagged = int(answer%flagged_nodes)
+      if (.not. masked) then
+        self%regime = iand(int(regime(:count)), 255)
+        self%outcome = iand(int(outcome(:count)), 255)
+        return
+      end if
+      self%regime(rows) = iand(int(regime(:count)), 255)
+      self%outcome(rows) = iand(int(outcome(:count)), 255)
+      n_out = 0
+      call scatter(self%stress)
+      call scatter(self%stress2)
+      call scatter(self%slip)
+      call scatter(self%slip2)
+      call scatter(self%temperature)
+      call scatter(self%jump_new)
+      call scatter(self%jump_new2)
+      call scatter(self%heat)
+    end subroutine
+
+    subroutine scatter(column)
+      real(real64), allocatable, intent(inout) :: column(:)
+      if (.not. allocated(column)) return
+      n_out = n_out + 1
+      column(rows) = out(:count, n_out)
+    end subroutine
+  end subroutine
+
+  ! ---- states and nodes ----
+
+  subroutine commit(self, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    status = fresh_status()
+    call report(c_commit(self%handle, status), status, stat, msg)
+  end subroutine
+
+  subroutine rollback(self, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    status = fresh_status()
+    call report(c_rollback(self%handle, status), status, stat, msg)
+  end subroutine
+
+  subroutine mark(self, name, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    status = fresh_status()
+    call report(c_mark(self%handle, trim(name)//c_null_char, status), status, stat, msg)
+  end subroutine
+
+  subroutine rollback_to(self, name, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    integer(c_int) :: code
+    status = fresh_status()
+    code = c_rollback_to(self%handle, trim(name)//c_null_char, status)
+    if (code == 0) call follow_nodes(self)
+    call report(code, status, stat, msg)
+  end subroutine
+
+  subroutine register_64(self, nodes, initial_temperature, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int64), intent(in) :: nodes(:)
+    real(real64), intent(in), optional :: initial_temperature(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    real(c_double), allocatable, target :: temperatures(:)
+    type(c_ptr) :: address
+    type(c_status) :: status
+    integer(c_int) :: code
+    status = fresh_status()
+    call per_node(initial_temperature, size(nodes), temperatures, address, code, status)
+    if (code == 0) code = c_register(self%handle, size(nodes, kind=c_size_t), nodes, address, status)
+    if (code == 0) call follow_nodes(self)
+    call report(code, status, stat, msg)
+  end subroutine
+
+  subroutine register_32(self, nodes, initial_temperature, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int32), intent(in) :: nodes(:)
+    real(real64), intent(in), optional :: initial_temperature(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call self%register(int(nodes, int64), initial_temperature, stat, msg)
+  end subroutine
+
+  subroutine retire_64(self, nodes, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int64), intent(in) :: nodes(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    integer(c_int) :: code
+    status = fresh_status()
+    code = c_retire(self%handle, size(nodes, kind=c_size_t), nodes, status)
+    if (code == 0) call follow_nodes(self)
+    call report(code, status, stat, msg)
+  end subroutine
+
+  subroutine retire_32(self, nodes, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int32), intent(in) :: nodes(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call self%retire(int(nodes, int64), stat, msg)
+  end subroutine
+
+  ! transfer: 32 hexadecimal digits, for accept of another session of the domain.
+  subroutine offer_64(self, nodes, transfer, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int64), intent(in) :: nodes(:)
+    character(len=shearbus_transfer_length), intent(out) :: transfer
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    integer(c_int8_t) :: bytes(16)
+    type(c_status) :: status
+    integer(c_int) :: code
+    status = fresh_status()
+    transfer = ''
+    code = c_offer(self%handle, size(nodes, kind=c_size_t), nodes, bytes, status)
+    if (code == 0) then
+      write (transfer, '(16z2.2)') iand(int(bytes), 255)
+      call follow_nodes(self)
+    end if
+    call report(code, status, stat, msg)
+  end subroutine
+
+  subroutine offer_32(self, nodes, transfer, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int32), intent(in) :: nodes(:)
+    character(len=shearbus_transfer_length), intent(out) :: transfer
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call self%offer(int(nodes, int64), transfer, stat, msg)
+  end subroutine
+
+  ! The accepted nodes are the last ones of nodes.
+  subroutine accept(self, transfer, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    character(len=*), intent(in) :: transfer
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    integer :: numbers(16), fault
+    type(c_status) :: status
+    integer(c_int) :: code
+    status = fresh_status()
+    code = 0
+    fault = 1
+    if (len_trim(transfer) == shearbus_transfer_length) read (transfer, '(16z2)', iostat=fault) numbers
+    if (fault /= 0) then
+      call refuse(code, status, 'transfer', len_trim(transfer), shearbus_transfer_length)
+    else
+      where (numbers > 127) numbers = numbers - 256
+      code = c_accept(self%handle, int(numbers, c_int8_t), status)
+    end if
+    if (code == 0) call follow_nodes(self)
+    call report(code, status, stat, msg)
+  end subroutine
+
+  ! Gives the columns the rows of the changed set of nodes; a node that was there before keeps its values.
+  subroutine follow_nodes(self)
+    class(shearbus_interface), intent(inout) :: self
+    integer(int64), allocatable :: before(:)
+    integer, allocatable :: row(:)
+    real(real64) :: unset
+    integer :: i, j
+    unset = ieee_value(unset, ieee_quiet_nan)
+    allocate (before, source=self%nodes)
+    call adopt_nodes(self)
+    allocate (row(self%n), source=0)
+    j = 1  ! the nodes that stay keep their order, so that both lists are walked once
+    do i = 1, self%n
+      do while (j <= size(before))
+        if (before(j) == self%nodes(i)) exit
+        j = j + 1
+      end do
+      if (j > size(before)) exit
+      row(i) = j
+      j = j + 1
+    end do
+    call follow(self%jump)
+    call follow(self%jump2)
+    call follow(self%pressure)
+    call follow(self%stress_soft)
+    call follow(self%stress_soft2)
+    call follow(self%stress_hard)
+    call follow(self%stress_hard2)
+    call follow(self%mass_soft)
+    call follow(self%mass_hard)
+    call follow(self%soft_shear_rate)
+    call follow(self%soft_plastic_strain_rate)
+    call follow(self%stress)
+    call follow(self%stress2)
+    call follow(self%slip)
+    call follow(self%slip2)
+    call follow(self%temperature)
+    call follow(self%jump_new)
+    call follow(self%jump_new2)
+    call follow(self%heat)
+    self%regime = codes(self%regime)
+    self%outcome = codes(self%outcome)
+  contains
+    subroutine follow(column)
+      real(real64), allocatable, intent(inout) :: column(:)
+      real(real64), allocatable :: values(:)
+      integer :: k
+      if (.not. allocated(column)) return
+      allocate (values(self%n), source=unset)
+      do k = 1, self%n
+        if (row(k) > 0 .and. row(k) <= size(column)) values(k) = column(row(k))
+      end do
+      call move_alloc(values, column)
+    end subroutine
+    function codes(column) result(values)
+      integer, intent(in) :: column(:)
+      integer :: values(self%n)
+      integer :: k
+      values = 0
+      do k = 1, self%n
+        if (row(k) > 0 .and. row(k) <= size(column)) values(k) = column(row(k))
+      end do
+    end function
+  end subroutine
+
+  ! A fault of this side: something has not the size that it must have.
+  subroutine refuse(code, status, name, found, expected)
+    integer(c_int), intent(inout) :: code
+    type(c_status), intent(inout) :: status
+    character(len=*), intent(in) :: name
+    integer, intent(in) :: found, expected
+    character(len=200) :: text
+    integer :: i
+    code = 105
+    status%code = code
+    write (text, '(2a,i0,a,i0)') name, ' has the size ', found, ', expected ', expected
+    status%remedy(1) = c_null_char
+    do i = 1, len_trim(text)
+      status%text(i) = text(i:i)
+    end do
+    status%text(len_trim(text) + 1) = c_null_char
+  end subroutine
+end module

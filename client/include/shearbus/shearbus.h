@@ -1,0 +1,336 @@
+/* The C interface of the shearbus subgrid service.
+ *
+ *   shearbus_session* bus = NULL;
+ *   shearbus_status status = SHEARBUS_STATUS_INIT;
+ *   shearbus_options options = SHEARBUS_OPTIONS_INIT;
+ *   options.scene_file = "friction.toml";
+ *   if (shearbus_open(&bus, &options, n, node_ids, NULL, &status)) fail(status.text, status.remedy);
+ *
+ *   shearbus_input inputs[] = {{SHEARBUS_VELOCITY_JUMP, 0, jump, 0}, {SHEARBUS_PRESSURE, 0, pressure, 0}, ...};
+ *   shearbus_output outputs[] = {{SHEARBUS_SHEAR_STRESS, 0, stress, 0}};
+ *   shearbus_request step = SHEARBUS_REQUEST_INIT;
+ *   step.dt_s = 1e-9;  step.n = n;  step.inputs = inputs;  step.n_inputs = 2;  step.outputs = outputs; ...
+ *   if (shearbus_step(bus, &step, NULL, &status)) fail(status.text, status.remedy);
+ *
+ *   shearbus_close(&bus, &status);
+ *
+ * Every function that may fail returns a code: SHEARBUS_OK (0) or the code of the fault, and fills the caller's status
+ * (which may be NULL) with what was expected and found, and with what to do. A call that fails changes no state of the
+ * server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or may not have
+ * run. The same call with the same values is then the same request: it does not run twice, and its answer is kept.
+ *
+ * No call throws, aborts, prints, or blocks beyond its deadline. A session belongs to one thread at a time; sessions
+ * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the
+ * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so each
+ * struct starts from its _INIT. Members that are zero have their default.
+ *
+ * Environment variables that a user sets, without a change of the host:
+ *   SHEARBUS_ENDPOINT  replaces shearbus_options.endpoint
+ *   SHEARBUS_SCENE     file that replaces the scene of shearbus_options
+ *   SHEARBUS_LOG       file to which the library appends its log lines; "stderr" for standard error */
+#ifndef SHEARBUS_H
+#define SHEARBUS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(__GNUC__)
+#define SHEARBUS_API __attribute__((visibility("default")))
+#else
+#define SHEARBUS_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct shearbus_session shearbus_session;
+
+/* ---- codes ---- */
+
+/* The hundreds are classes: 1xx the message, 2xx the session, 3xx the content, 4xx the server, 5xx this side. The
+ * numbers, 0 and 510 and above excepted, are those of shearbus.v1.Code (proto/WIRE.md). */
+enum {
+  SHEARBUS_OK = 0,
+  SHEARBUS_BAD_FRAMING = 100,
+  SHEARBUS_MALFORMED = 101,
+  SHEARBUS_VERSION = 102,
+  SHEARBUS_LIMIT = 103,
+  SHEARBUS_CHECKSUM = 104,
+  SHEARBUS_SHAPE = 105,       /* columns missing, surplus or of the wrong length */
+  SHEARBUS_UNSUPPORTED = 106, /* the session or the server does not have this column, verb or option */
+  SHEARBUS_UNKNOWN_SESSION = 200,
+  SHEARBUS_STALE_SEQUENCE = 201,
+  SHEARBUS_SEQUENCE_GAP = 202,
+  SHEARBUS_SEQUENCE_REUSED = 203, /* after an unknown outcome another call was made, and the lost request had run */
+  SHEARBUS_EPOCH = 204,           /* the server was restarted with older states */
+  SHEARBUS_NOTHING_TO_COMMIT = 205,
+  SHEARBUS_RESUME_REFUSED = 206,
+  SHEARBUS_SUPERSEDED = 207, /* another client has resumed the session since */
+  SHEARBUS_UNKNOWN_MARK = 208,
+  SHEARBUS_TRIAL_STANDS = 209,
+  SHEARBUS_UNKNOWN_TRANSFER = 210,
+  SHEARBUS_NOT_PERMITTED = 220,
+  SHEARBUS_INVALID_SCENE = 300,
+  SHEARBUS_INVALID_VALUE = 301, /* a number or an argument is out of bounds */
+  SHEARBUS_UNKNOWN_NODE = 302,
+  SHEARBUS_DUPLICATE_NODE = 303,
+  SHEARBUS_NODE_OWNED = 304,
+  SHEARBUS_OTHER_SCENE = 305,
+  SHEARBUS_STEP_FAILED = 306, /* with all_or_nothing: a node has no answer */
+  SHEARBUS_SHUTTING_DOWN = 400,
+  SHEARBUS_INTERNAL = 401,
+  SHEARBUS_NO_SPACE = 402,
+  SHEARBUS_DRAINING = 403,
+  SHEARBUS_CHECKPOINT_FAILED = 404,
+  SHEARBUS_UNREACHABLE = 500,      /* no connection before the deadline; the request was not sent */
+  SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
+  SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
+  SHEARBUS_AUTH = 503,             /* the server does not admit this client */
+  SHEARBUS_NO_MEMORY = 510,
+  SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
+};
+
+/* The name of a code, such as "INVALID_VALUE". Never NULL. */
+SHEARBUS_API const char* shearbus_code_name(int code);
+
+#define SHEARBUS_NODES_NAMED 16
+typedef struct shearbus_status {
+  size_t size;
+  int code;
+  int n_nodes;                          /* number of entries of `nodes` that are set */
+  uint64_t nodes[SHEARBUS_NODES_NAMED]; /* nodes at fault */
+  char field[64];                       /* column or key of the scene at fault */
+  char remedy[512];
+  char text[2048]; /* what was expected and found; a longer text ends in "..." */
+} shearbus_status;
+#define SHEARBUS_STATUS_INIT                        \
+  {                                                 \
+    sizeof(shearbus_status), 0, 0, {0}, {0}, {0}, { \
+      0                                             \
+    }                                               \
+  }
+
+/* ---- columns ---- */
+
+/* Columns of a step. The numbers are those of shearbus.v1.Field, the meanings stand in proto/wire/columns.inc. */
+enum {
+  /* inputs, all double */
+  SHEARBUS_VELOCITY_JUMP = 10,            /* m/s, V_soft - V_hard; tangential */
+  SHEARBUS_PRESSURE = 11,                 /* Pa, compression positive; P <= 0: no contact */
+  SHEARBUS_STRESS_SOFT = 12,              /* Pa, shear stress half a zone inside the soft body; tangential */
+  SHEARBUS_STRESS_HARD = 13,              /* Pa, shear stress half a zone inside the hard body; tangential */
+  SHEARBUS_MASS_SOFT = 14,                /* kg/m2, of the soft half zone that moves with the interface */
+  SHEARBUS_MASS_HARD = 15,                /* kg/m2, of the hard half zone that moves with the interface */
+  SHEARBUS_SOFT_SHEAR_RATE = 16,          /* 1/s */
+  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* 1/s */
+  /* outputs, double except for the regime and the outcome, which are uint8_t */
+  SHEARBUS_SHEAR_STRESS = 30,          /* Pa; positive when the jump is: it pulls the soft body back; tangential */
+  SHEARBUS_SLIDING_VELOCITY = 31,      /* m/s, slip at the interface; tangential */
+  SHEARBUS_INTERFACE_TEMPERATURE = 32, /* K */
+  SHEARBUS_VELOCITY_JUMP_NEW = 33,     /* m/s, half a step later; force-driven; tangential */
+  SHEARBUS_REGIME = 34,                /* uint8_t: 0 open, 1 stick, 2 Coulomb, 3 Tresca, 4 melting */
+  SHEARBUS_OUTCOME = 35,               /* uint8_t: 0, or a sum of SHEARBUS_OUTCOME_ bits */
+  SHEARBUS_FRICTION_HEAT = 36,         /* J/m2, heat that entered the layer in the step */
+  /* outputs of the energy ledger, J/m2 */
+  SHEARBUS_INTERFACE_WORK = 40,
+  SHEARBUS_HEAT_TO_SOFT = 41,
+  SHEARBUS_HEAT_TO_HARD = 42,
+  SHEARBUS_PLASTIC_WORK = 43,
+  SHEARBUS_STORED_HEAT_SOFT = 44,
+  SHEARBUS_STORED_HEAT_HARD = 45,
+  SHEARBUS_ELASTIC_ENERGY = 46,
+  SHEARBUS_HEAT_RESIDUAL = 47,
+  SHEARBUS_ENERGY_RESIDUAL = 48,
+  SHEARBUS_ERROR_ESTIMATE = 60 /* 1; scenes with a tolerance */
+};
+
+enum {
+  SHEARBUS_OUTCOME_SUBSTEPPED = 1,
+  SHEARBUS_OUTCOME_MULTIPLE_ROOTS = 2,
+  SHEARBUS_OUTCOME_OUTSIDE_DOMAIN = 4,
+  SHEARBUS_OUTCOME_ASLEEP = 32,
+  SHEARBUS_OUTCOME_FIRST_ORDER = 64,
+  SHEARBUS_OUTCOME_FAILED = 128 /* the node has no answer and keeps its state */
+};
+
+/* Where a column lies in the caller's memory: one value per node, `stride_bytes` apart (0: without gaps), so that an
+ * array of structs needs no copy. component: 0, or 1 for the second column of a tangential quantity in a scene with
+ * tangential_components = 2. */
+typedef struct shearbus_input {
+  uint32_t field;
+  uint32_t component;
+  const double* values;
+  ptrdiff_t stride_bytes;
+} shearbus_input;
+typedef struct shearbus_output {
+  uint32_t field;
+  uint32_t component;
+  void* values; /* double*, or uint8_t* for the regime and the outcome */
+  ptrdiff_t stride_bytes;
+} shearbus_output;
+
+/* The name of a column on the wire, with its unit ("pressure_pa"), NULL if there is none; and the reverse, 0 if there
+ * is none. */
+SHEARBUS_API const char* shearbus_field_name(uint32_t field);
+SHEARBUS_API uint32_t shearbus_field_number(const char* name);
+
+/* ---- sessions ---- */
+
+/* Called with one line of text, without line end: from inside a call that has waited for 2 s, then after 4, 8, ... s,
+ * with what it waits for. The callback must not call this library. */
+typedef void (*shearbus_log_fn)(void* user, const char* line);
+
+typedef struct shearbus_options {
+  size_t size;
+  const char* endpoint;        /* tcp://host:port or ipc://path; NULL, "" or "embedded": a server in this process */
+  const char* scene_file;      /* path of a TOML file; either this or scene_text */
+  const char* scene_text;      /* TOML text */
+  const char* domain;          /* node ids are unique over the sessions of a domain; NULL: over this session */
+  const char* name;            /* of this host, for the server's log */
+  const char* server_key_file; /* tcp: files of CURVE keys, both or none: the server's public key */
+  const char* secret_key_file; /* and this client's secret key */
+  double connect_deadline_s;   /* default 5 */
+  double reply_deadline_s;     /* of any call, repeats included; default 60 */
+  double retry_after_s;        /* an unanswered request is repeated on a fresh connection; default 5 */
+  shearbus_log_fn log;
+  void* log_user;
+  const char* state_dir; /* embedded: directory of a durable server's states; NULL: they end with the session */
+  uint32_t threads;      /* embedded: threads that solve layers; default 1 */
+} shearbus_options;
+#define SHEARBUS_OPTIONS_INIT \
+  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+
+/* Opens a session with n nodes; *session is NULL before. initial_temperature_k: one value per node, or NULL for the
+ * scene's value. After a fault *session is NULL again, with two exceptions: after SHEARBUS_UNKNOWN_OUTCOME and
+ * SHEARBUS_NO_MEMORY the session may be open on the server, and *session may hold a handle with which the same call
+ * opens the same session. */
+SHEARBUS_API int shearbus_open(shearbus_session** session, const shearbus_options* options, size_t n,
+                               const uint64_t* node_ids, const double* initial_temperature_k, shearbus_status* status);
+
+/* Ends the session on the server and waits for its confirmation. *session is NULL afterwards, whatever the code is. */
+SHEARBUS_API int shearbus_close(shearbus_session** session, shearbus_status* status);
+
+/* Frees the session here and leaves it open on the server, for shearbus_resume(). *session is NULL afterwards. */
+SHEARBUS_API void shearbus_leave(shearbus_session** session);
+
+/* A text by which another process continues the session after this one has ended. It is a secret: its holder owns the
+ * session. */
+#define SHEARBUS_TICKET_BYTES 80
+SHEARBUS_API int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET_BYTES],
+                                 shearbus_status* status);
+SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
+                                 shearbus_status* status);
+
+/* ---- steps ---- */
+
+enum { SHEARBUS_ADVANCE = 0, SHEARBUS_TRIAL = 1 };
+
+typedef struct shearbus_request {
+  size_t size;
+  double dt_s;
+  double time_s; /* end of the step, for records only */
+  uint64_t step; /* number of the step, for records only */
+  uint32_t attempt;
+  int mode;            /* SHEARBUS_ADVANCE commits the new states; after SHEARBUS_TRIAL a commit or rollback follows */
+  int commit_previous; /* SHEARBUS_TRIAL: 1 commits the standing trial first */
+  int all_or_nothing;  /* 1: a node without an answer is a fault, SHEARBUS_STEP_FAILED, and no state changes */
+  size_t n;            /* number of rows */
+  const uint64_t* node_ids; /* node of each row; NULL: all nodes of the session, in its order */
+  const shearbus_input* inputs;
+  size_t n_inputs;
+  const shearbus_output* outputs;
+  size_t n_outputs;
+} shearbus_request;
+#define SHEARBUS_REQUEST_INIT \
+  { sizeof(shearbus_request), 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+
+typedef struct shearbus_result {
+  size_t size;
+  uint64_t nodes;         /* rows answered */
+  uint64_t flagged_nodes; /* rows whose outcome is not 0 */
+  uint64_t state_version;
+  uint64_t solver_ns;     /* time of the solvers */
+  uint64_t service_ns;    /* time in the server, the solvers included */
+  uint64_t round_trip_ns; /* time from the request to its answer, as this side saw it */
+} shearbus_result;
+#define SHEARBUS_RESULT_INIT \
+  { sizeof(shearbus_result), 0, 0, 0, 0, 0, 0 }
+
+/* Steps nodes and fills the outputs, which are unchanged after a fault. result may be NULL. */
+SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
+                               shearbus_status* status);
+
+/* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
+ * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the memory
+ * of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
+ * request. */
+SHEARBUS_API int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status);
+SHEARBUS_API int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status);
+
+SHEARBUS_API int shearbus_commit(shearbus_session* session, shearbus_status* status);
+SHEARBUS_API int shearbus_rollback(shearbus_session* session, shearbus_status* status);
+
+/* Keeps the committed states on the server under a name, such as that of the host's restart dump (the newest two
+ * remain), and restores the nodes of a mark with their states, which drops a trial. */
+SHEARBUS_API int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* status);
+SHEARBUS_API int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status);
+
+/* ---- nodes ---- */
+
+/* New nodes are added after the present ones, which keep their order; retired nodes are removed with their states. */
+SHEARBUS_API int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_ids,
+                                   const double* initial_temperature_k, shearbus_status* status);
+SHEARBUS_API int shearbus_retire(shearbus_session* session, size_t n, const uint64_t* node_ids,
+                                 shearbus_status* status);
+
+/* Moves nodes with their states to another session of the domain, which passes the id to shearbus_accept(). Between the
+ * two calls the server keeps the nodes. The accepted nodes are the last ones of shearbus_node_ids(). */
+#define SHEARBUS_TRANSFER_BYTES 16
+SHEARBUS_API int shearbus_offer(shearbus_session* session, size_t n, const uint64_t* node_ids,
+                                uint8_t transfer[SHEARBUS_TRANSFER_BYTES], shearbus_status* status);
+SHEARBUS_API int shearbus_accept(shearbus_session* session, const uint8_t transfer[SHEARBUS_TRANSFER_BYTES],
+                                 shearbus_status* status);
+/* Copies at most `capacity` offers of a resumed session that no session had accepted; returns their number. */
+SHEARBUS_API size_t shearbus_offers(const shearbus_session* session, size_t capacity,
+                                    uint8_t (*transfers)[SHEARBUS_TRANSFER_BYTES]);
+
+/* The number of nodes, and their ids in the order of the rows of a step without node_ids. */
+SHEARBUS_API size_t shearbus_node_count(const shearbus_session* session);
+SHEARBUS_API const uint64_t* shearbus_node_ids(const shearbus_session* session);
+
+/* ---- what the server has understood ---- */
+
+/* The scene as TOML text with every default and constant; and the server's warnings about it, one a line. "" for a
+ * session that is NULL. */
+SHEARBUS_API const char* shearbus_effective_scene(const shearbus_session* session);
+SHEARBUS_API const char* shearbus_warnings(const shearbus_session* session);
+
+typedef struct shearbus_info {
+  size_t size;
+  int strategy; /* 1 velocity-driven, 2 force-driven */
+  uint32_t tangential_components;
+  uint64_t bytes_per_node; /* of the server's memory */
+  uint64_t last_sequence;  /* number of the last answered request; 0 is the opening */
+  int outlives_server;     /* 1: a durable server, which answers again after its restart */
+} shearbus_info;
+#define SHEARBUS_INFO_INIT \
+  { sizeof(shearbus_info), 0, 0, 0, 0, 0 }
+SHEARBUS_API int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shearbus_status* status);
+
+/* The columns of this session's steps: fills at most `capacity` numbers and returns how many there are. */
+enum {
+  SHEARBUS_REQUIRED_INPUT = 0,
+  SHEARBUS_OPTIONAL_INPUT = 1,
+  SHEARBUS_DEFAULT_OUTPUT = 2,
+  SHEARBUS_OUTPUT_ON_REQUEST = 3
+};
+SHEARBUS_API size_t shearbus_columns(const shearbus_session* session, int use, size_t capacity, uint32_t* fields);
+
+/* Version of the library, such as "0.1.0". */
+SHEARBUS_API const char* shearbus_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,130 @@
+"""The Python client of the shearbus subgrid service: pure Python over pyzmq and numpy.
+
+    import shearbus
+
+    with shearbus.open("friction.toml", nodes=range(10)) as bus:        # starts a server of its own
+        answer = bus.step(1e-9, jump=jump, pressure=11.2e9, stress_soft=soft, stress_hard=hard,
+                          mass_soft=m_soft, mass_hard=m_hard)
+        answer.stress, answer.slip, answer.temperature, answer.jump_new   # read-only arrays (N,), SI units
+
+All quantities are SI: m, s, kg, K, Pa. Names of columns and their meaning: proto/WIRE.md, "The payload"; a step's
+keywords and an answer's attributes are the names of shearbus.columns.COLUMNS."""
+import contextlib
+import os
+import pathlib
+
+from . import columns, errors
+from .columns import COLUMNS
+from .closure import ClosureWarning
+from .connection import Connection
+from .errors import (AuthError, ClosureError, Code, ContentError, Error, MessageError, ServerError, SessionError,
+                     UnexpectedReply, UnknownOutcome, Unreachable)
+from .history import History
+from .scene import toml_of
+from .server import Server
+from .session import Answer, Outcome, Regime, Session, Trial, named_nodes, node_ids
+
+__version__ = "0.1.0"
+__all__ = [
+    "Answer", "AuthError", "COLUMNS", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "History",
+    "MessageError", "Outcome", "Regime", "Server", "ServerError", "Session", "SessionError", "Trial", "UnexpectedReply",
+    "UnknownOutcome", "Unreachable", "open", "resume"
+]
+
+_doubted = {}  # an opening whose outcome is unknown: its contents -> request id, session id, token
+
+
+def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="", want=(), record=False,
+         closure="warn", idle_limit=0, **connection):
+    """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
+
+    scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
+    on; none only in a domain. endpoint: tcp://host:port or ipc://path; None starts a server, which ends with the
+    session. initial_temperature (K): a number or an array (N,); None: the scene's. domain: sessions of a domain share
+    their node ids, and nodes move between them. want: names of columns that every reply shall have in addition
+    ("ledger": the energy ledger). record: keeps a history. closure: what a
+    force-driven host meets whose jump is not the jump that its last step answered, "warn", "error" or "off"
+    (shearbus.closure.ClosureCheck). idle_limit (s): the server closes the session after so long without a request; 0:
+    never. connection: server_key and key, files of the server's public
+    and the client's secret key, for tcp; name, for the server's log; connect_deadline (5), reply_deadline (60, of every
+    call, retries included) and retry_after (5), after which a request is sent again, in seconds.
+
+    The environment variables SHEARBUS_ENDPOINT and SHEARBUS_SCENE (a path) replace endpoint and scene. Raises an
+    Error."""
+    text, file = _scene(os.environ.get("SHEARBUS_SCENE") or scene)
+    ids = node_ids(nodes)
+    payload = named_nodes(ids, initial_temperature)
+    with _session(endpoint, want, record, closure, connection) as session:
+        link = session._connection
+        contents = (link.endpoint, text, file, domain, payload[1].tobytes() if len(ids) else b"")
+        opening = _doubted.pop(contents, None) or (link.next_request_id(), os.urandom(16), os.urandom(16))
+        request_id, session._id, session._token = opening
+        if idle_limit:
+            session._require("idle_limit", "idle_limit")
+        body = {"scene": text, "scene_file": file, "session_id": session._id, "resume_token": session._token,
+                "domain": domain, "idle_limit_s": int(idle_limit),
+                "check_closure": closure != "off" and "closure" in session.welcome.capabilities}
+        try:
+            reply = session._send({"request_id": request_id}, "open_session", body, "session_opened", *payload)
+        except Error as fault:
+            # The same arguments again are the same session, opened once.
+            if fault.code == Code.UNKNOWN_OUTCOME or int(fault.code) // 100 == 4:
+                _doubted[contents] = opening
+            raise
+        session.nodes = ids
+        ids.setflags(write=False)
+        session._opened(reply.header.session_opened, reply.header.epoch)
+    return session
+
+
+def resume(ticket, endpoint=None, *, want=(), record=False, closure="warn", **connection):
+    """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
+    those of open(). Returns a Session. Raises an Error."""
+    try:
+        session_id, token = (bytes.fromhex(part) for part in ticket.split(":"))
+    except (AttributeError, ValueError):
+        session_id = token = b""
+    if len(session_id) != 16 or len(token) != 16:
+        raise SessionError(Code.RESUME_REFUSED,
+                           "the ticket is not two times 32 hexadecimal digits with a colon between",
+                           "Pass Session.ticket as it was.", "ticket")
+    if endpoint is None and not os.environ.get("SHEARBUS_ENDPOINT"):
+        raise Unreachable(Code.UNREACHABLE, "a session is resumed where it was opened, and no endpoint was given",
+                          "Give endpoint=.")
+    with _session(endpoint, want, record, closure, connection) as session:
+        session._id, session._token = session_id, token
+        claimed = session._claim()
+        session._adopt(claimed)
+        session._opened(claimed.header.session_resumed.session, claimed.header.epoch)
+    return session
+
+
+@contextlib.contextmanager
+def _session(endpoint, want, record, closure, options):
+    """Connects to a server; disconnects, and ends a server of one's own, if the block fails."""
+    endpoint = os.environ.get("SHEARBUS_ENDPOINT") or endpoint
+    with contextlib.ExitStack() as undo:
+        server = None
+        if endpoint is None:
+            server = undo.enter_context(Server())
+        connection = Connection(server.endpoint if server else endpoint, **options)
+        undo.callback(connection.close)
+        yield Session(connection, server, want, record, closure)
+        undo.pop_all()
+
+
+def _scene(scene):
+    """Returns the text of a scene and the name by which the server cites it."""
+    if isinstance(scene, dict):
+        return toml_of(scene), "scene"
+    if isinstance(scene, str) and "\n" in scene:
+        return scene, "scene"
+    try:
+        return pathlib.Path(scene).read_text(), os.fspath(scene)
+    except (OSError, UnicodeError) as fault:
+        raise ContentError(Code.INVALID_SCENE, f"the scene {scene} cannot be read: {fault}",
+                           "Pass the path of a TOML file, TOML text or a dict.", "scene") from None
+    except TypeError:
+        raise ContentError(Code.INVALID_SCENE,
+                           f"the scene is {type(scene).__name__}, expected a path, TOML text or a dict",
+                           field="scene") from None

@@ -1,0 +1,280 @@
+"""One DEALER socket with deadlines and retries (proto/WIRE.md, "Deadlines and repeats"): sends the frames of a request
+and returns the reply to it."""
+import logging
+import os
+import pathlib
+import struct
+import time
+from typing import Any, NamedTuple
+
+import zmq
+
+from . import header
+from .checksum import xxh3
+from .errors import AuthError, Code, Error, UnexpectedReply, UnknownOutcome, Unreachable, error
+
+HANDSHAKES = (zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+              | zmq.EVENT_HANDSHAKE_FAILED_AUTH)
+SILENT_FAILURES = 3  # handshakes failed in a row after which a wrong key is reported
+REPORT_AFTER_S = 2.0  # time after which a waiting call says whom it waits for
+MAX_PAYLOAD_BYTES = 32 * 1024 * 1024
+Z85 = frozenset(b"0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#")
+
+NOW, MORE = int(zmq.DONTWAIT), int(zmq.DONTWAIT | zmq.SNDMORE)
+
+log = logging.getLogger("shearbus")
+
+
+class Reply(NamedTuple):
+    header: Any  # decoded ReplyHeader
+    payload: Any  # memoryview of the payload frame, or None
+    round_trip_s: float
+
+
+def key_in(file, secret):
+    """Returns the only key in a file: a line of 40 characters of Z85, then words; lines that begin with "# " are
+    comments."""
+    path = pathlib.Path(file)
+    try:
+        if secret and path.stat().st_mode & 0o077:
+            raise AuthError(Code.AUTH, f"{file}: others can read the secret key; expected mode 0600",
+                            f"chmod 600 {file}")
+        lines = [line.split()[0].encode() for line in path.read_text().splitlines()
+                 if line.strip() and line.strip() != "#" and not line.startswith("# ")]
+    except (OSError, UnicodeError) as fault:
+        raise AuthError(Code.AUTH, f"{file}: the key cannot be read: {fault}",
+                        "shearbus-ctl keygen makes a pair of files.")
+    if len(lines) != 1 or len(lines[0]) != 40 or not Z85.issuperset(lines[0]):
+        raise AuthError(Code.AUTH, f"{file}: expected one key of 40 characters of Z85",
+                        "shearbus-ctl keygen makes a pair of files.")
+    return lines[0]
+
+
+class Connection:
+    """A connection to a server, with a socket that is replaced after every reply that did not come in time.
+
+    endpoint: tcp://host:port or ipc://path. server_key, key: files of the server's public and the client's own secret
+    key, for tcp. Times in seconds; reply_deadline is that of a call, retries included."""
+
+    def __init__(self, endpoint, server_key=None, key=None, name="shearbus-python", connect_deadline=5.0,
+                 reply_deadline=60.0, retry_after=5.0):
+        if not isinstance(endpoint, str) or not endpoint.startswith(("tcp://", "ipc://")):
+            raise Unreachable(Code.UNREACHABLE, f"{endpoint!r} is not an endpoint",
+                              "Use tcp://host:port or ipc://path.")
+        if (server_key is None) != (key is None):
+            raise AuthError(Code.AUTH,
+                            "server_key and key go together: the server's public key and one's own secret key",
+                            "Give both, or neither; shearbus-ctl keygen makes a pair.")
+        if key is not None and not endpoint.startswith("tcp://"):
+            raise AuthError(Code.AUTH, f"{endpoint} takes no keys: it is on this machine, where the user is known",
+                            "Leave out server_key and key.")
+        self.endpoint, self.name = endpoint, name
+        self.connect_deadline, self.reply_deadline, self.retry_after = connect_deadline, reply_deadline, retry_after
+        self.server_key = self.secret_key = self.public_key = None
+        if key is not None:
+            self.server_key, self.secret_key = key_in(server_key, False), key_in(key, True)
+            self.public_key = zmq.curve_public(self.secret_key)
+        self._socket = self._monitor = None
+        self._refusal, self._silent_failures = None, 0
+        self._last_id = int.from_bytes(os.urandom(8), "little")
+
+    def next_request_id(self):
+        self._last_id = (self._last_id + 1) % 2**64 or 1
+        return self._last_id
+
+    def close(self):
+        if self._socket is not None:
+            self._socket.disable_monitor()
+            self._socket.close()
+            self._monitor.close()
+            self._socket = None
+
+    def call(self, frames, request_id, deadline=None):
+        """Sends `frames` and returns the Reply to them; sends the same bytes again on a fresh socket after every
+        `retry_after` without a reply.
+
+        Raises the error of a refusal, Unreachable if the request was never sent, AuthError where the server refuses the
+        connection, UnknownOutcome if the request was sent and no reply came before the deadline."""
+        try:
+            return self._call(frames, request_id, deadline)
+        except Error:
+            raise
+        except BaseException:  # an interrupt: a late reply must not be taken for the reply to the next request
+            self.close()
+            raise
+
+    def _call(self, frames, request_id, deadline):
+        started = time.monotonic()
+        self._report_at = started + REPORT_AFTER_S
+        last_moment = started + (self.reply_deadline if deadline is None else deadline)
+        sent = False
+        while True:
+            if self._socket is None:
+                self._connect()
+            while not self._send(frames):
+                if self._wait(self._outgoing, last_moment):
+                    continue
+                if self._refusal:
+                    self._refused(sent)
+                self._give_up(sent, started)
+            sent = True
+            reply = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
+            if reply is not None:
+                status = reply.header.status
+                if status is None or status.code != Code.OK:
+                    raise _refusal_of(status)
+                return reply
+            self.close()
+            if self._refusal:
+                self._refused(sent)
+            if time.monotonic() >= last_moment:
+                self._give_up(sent, started)
+
+    def _connect(self):
+        self._refusal = None
+        socket = zmq.Context.instance().socket(zmq.DEALER)
+        try:
+            for option, value in ((zmq.IMMEDIATE, 1), (zmq.LINGER, 0), (zmq.MAXMSGSIZE, MAX_PAYLOAD_BYTES),
+                                  (zmq.RECONNECT_IVL, 100), (zmq.RECONNECT_IVL_MAX, 5000), (zmq.HANDSHAKE_IVL, 5000),
+                                  (zmq.HEARTBEAT_IVL, 2000), (zmq.HEARTBEAT_TIMEOUT, 6000), (zmq.TCP_KEEPALIVE, 1),
+                                  (zmq.IPV6, int(self.endpoint.startswith("tcp://[")))):
+                socket.setsockopt(option, value)
+            if self.secret_key:
+                socket.curve_serverkey, socket.curve_publickey = self.server_key, self.public_key
+                socket.curve_secretkey = self.secret_key
+            monitor = socket.get_monitor_socket(HANDSHAKES)
+            socket.connect(self.endpoint)
+        except zmq.ZMQError as fault:
+            socket.close()
+            raise Unreachable(Code.UNREACHABLE, f"{self.endpoint}: {fault}", "Use tcp://host:port or ipc://path.")
+        self._socket, self._monitor = socket, monitor
+        self._incoming, self._outgoing = zmq.Poller(), zmq.Poller()
+        self._incoming.register(socket, zmq.POLLIN)
+        self._outgoing.register(socket, zmq.POLLOUT)
+        for poller in (self._incoming, self._outgoing):
+            poller.register(monitor, zmq.POLLIN)
+
+    def _send(self, frames):
+        """Sends without waiting. Returns False if there is no connection (yet)."""
+        try:
+            for frame in frames[:-1]:
+                self._socket.send(frame, MORE, copy=False)
+            self._socket.send(frames[-1], NOW, copy=False)
+            return True
+        except zmq.Again:
+            return False
+
+    def _wait(self, poller, until):
+        """Waits for the socket. Returns False if `until` passed first, or if the server refused the connection."""
+        while True:
+            now = time.monotonic()
+            if now >= self._report_at:
+                log.warning("waiting for the server at %s", self.endpoint)
+                self._report_at = float("inf")
+            left = max(min(until, self._report_at) - now, 0.0)
+            found = poller.poll(int(left * 1000) + 1)
+            if any(socket is self._socket for socket, _ in found):
+                return True
+            if found:
+                self._read_handshakes()
+            if self._refusal or time.monotonic() >= until:
+                return False
+
+    def _receive(self, request_id, until, started):
+        """Waits for the reply to `request_id` and skips replies to earlier requests. Returns None if `until` passed
+        first."""
+        while self._wait(self._incoming, until):
+            frames = [self._socket.recv(NOW, copy=False)]
+            while frames[-1].more:
+                frames.append(self._socket.recv(NOW, copy=False))
+            received = time.monotonic()
+            try:
+                answer = header.REPLY_HEADER.decode(frames[0].bytes)
+                if answer.magic != header.MAGIC:
+                    raise ValueError("it does not begin with the magic number of shearbus")
+                payload = _checked_payload(answer.payload, frames[1:])
+            except (ValueError, IndexError) as fault:
+                raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"{self.endpoint} sent what is no reply: {fault}",
+                                      "Is it a shearbus server of this version?")
+            refused = answer.status is not None and answer.status.code != Code.OK
+            # A reply has the id 0 if the server could not read the id of the request.
+            if answer.request_id == request_id or (answer.request_id == 0 and refused):
+                return Reply(answer, payload, received - started)
+        return None
+
+    def _read_handshakes(self):
+        while True:
+            try:
+                event, _ = self._monitor.recv_multipart(zmq.DONTWAIT)
+            except zmq.Again:
+                return
+            self._handshake(*struct.unpack("=HI", event[:6]))
+
+    def _handshake(self, event, detail):
+        """Keeps the reason of a failed handshake if a retry is useless."""
+        keys = self.secret_key is not None
+        uid = os.geteuid()
+        failed = event == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+        mismatch = failed and detail == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH
+        undecipherable = failed and detail == zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC
+        if event == zmq.EVENT_HANDSHAKE_SUCCEEDED:
+            self._silent_failures = 0
+        elif event == zmq.EVENT_HANDSHAKE_FAILED_AUTH and keys:
+            self._refusal = ("the server does not admit this client's key",
+                             "Ask its operator to add this line to the file --authorized-keys: "
+                             f"{self.public_key.decode()} {self.name}")
+        elif event == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+            self._refusal = (f"the server does not admit this client, of uid {uid}",
+                             f"Run as the server's user, or have it started with --allow-uid {uid}.")
+        elif mismatch and keys:
+            self._refusal = ("the server has no keys, and this client expects it to prove that it is the right one",
+                             "Leave out server_key and key, or have the server started with --curve-secret.")
+        elif mismatch:
+            self._refusal = ("the server expects clients with keys, and this one has none",
+                             "Give server_key and key; shearbus-ctl keygen makes a pair of files.")
+        elif keys:
+            # A server that cannot decrypt the handshake, because it was encrypted for another key, sends no reason.
+            self._silent_failures += event == zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+            if undecipherable or self._silent_failures >= SILENT_FAILURES:
+                self._refusal = (
+                    "the connection is broken off in the handshake: the server has no keys, or not the secret one to "
+                    "server_key", "Take the server's public key from the line it logs at its start.")
+
+    def _refused(self, sent):
+        text, remedy = self._refusal
+        self.close()
+        if not sent:
+            raise AuthError(Code.AUTH, f"{self.endpoint}: {text}", remedy)
+        raise UnknownOutcome(
+            Code.UNKNOWN_OUTCOME, f"{self.endpoint}: {text}; the request had been sent before, and may or may not "
+            "have run", remedy)
+
+    def _give_up(self, sent, started):
+        waited = time.monotonic() - started
+        if not sent:
+            raise Unreachable(Code.UNREACHABLE, f"no server answered at {self.endpoint} within {waited:.1f} s",
+                              f"Is one running? Start it with: shearbus-server --bind {self.endpoint}")
+        raise UnknownOutcome(
+            Code.UNKNOWN_OUTCOME, f"{self.endpoint} did not answer within {waited:.1f} s; the request may or may not "
+            "have run", "Make the same call again: if it has run, it is not run a second time.")
+
+
+def _checked_payload(declared, frames):
+    """Returns a view of the payload frame after comparing it with its declaration in the header."""
+    if len(frames) != (declared is not None):
+        raise ValueError(f"{len(frames)} payload frames, the header declares {int(declared is not None)}")
+    if declared is None:
+        return None
+    view = frames[0].buffer
+    if view.nbytes != declared.size_bytes or xxh3(view) != declared.xxh3:
+        raise ValueError("the payload has another size or checksum than its header says")
+    if declared.columns.end > view.nbytes:
+        raise ValueError("a column does not lie in the payload")
+    return view
+
+
+def _refusal_of(status):
+    if status is None:
+        return UnexpectedReply(Code.UNEXPECTED_REPLY, "a reply without a status",
+                               "Is it a shearbus server of this version?")
+    return error(status.code, status.text, status.remedy, status.field, status.node_ids, status.last_sequence)

@@ -1,0 +1,109 @@
+"""The errors of the package: one exception class for each class of status codes (proto/WIRE.md, "Status")."""
+import enum
+
+
+class Code(enum.IntEnum):
+    """Status codes of the protocol. The codes from 500 on exist on the client's side only."""
+
+    OK = 1
+    BAD_FRAMING = 100
+    MALFORMED = 101
+    VERSION = 102
+    LIMIT = 103
+    CHECKSUM = 104
+    SHAPE = 105
+    UNSUPPORTED = 106
+    UNKNOWN_SESSION = 200
+    STALE_SEQUENCE = 201
+    SEQUENCE_GAP = 202
+    SEQUENCE_REUSED = 203
+    EPOCH = 204
+    NOTHING_TO_COMMIT = 205
+    RESUME_REFUSED = 206
+    SUPERSEDED = 207
+    UNKNOWN_MARK = 208
+    TRIAL_STANDS = 209
+    UNKNOWN_TRANSFER = 210
+    NOT_PERMITTED = 220
+    INVALID_SCENE = 300
+    INVALID_VALUE = 301
+    UNKNOWN_NODE = 302
+    DUPLICATE_NODE = 303
+    NODE_OWNED = 304
+    OTHER_SCENE = 305
+    STEP_FAILED = 306
+    SHUTTING_DOWN = 400
+    INTERNAL = 401
+    NO_SPACE = 402
+    DRAINING = 403
+    CHECKPOINT_FAILED = 404
+    UNREACHABLE = 500
+    UNKNOWN_OUTCOME = 501
+    UNEXPECTED_REPLY = 502
+    AUTH = 503
+    CLOSURE = 504
+
+
+class Error(Exception):
+    """A refused or failed call. Nothing was changed, except where the class says otherwise.
+
+    code: a Code, or a plain number that this version does not know; text: what was expected and what was found;
+    remedy: what to do; field: the field, column or keyword at fault; nodes: at most 16 node ids at fault;
+    last_sequence: the session's last request, where the code is about sequences."""
+
+    def __init__(self, code, text, remedy="", field="", nodes=(), last_sequence=0):
+        self.code = Code(code) if code in Code._value2member_map_ else code
+        self.text, self.remedy, self.field = text, remedy, field
+        self.nodes, self.last_sequence = list(nodes), last_sequence
+        name = self.code.name if isinstance(self.code, Code) else str(code)
+        super().__init__(f"{name}: {text}" + (f" ({remedy})" if remedy else ""))
+
+
+class MessageError(Error):
+    """1xx: the request is not as the protocol asks: missing, surplus or wrongly shaped columns."""
+
+
+class SessionError(Error):
+    """2xx: the two sides differ about what has happened in the session."""
+
+
+class ContentError(Error):
+    """3xx: a scene, a value or a node is refused; `field` and `nodes` name it."""
+
+
+class ServerError(Error):
+    """4xx: the server cannot serve the request now; the same call later is safe."""
+
+
+class Unreachable(Error):
+    """No server answers at the endpoint; nothing was sent."""
+
+
+class UnknownOutcome(Error):
+    """The request was sent and no reply came before the deadline: it may or may not have run. The same call with the
+    same values is the same request: if it has run, the server answers it again without running it twice."""
+
+
+class UnexpectedReply(Error):
+    """The reply does not answer the request: server and client do not agree on the protocol."""
+
+
+class AuthError(Error):
+    """The server does not admit this client, or it is not the server that the client expects."""
+
+
+class ClosureError(Error):
+    """The host's jump is not the jump that its last step answered; the step was not sent."""
+
+
+_CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}
+_CLIENT_SIDE = {
+    Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
+    Code.AUTH: AuthError
+}
+
+
+def error(code, text, remedy="", field="", nodes=(), last_sequence=0):
+    """Returns the exception of a status code. A code that this version does not know is treated as its class."""
+    kind = _CLIENT_SIDE.get(code) or _CLASSES.get(int(code) // 100, Error)
+    return kind(code, text, remedy, field, nodes, last_sequence)

@@ -1,0 +1,157 @@
+"""The history of a session: what was sent and answered in every step that was kept."""
+import datetime
+import os
+from typing import Any, NamedTuple
+
+import numpy
+
+from .columns import BY_NAME, BY_NUMBER, NODE_ID
+
+REGIMES = {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4}
+
+
+class Row(NamedTuple):
+    dt: float
+    time: float
+    step: int
+    columns: tuple  # (number, component) of the request
+    frame: Any  # the request's values, one row per column
+    answer: Any
+
+
+class History:
+    """The steps of a session that were kept, in order; steps that were rolled back are not in it. A column of requests
+    or replies is an attribute: an array of shape (T, N), or (T, N, 2) with two tangential components, in SI units. dt,
+    time (end of the step), step: arrays (T,); nodes: ids (N,). The frames themselves are kept, so a history costs what
+    its steps sent and received."""
+
+    def __init__(self):
+        self._rows, self._standing, self._marks = [], None, {}
+
+    # Called by the session.
+    def _add(self, body, columns, frame, answer, committed):
+        time = body["time_s"] or ((self._rows[-1].time if self._rows else 0.0) + body["dt_s"])
+        row = Row(body["dt_s"], time, body["step"], columns, frame, answer)
+        self._standing = None if committed else row
+        if committed:
+            self._rows.append(row)
+
+    def _commit(self):
+        self._rows += [self._standing] if self._standing else []
+        self._standing = None
+
+    def _drop(self):
+        self._standing = None
+
+    def _mark(self, name, names):
+        self._marks[name] = len(self._rows)
+        self._marks = {kept: length for kept, length in self._marks.items() if kept in names}
+
+    def _rollback_to(self, name):
+        self._standing = None
+        del self._rows[self._marks.get(name, 0):]
+
+    def __len__(self):
+        return len(self._rows)
+
+    @property
+    def nodes(self):
+        first = self._rows[0].answer.nodes if self._rows else numpy.empty(0, numpy.uint64)
+        if any(row.answer.nodes is not first and not numpy.array_equal(row.answer.nodes, first) for row in self._rows):
+            raise ValueError("the steps of this history have different nodes, so they have no common rows; use table()")
+        return first
+
+    @property
+    def columns(self):
+        """Names of the columns that every step has."""
+        names = [self._names(row) for row in self._rows]
+        return tuple(name for name in (names[0] if names else ()) if all(name in other for other in names))
+
+    @staticmethod
+    def _names(row):
+        sent = dict.fromkeys(BY_NUMBER[number].name for number, _ in row.columns if number != NODE_ID.number)
+        return (*sent, *row.answer.columns)
+
+    @staticmethod
+    def _values(row, name):
+        parts = [row.frame[i] for i, (number, _) in enumerate(row.columns) if BY_NUMBER[number].name == name]
+        return getattr(row.answer, name) if not parts else parts[0] if len(parts) == 1 else numpy.stack(parts, axis=-1)
+
+    def __getattr__(self, name):
+        if name in ("dt", "time", "step"):
+            return numpy.array([getattr(row, name) for row in self._rows])
+        if name.startswith("_") or name not in self.columns:
+            raise AttributeError(
+                f"this history has no column {name}" +
+                ("" if name.startswith("_") else f": it has {', '.join(self.columns)}")
+            )
+        self.nodes  # refuses steps of different nodes
+        return numpy.stack([self._values(row, name) for row in self._rows])
+
+    def _flat(self, row):
+        """Yields (column, suffix, values of shape (N,)) of a step."""
+        for name in self._names(row):
+            values = self._values(row, name)
+            for component in range(values.ndim):
+                yield BY_NAME[name], "_second" * component, values if values.ndim == 1 else values[:, component]
+
+    def table(self):
+        """Returns {name: array}, with an entry for each step and node: time, dt, step, node and the columns that every
+        step has. The second tangential component has a name of its own, which ends in "_second"."""
+        counts = [len(row.answer.nodes) for row in self._rows]
+        found = {
+            name: numpy.repeat([getattr(row, name) for row in self._rows], counts) for name in ("time", "dt", "step")
+        }
+        found["node"] = numpy.concatenate([row.answer.nodes
+                                           for row in self._rows]) if self._rows else numpy.empty(0, numpy.uint64)
+        flat = [{column.name + suffix: values for column, suffix, values in self._flat(row)} for row in self._rows]
+        for name in flat[0] if flat else ():
+            if all(name in step for step in flat):
+                found[name] = numpy.concatenate([step[name] for step in flat])
+        return found
+
+    def to_pandas(self):
+        """Returns table() as a DataFrame. Needs pandas."""
+        import pandas
+
+        return pandas.DataFrame(self.table())
+
+    def to_hdf5(self, path, scene=""):
+        """Writes the history as proto/wire/recording.md describes it, which shearbus-replay reads. scene: text of the
+        scene, such as Session.scene. The file appears under its name only when it is complete. Needs h5py."""
+        import h5py
+
+        if not self._rows:
+            raise ValueError("the history has no steps")
+        nodes, partial = self.nodes, f"{os.fspath(path)}.partial"
+        with h5py.File(partial, "w", libver=("earliest", "v110")) as file:
+            kept = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
+
+            def write(name, values, unit, **options):
+                data = file.create_dataset(name, data=values, **options)
+                if unit:
+                    data.attrs["units"] = unit
+                return data
+
+            write("time", self.time, "s").attrs["t0"] = self._rows[0].time - self._rows[0].dt
+            write("dt", self.dt, "s")
+            write("node_id", nodes, "")
+            table = {}
+            for row in self._rows:
+                for column, suffix, values in self._flat(row):
+                    table.setdefault((column, suffix), []).append(values)
+            for (column, suffix), values in table.items():
+                if len(values) != len(self._rows):
+                    continue  # a column that some steps only have is no table
+                data = numpy.stack(values)
+                options = {"dtype": h5py.enum_dtype(REGIMES, "u1")} if column.name == "regime" else {}
+                data = write(column.quantity + suffix, data, column.unit, **kept, **options)
+                data.attrs["long_name"] = column.quantity.replace("_", " ") + suffix.replace("_", " ")
+            meta = file.create_group("meta")
+            meta.attrs.update({
+                "format": "shearbus-history", "version": "1", "units_system": "SI", "producer": "shearbus for Python",
+                "created": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+            })
+            if scene:
+                meta["scene"] = scene
+        os.replace(partial, path)

@@ -1,0 +1,673 @@
+"""A session: the shear layers of a set of interface nodes on a server, and the calls that step, move and keep them."""
+import contextlib
+import difflib
+import operator
+import os
+import time
+
+import numpy
+
+from . import header
+from .checksum import xxh3
+from .closure import ClosureCheck
+from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, STICK_FORM,
+                      UINT64)
+from .connection import Connection
+from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, Unreachable
+from .history import History
+
+ADVANCE, TRIAL = 1, 2  # Mode
+ALL_OR_NOTHING = 2  # Policy
+ABSENT_NODES = {"keep": 0, "open": 1}
+STRATEGY = {1: "velocity_driven", 2: "force_driven"}
+FLOAT = numpy.dtype(float)
+PAUSE_S = 0.1  # between two attempts while the server restarts
+
+
+class Regime:
+    """Values of the column `regime`: what held the stress in the step."""
+
+    OPEN, STICK, COULOMB, TRESCA, MELTING = range(5)
+
+
+class Outcome:
+    """Bits of the column `outcome`; 0 is success without qualification."""
+
+    SUBSTEPPED, MULTIPLE_ROOTS, OUTSIDE_DOMAIN, ASLEEP, FIRST_ORDER, FAILED = 1, 2, 4, 32, 64, 128
+
+
+# -- from values to a payload --
+
+
+def node_ids(values):
+    """Returns node ids as an array of uint64. Raises ContentError or MessageError where they are not distinct whole
+    numbers from 0 on."""
+    if isinstance(values, numpy.ma.MaskedArray):
+        raise MessageError(Code.SHAPE, "nodes is a masked array", "Pass the ids that are meant, as a plain array.",
+                           "nodes")
+    if not isinstance(values, numpy.ndarray):
+        array = _whole_numbers(values)
+    else:
+        array = values if values.size or values.ndim != 1 else values.astype(numpy.uint64)
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        raise MessageError(
+            Code.SHAPE,
+            f"nodes has the type {array.dtype} and the shape {array.shape}, expected a list of whole numbers "
+            "from 0 to 2**64 - 1", "Convert the ids explicitly: numpy.asarray(ids, numpy.uint64).", "nodes")
+    if array.dtype.kind == "i" and (array < 0).any():
+        raise ContentError(Code.INVALID_VALUE, f"nodes has the id {array[array < 0][0]}, expected 0 or more",
+                           "Number the nodes from 0 on.", "nodes")
+    array = array.astype(numpy.uint64)
+    ordered = numpy.sort(array)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    if twice.size:
+        raise ContentError(Code.DUPLICATE_NODE, f"nodes has the id {twice[0]} twice", "Name each node once.", "nodes",
+                           [int(twice[0])])
+    return array
+
+
+def _whole_numbers(values):
+    """Returns a sequence of Python's whole numbers as an array; numpy itself would make floats of [1, 2**64 - 1]."""
+    try:
+        found = [operator.index(value) for value in values if not isinstance(value, (bool, numpy.bool_))]
+        if len(found) == len(values):
+            return numpy.array(found, numpy.int64 if min(found, default=0) < 0 else numpy.uint64)
+    except (TypeError, OverflowError):
+        pass
+    return numpy.array(values, object)
+
+
+def fill(rows, name, value):
+    """Writes the values of a column into `rows`, of shape (components, N). A number stands for all rows; anything else
+    has the shape (N,), or (N, 2) with two components. Raises MessageError or ContentError, which name the column,
+    before anything is sent."""
+    if isinstance(value, numpy.ma.MaskedArray):
+        raise MessageError(Code.SHAPE, f"{name} is a masked array",
+                           f"Pass {name}.filled(value), or only the nodes in contact (nodes=).", name)
+    try:
+        array = numpy.asarray(value)
+    except ValueError as fault:
+        raise MessageError(Code.SHAPE, f"{name} is no array of numbers: {fault}", field=name) from None
+    if array.dtype.kind not in "iuf" or (array.dtype.kind == "f" and array.dtype.itemsize != 8):
+        raise MessageError(Code.SHAPE, f"{name} has the type {array.dtype}, expected float64",
+                           f"Compute it in double precision, or convert it explicitly: numpy.asarray({name}, float).",
+                           name)
+    components, count = rows.shape
+    expected = (count,) if components == 1 else (count, components)
+    if array.ndim == 0 and (components == 1 or array == 0):
+        rows[...] = array
+    elif array.shape == expected:
+        rows[...] = array if components == 1 else array.T
+    else:
+        raise MessageError(
+            Code.SHAPE, f"{name} has the shape {array.shape}, expected {expected}" +
+            (" or a number" if components == 1 else ": one row per node, one column per tangential direction"),
+            "Pass one value per node of the step, in the order of its rows.", name)
+
+
+def check_finite(rows, name, nodes):
+    """Raises ContentError, which names the first node at fault, if a value of `rows`, of shape (components, N), is not
+    finite."""
+    finite = numpy.isfinite(rows)
+    if not finite.all():
+        row, component = numpy.argwhere(~finite.T)[0]
+        raise ContentError(Code.INVALID_VALUE, f"{name} of node {nodes[row]} is {rows[component, row]}",
+                           "Every value must be finite.", name, map(int, nodes[~finite.all(axis=0)][:16]))
+
+
+_layouts = {}  # (number, component) of the columns and rows -> the encoded columns of a payload
+
+
+def payload_of(columns, frame):
+    """Returns the encoded Payload of columns (number, component) whose values are the rows of `frame`, 8 bytes each."""
+    count = frame.shape[1]
+    layout = _layouts.get((columns, count))
+    if layout is None:
+        _layouts.clear() if len(_layouts) > 256 else None
+        layout = _layouts[columns, count] = header.PAYLOAD.encode({
+            "columns": [{
+                "field": number, "component": component, "element": BY_NUMBER[number].element, "offset_bytes":
+                8 * count * i, "count": count
+            } for i, (number, component) in enumerate(columns)]
+        })
+    return header.PAYLOAD.encode(
+        {"size_bytes": frame.nbytes, "xxh3": xxh3(memoryview(frame).cast("B")) if count else xxh3(b"")}) + layout
+
+
+def named_nodes(nodes, temperature=None):
+    """Returns (columns, frame) of nodes to be opened, registered, retired or offered; (None, None) without nodes."""
+    if not len(nodes):
+        return None, None
+    columns = ((NODE_ID.number, 0),) if temperature is None else ((NODE_ID.number, 0), (INITIAL_TEMPERATURE.number, 0))
+    frame = numpy.empty((len(columns), len(nodes)))
+    frame[0].view(numpy.uint64)[:] = nodes
+    if temperature is not None:
+        fill(frame[1:], INITIAL_TEMPERATURE.name, temperature)
+        check_finite(frame[1:], INITIAL_TEMPERATURE.name, nodes)
+    return columns, frame
+
+
+# -- answers --
+
+
+class Answer:
+    """The answer to a step. Each column of the reply is an attribute: stress, slip, temperature, jump_new,
+    friction_heat, regime, outcome, ..., a read-only array of shape (N,), or (N, 2) with two tangential components, in
+    SI units and in the order of the request's rows. The arrays are views of the received frame, which lives as long as
+    they do.
+
+    nodes: ids of the rows; state_version: number of commits so far; flagged_nodes: rows with an outcome other than
+    success and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply;
+    largest_closure (m/s), closure_node, layer_time (s): the largest difference of a node's jump from the jump that it was
+    answered before, the node, and the time of its layer; 0 with closure="off"."""
+
+    def __init__(self, reply, nodes):
+        upscale, view = reply.header.upscale, reply.payload
+        self.nodes = nodes
+        self.state_version, self.flagged_nodes = upscale.state_version, upscale.flagged_nodes
+        self.solver_s, self.service_s = upscale.solver_ns * 1e-9, upscale.service_ns * 1e-9
+        self.largest_closure, self.closure_node = upscale.largest_closure_m_per_s, upscale.closure_node
+        self.layer_time = upscale.layer_time_s
+        self.round_trip_s, self.replayed = reply.round_trip_s, reply.header.replayed
+        self._columns = reply.header.payload.columns.parts
+        if view.nbytes and numpy.frombuffer(view, numpy.uint8, 1).ctypes.data % 8:
+            view = bytes(view)  # libzmq delivers small frames at any address
+        self._view = view
+
+    @property
+    def columns(self):
+        """Names of the columns of the reply."""
+        return tuple(self._columns)
+
+    def __getattr__(self, name):
+        columns = self.__dict__.get("_columns", {})
+        if name not in columns:
+            hint = "; ask for it with want=" if name in BY_NAME else ""
+            raise AttributeError(f"the reply has no column {name}: it has {', '.join(columns)}{hint}")
+        parts = columns[name]
+        dtype, count, begin = DTYPE[parts[0].element], parts[0].count, parts[0].offset_bytes
+        if len(parts) == 1:
+            array = numpy.ndarray((count,), dtype, self._view, begin)
+        else:
+            array = numpy.ndarray((count, 2), dtype, self._view, begin, (dtype.itemsize, parts[1].offset_bytes - begin))
+        array.setflags(write=False)
+        self.__dict__[name] = array
+        return array
+
+    def __dir__(self):
+        return [*super().__dir__(), *self._columns]
+
+    def __repr__(self):
+        return f"<{type(self).__name__} of {len(self.nodes)} nodes: {', '.join(self._columns)}>"
+
+
+class Trial(Answer):
+    """The answer to a trial, and the `with` block that decides it: leaving the block commits the trial; an exception,
+    or reject() before the end of the block, rolls it back."""
+
+    def __init__(self, reply, nodes, session):
+        super().__init__(reply, nodes)
+        self._session, self._rejected = session, False
+
+    def reject(self):
+        """Rolls the trial back when the block ends."""
+        self._rejected = True
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, fault, _):
+        if kind is None and not self._rejected:
+            self._session.commit()
+            return
+        with contextlib.suppress(Error) if kind is not None else contextlib.nullcontext():
+            self._session.rollback()
+
+
+# -- the session --
+
+
+class Session:
+    """The shear layers of a set of nodes on a server. Made by shearbus.open() or shearbus.resume(); belongs to one
+    thread at a time.
+
+    nodes: ids in the order of the rows; scene: the effective scene as TOML text, with every default and constant;
+    warnings: of the opening, to be shown to a person; strategy: "velocity_driven" or "force_driven"; components:
+    tangential components; columns: names of the columns that a step needs; optional_columns, reply_columns,
+    columns_on_request: names; bytes_per_node: memory on the server; offers: numbers of this session's offers that
+    waited when it was resumed; history: a History, with record=True.
+
+    Every call raises an Error, which says what was expected and found and what to do. After UnknownOutcome the same
+    call with the same values is the same request. The sessions of a durable server outlive it: calls wait for its
+    restart until their deadline."""
+
+    def __init__(self, connection, server, want, record, closure):
+        """Connects and says hello; shearbus.open() and shearbus.resume() do the rest."""
+        self._connection, self._server, self._want = connection, server, want
+        self.history = History() if record else None
+        self._closure = ClosureCheck(closure)
+        self._id = self._token = b""
+        self._epoch = self._sequence = 0
+        self._doubt = None  # request id and epoch of the last request, whose outcome is unknown
+        self._transfer = b""  # number of an offer that has not been answered
+        self._closed = True
+        self._claimant = connection.next_request_id()
+        self.offers = []
+        self._plans = {}  # keywords of a request -> its columns
+        hello = {
+            "oldest_major": header.PROTOCOL_MAJOR, "newest_major": header.PROTOCOL_MAJOR, "client_name": connection.name
+        }
+        try:
+            self.welcome = self._ask("hello", hello, "welcome", deadline=connection.connect_deadline).header.welcome
+        except Error as fault:
+            if fault.code != Code.UNKNOWN_OUTCOME:
+                raise
+            # hello changes nothing on the server, so its unknown outcome means that no server answered.
+            raise Unreachable(
+                Code.UNREACHABLE, f"{connection.endpoint} accepts connections but did not answer the greeting within "
+                f"{connection.connect_deadline:g} s",
+                "Is it a shearbus server, and is it busy with a long step?") from None
+        self.durable = self.welcome.durability != "none"
+
+    # -- requests --
+
+    def _frames(self, envelope, columns, frame):
+        envelope = {
+            "magic": header.MAGIC, "protocol_major": header.PROTOCOL_MAJOR, "protocol_minor": header.PROTOCOL_MINOR,
+            **envelope
+        }
+        if columns is None:
+            return [header.REQUEST_HEADER.encode(envelope)]
+        return [header.REQUEST_HEADER.encode({**envelope, "payload": payload_of(columns, frame)}),
+                memoryview(frame).cast("B") if frame.size else b""]
+
+    def _send(self, envelope, verb, body, answer, columns=None, frame=None, deadline=None):
+        reply = self._connection.call(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"],
+                                      deadline)
+        if getattr(reply.header, answer) is None:
+            raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"the reply to {verb} is not {answer}",
+                                  "Client and server do not agree on the protocol; tell the maintainers.")
+        return reply
+
+    def _ask(self, verb, body, answer, deadline=None, **envelope):
+        """Sends a request that has no sequence number."""
+        return self._send({"request_id": self._connection.next_request_id(), **envelope},
+                          verb,
+                          body,
+                          answer,
+                          deadline=deadline)
+
+    def _exchange(self, verb, body, answer, columns=None, frame=None):
+        """Sends the session's next request. Its number counts when the reply arrives. A request without a reply keeps
+        its id, so the same call again has the same bytes and the server recognises it."""
+        if self._closed:
+            raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        request_id, epoch = self._doubt or (self._connection.next_request_id(), self._epoch)
+        envelope = {"request_id": request_id, "session_id": self._id, "sequence": self._sequence + 1, "epoch": epoch}
+        self._doubt = request_id, epoch  # holds where an interrupt ends the call
+        started = time.monotonic()
+        try:
+            while True:
+                left = max(self._connection.reply_deadline - (time.monotonic() - started), 0.001)
+                try:
+                    reply = self._send(envelope, verb, body, answer, columns, frame, left)
+                    break
+                except Error as fault:
+                    if fault.code == Code.EPOCH and envelope["epoch"]:
+                        envelope["epoch"] = self._follow_restart(fault)
+                        self._doubt = request_id, self._epoch
+                    elif fault.code == Code.SHUTTING_DOWN and self.durable and left > PAUSE_S:
+                        time.sleep(PAUSE_S)
+                    else:
+                        raise
+        except Error as fault:
+            # After a refusal of class 4xx the server may still run a copy of the request that is on its way.
+            if fault.code in (Code.UNKNOWN_OUTCOME, Code.UNEXPECTED_REPLY) or int(fault.code) // 100 == 4:
+                self._doubt = request_id, envelope["epoch"]
+            elif fault.code not in (Code.UNREACHABLE, Code.AUTH):
+                self._doubt = None
+            if fault.code == Code.SEQUENCE_REUSED:
+                self._adopt(
+                    self._ask("resume_session", {"resume_token": self._token}, "session_resumed", session_id=self._id))
+            raise
+        self._doubt = None
+        self._sequence = envelope["sequence"]
+        return reply
+
+    def _claim(self):
+        """Claims the session for this client, after a restart of the server or as a successor. Returns the reply to the
+        claim."""
+        started = time.monotonic()
+        while True:
+            token = {"resume_token": self._token}
+            asked = self._ask("resume_session", token, "session_resumed", session_id=self._id).header
+            try:
+                return self._ask("resume_session",
+                                 {**token, "claim": asked.session_resumed.claim + 1, "claimant": self._claimant},
+                                 "session_resumed",
+                                 session_id=self._id,
+                                 epoch=asked.epoch)
+            except Error as fault:
+                # EPOCH means that the server was restarted between the two requests.
+                if fault.code != Code.EPOCH or time.monotonic() - started > self._connection.reply_deadline - PAUSE_S:
+                    raise
+
+    def _follow_restart(self, fault):
+        """Claims the session on the restarted server. Returns the epoch with which the refused request may be sent
+        again."""
+        try:
+            claimed = self._claim().header
+        except Error as refusal:
+            raise fault if refusal.code == Code.UNKNOWN_SESSION else refusal  # the first error explains the restart
+        stands_at = claimed.session_resumed.last_sequence
+        if stands_at != self._sequence:
+            raise SessionError(
+                Code.EPOCH, "the server was restarted and came back with older states: the session stands at request "
+                f"{stands_at}, this client at {self._sequence}",
+                "Open a new session and start again from the host's last restart point.",
+                last_sequence=stands_at)
+        self._epoch = claimed.epoch
+        return claimed.epoch
+
+    def _adopt(self, reply):
+        """Adopts sequence number, nodes and offers from a session_resumed."""
+        resumed = reply.header.session_resumed
+        self._sequence, self.offers = resumed.last_sequence, list(resumed.offers)
+        self._have(_ids_of(reply))
+
+    def _opened(self, opened, epoch):
+        self._epoch, self._closed = epoch, False
+        names = lambda numbers: tuple(BY_NUMBER[number].name for number in numbers if number in BY_NUMBER)
+        self.scene, self.warnings, self.bytes_per_node = opened.effective_scene, list(
+            opened.warnings), opened.bytes_per_node
+        self.name, self.strategy = opened.scene_name, STRATEGY.get(opened.strategy, opened.strategy)
+        self.components = opened.tangential_components
+        self.columns, self.optional_columns = names(opened.required_columns), names(opened.optional_columns)
+        self.reply_columns, self.columns_on_request = names(opened.reply_columns), names(opened.columns_on_request)
+        self._wanted = self._numbers(self._want)
+        if self.strategy != "force_driven":
+            self._closure.mode = "off"
+
+    # -- steps --
+
+    def _numbers(self, want):
+        """Returns the numbers of the columns of a reply: the default ones and those of `want`."""
+        if not want:
+            return ()
+        ledger = [BY_NUMBER[number].name for number in LEDGER]
+        names = [
+            name for word in ([want] if isinstance(want, str) else want)
+            for name in (ledger if word == "ledger" else [word])
+        ]
+        offered = (*self.reply_columns, *self.columns_on_request)
+        for name in names:
+            if name not in offered:
+                raise MessageError(
+                    Code.SHAPE,
+                    f"want names {name!r}, which a reply of this scene cannot have{_similar(name, offered)}",
+                    f"It can have {', '.join(offered)}; \"ledger\" stands for the energy ledger.", name)
+        return tuple(dict.fromkeys(BY_NAME[name].number for name in (*self.reply_columns, *names)))
+
+    def _request(self, values, nodes):
+        """Returns (columns, frame, nodes) of a step from its keywords."""
+        named = nodes is not None
+        rows = self.nodes if nodes is None else node_ids(nodes)
+        plan = self._plans.get((named, *values)) or self._plan(named, tuple(values))
+        columns, places = plan
+        count = len(rows)
+        frame = numpy.empty((len(columns), count))
+        if named:
+            frame[0].view(numpy.uint64)[:] = rows
+        for name, at, width in places:
+            value = values[name]
+            if width == 1 and type(value) is numpy.ndarray and value.dtype is FLOAT and value.shape == (count,):
+                frame[at] = value  # the usual case
+            else:
+                fill(frame[at : at + width], name, value)
+        if not numpy.isfinite(frame[named:]).all():
+            for name, at, width in places:
+                check_finite(frame[at : at + width], name, rows)
+        return columns, frame, rows
+
+    def _require(self, capability, field):
+        """Raises MessageError where the server lacks a capability that it may ignore without a word."""
+        if capability not in self.welcome.capabilities:
+            raise MessageError(Code.UNSUPPORTED, f"the server (version {self.welcome.server_version}) has no {capability}",
+                               "Use a newer server.", field)
+
+    def _plan(self, named, names):
+        """Returns (columns, places) of requests with these keywords: where each keyword's values begin in the frame,
+        and in how many columns. Raises MessageError where a keyword is missing or unknown."""
+        needed = self.columns
+        if self.strategy == "force_driven" and any(name in STICK_FORM for name in names):
+            self._require("stick_form", "stick_stress")
+            needed = (*(name for name in needed if name not in FAR_FIELD_FORM), *STICK_FORM)
+        known = (*needed, *self.optional_columns)
+        for name in names:
+            if name not in known:
+                raise MessageError(
+                    Code.SHAPE, f"a step of this scene ({self.strategy}) has no column {name!r}{_similar(name, known)}",
+                    f"It needs {', '.join(needed)}" +
+                    (f" and may have {', '.join(self.optional_columns)}." if self.optional_columns else "."), name)
+        for name in needed:
+            if name not in names:
+                raise MessageError(
+                    Code.SHAPE,
+                    f"{name} is missing: a step of this scene ({self.strategy}) needs {', '.join(needed)}",
+                    f"Pass {name}=, one value per node or one for all.", name)
+        columns, places = [(NODE_ID.number, 0)] * named, []
+        for name in names:
+            width = self.components if BY_NAME[name].tangential else 1
+            places.append((name, len(columns), width))
+            columns += [(BY_NAME[name].number, component) for component in range(width)]
+        plan = self._plans[(named, *names)] = tuple(columns), places
+        return plan
+
+    def _step(self, mode, dt, nodes, absent_nodes, time, step, attempt, commit_previous, all_or_nothing, want,
+              values):
+        columns, frame, rows = self._request(values, nodes)
+        body = {"dt_s": _number("dt", dt), "time_s": _number("time", time), "step": _count("step", step),
+                "attempt": _count("attempt", attempt), "mode": mode, "commit_previous": commit_previous,
+                "wanted": self._wanted if want is None else self._numbers(want),
+                "policy": ALL_OR_NOTHING if all_or_nothing else 0}
+        if absent_nodes != "keep":
+            if absent_nodes not in ABSENT_NODES:
+                raise MessageError(Code.SHAPE, f"absent_nodes is {absent_nodes!r}", 'Use "keep" or "open".', "absent_nodes")
+            self._require("absent_nodes", "absent_nodes")
+            body["absent_nodes"] = ABSENT_NODES[absent_nodes]
+        watched = self._closure.mode != "off"
+        if watched:
+            self._closure.compare(columns, frame, rows, nodes is not None, body["dt_s"], commit_previous)
+        reply = self._exchange("downscale", body, "upscale", columns, frame)
+        answer = Answer(reply, rows) if mode == ADVANCE else Trial(reply, rows, self)
+        for warning in reply.header.upscale.warnings:
+            self._closure.tell(warning)
+        if watched:
+            if commit_previous:
+                self._closure.committed()
+            self._closure.answered(columns, frame, rows, nodes is not None, body["dt_s"], answer, mode == ADVANCE)
+        if self.history is not None:
+            if commit_previous:
+                self.history._commit()
+            self.history._add(body, columns, frame, answer, committed=mode == ADVANCE)
+        return answer
+
+    def step(self, dt, *, nodes=None, absent_nodes="keep", time=0.0, step=0, attempt=0, all_or_nothing=False,
+             want=None, **values):
+        """Makes one step of length `dt` (s) and keeps its result. Returns an Answer.
+
+        values: the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for
+        all rows, or an array of float64 of shape (N,), or (N, 2) with two tangential components. nodes: ids of the
+        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session. absent_nodes:
+        "keep" keeps the states of nodes that are not named, "open" steps them with P = 0, so that they cool. time
+        (end of the step, s), step, attempt: the host's own, for records. all_or_nothing: where a node has no answer the
+        step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps its state and its row has
+        Outcome.FAILED. want: names of more columns for this reply; "ledger" stands for the energy ledger."""
+        return self._step(ADVANCE, dt, nodes, absent_nodes, time, step, attempt, False, all_or_nothing, want, values)
+
+    def trial(self, dt, *, nodes=None, absent_nodes="keep", time=0.0, step=0, attempt=0, commit_previous=False,
+              all_or_nothing=False, want=None, **values):
+        """Makes one step from the committed states and waits for a decision. Returns a Trial: use it in a `with` block,
+        or call commit() or rollback() of the session; another trial replaces it. commit_previous: first commits the
+        trial that stands. The other arguments are those of step()."""
+        return self._step(TRIAL, dt, nodes, absent_nodes, time, step, attempt, commit_previous, all_or_nothing, want,
+                          values)
+
+    def commit(self):
+        """Keeps the result of the trial. Returns the state version."""
+        version = self._exchange("commit", {}, "committed").header.committed.state_version
+        self._closure.committed()
+        if self.history is not None:
+            self.history._commit()
+        return version
+
+    def rollback(self):
+        """Drops the trial; without one it does nothing. Returns the state version."""
+        version = self._exchange("rollback", {}, "rolled_back").header.rolled_back.state_version
+        self._closure.rolled_back()
+        if self.history is not None:
+            self.history._drop()
+        return version
+
+    # -- marks --
+
+    def mark(self, name):
+        """Keeps nodes and committed states on the server under a name, such as that of a restart dump. Returns the
+        names of the kept marks, oldest first: the server keeps the newest welcome.limits.max_marks."""
+        names = list(self._exchange("mark", {"name": name}, "marked").header.marked.names)
+        if self.history is not None:
+            self.history._mark(name, names)
+        return names
+
+    def rollback_to(self, name):
+        """Restores the nodes and states of a mark, and drops a trial. Returns the state version."""
+        reply = self._exchange("rollback", {"to_mark": name}, "rolled_back")
+        self._have(_ids_of(reply))
+        if self.history is not None:
+            self.history._rollback_to(name)
+        return reply.header.rolled_back.state_version
+
+    # -- the set of nodes --
+
+    def register(self, nodes, initial_temperature=None):
+        """Adds nodes behind the present ones. initial_temperature (K): a number or an array (N,); None: the scene's."""
+        new = node_ids(nodes)
+        self._exchange("register_nodes", {}, "nodes_changed", *named_nodes(new, initial_temperature))
+        self._have(numpy.concatenate([self.nodes, new]))
+
+    def retire(self, nodes):
+        """Removes nodes and frees their states."""
+        gone = node_ids(nodes)
+        self._exchange("retire_nodes", {}, "nodes_changed", *named_nodes(gone))
+        self._remove(gone)
+
+    def offer(self, nodes):
+        """Offers nodes with their states to another session of the domain. Returns the 16 bytes under which that
+        session accepts them. From then on the nodes wait on the server and are not this session's."""
+        given = node_ids(nodes)
+        transfer = self._transfer = self._transfer or os.urandom(
+            16)  # an offer whose outcome is unknown keeps its number
+        self._exchange("offer_nodes", {"transfer_id": transfer}, "nodes_changed", *named_nodes(given))
+        self._transfer = b""
+        self._remove(given)
+        return transfer
+
+    def accept(self, transfer):
+        """Accepts the nodes of an offer behind the present ones. Returns their ids."""
+        taken = _ids_of(self._exchange("accept_nodes", {"transfer_id": transfer}, "nodes_changed"))
+        self._have(numpy.concatenate([self.nodes, taken]))
+        return taken
+
+    def _remove(self, gone):
+        self._have(self.nodes[~numpy.isin(self.nodes, gone)])
+
+    def _have(self, nodes):
+        """The session has other nodes, or other states, from now on."""
+        self.nodes = _frozen(nodes)
+        self._closure.forget()
+
+    # -- the end --
+
+    @property
+    def ticket(self):
+        """Text by which shearbus.resume() continues this session after this process has ended. A secret: its holder
+        owns the session."""
+        return f"{self._id.hex()}:{self._token.hex()}"
+
+    def close(self):
+        """Closes the session, frees its states and ends a server of its own. Returns the session's totals: requests,
+        node_steps, solver_ns, asleep_node_steps."""
+        try:
+            return self._close()
+        finally:
+            self.leave()
+
+    def _close(self):
+        try:
+            return self._exchange("close_session", {}, "session_closed").header.session_closed
+        except SessionError as fault:
+            # An interrupted request had run after all: the session now stands behind it.
+            if fault.code != Code.SEQUENCE_REUSED:
+                raise
+            return self._exchange("close_session", {}, "session_closed").header.session_closed
+
+    def leave(self):
+        """Leaves the session open on the server, to be resumed by its ticket, and disconnects."""
+        self._closed = True
+        self._connection.close()
+        if self._server is not None:
+            self._server.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        if self._closed:
+            return
+        if kind is not None and issubclass(kind, (Unreachable, UnknownOutcome)):
+            self.leave()  # the server does not answer: to ask it once more would only cost the host another deadline
+            return
+        with contextlib.suppress(Error) if kind is not None else contextlib.nullcontext():
+            self.close()
+
+    def __repr__(self):
+        state = "closed" if self._closed else f"{len(self.nodes)} nodes"
+        return f"<shearbus.Session {self.name!r}, {self.strategy}, {state}, at {self._connection.endpoint}>"
+
+
+def _frozen(array):
+    array.setflags(write=False)
+    return array
+
+
+def _ids_of(reply):
+    """Returns the column node_id of a reply, as an array of its own."""
+    if reply.payload is None:
+        return _frozen(numpy.empty(0, numpy.uint64))
+    for column in reply.header.payload.columns:
+        if column.field == NODE_ID.number:
+            return _frozen(
+                numpy.frombuffer(reply.payload, DTYPE[UINT64], column.count, column.offset_bytes).astype(numpy.uint64))
+    raise UnexpectedReply(Code.UNEXPECTED_REPLY, "the reply has no column node_id",
+                          "Is it a shearbus server of this version?")
+
+
+def _number(name, value):
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise MessageError(Code.SHAPE, f"{name} is {value!r}, expected a number of seconds", field=name) from None
+
+
+def _count(name, value):
+    try:
+        if operator.index(value) >= 0:
+            return operator.index(value)
+    except TypeError:
+        pass
+    raise MessageError(Code.SHAPE, f"{name} is {value!r}, expected a whole number from 0 on", field=name)
+
+
+def _similar(name, known):
+    found = difflib.get_close_matches(name, known, 1)
+    return f'; did you mean "{found[0]}"?' if found else ""

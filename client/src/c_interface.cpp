@@ -1,0 +1,739 @@
+// The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return
+// codes. Nothing leaves a function but its code: see guarded().
+#include <fmt/format.h>
+#include <pthread.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "client/src/client.hpp"
+#include "client/include/shearbus/shearbus.h"
+#include "client/src/embedded_server.hpp"
+#include "proto/wire/enum_names.hpp"
+#include "proto/wire/key_file.hpp"
+#include "proto/wire/limits.hpp"
+
+using namespace shearbus;
+
+namespace {
+
+constexpr std::size_t kLargestStruct = 4096;  // of a caller; more is memory that was never set
+
+[[noreturn]] void refuse(Code code, std::string text, std::string remedy, std::string field = {}) {
+  throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
+}
+
+// ---- structs of the caller ----
+
+template <typename Struct>
+bool has_sound_size(const Struct& given) {
+  return given.size >= sizeof(Struct) && given.size <= kLargestStruct;
+}
+
+// The members of a caller's struct that this library knows. A caller that was compiled with a later header may have
+// more of them; if it uses these, it is refused.
+template <typename Struct>
+Struct known(const Struct* given, const char* type) {
+  if (given == nullptr)
+    refuse(Code::kInvalidValue, fmt::format("the {} is NULL", type), "Give a struct that starts from its _INIT.");
+  if (!has_sound_size(*given))
+    refuse(Code::kInvalidValue, fmt::format("{}.size is {}, expected at least {}", type, given->size, sizeof(Struct)),
+           "Start the struct from its _INIT, which sets the size.");
+  const auto* bytes = reinterpret_cast<const unsigned char*>(given);
+  if (std::any_of(bytes + sizeof(Struct), bytes + given->size, [](unsigned char byte) { return byte != 0; }))
+    refuse(Code::kUnsupported,
+           fmt::format("{} has {} bytes, and this library {} knows the first {}", type, given->size, shearbus_version(),
+                       sizeof(Struct)),
+           "Use a library at least as new as the header that the host was compiled with.");
+  return *given;
+}
+
+// Copies what the caller's struct has room for, which is checked with has_sound_size().
+template <typename Struct>
+void give(Struct values, Struct* to) {
+  values.size = to->size;
+  *to = values;
+}
+
+std::string_view text_or(const char* text, std::string_view otherwise = {}) {
+  return text == nullptr ? otherwise : std::string_view(text);
+}
+
+// ---- status ----
+
+// Copies a text that fits, or its beginning with "...", cut between two characters. Allocates nothing.
+template <std::size_t kSize>
+void put(std::string_view text, char (&to)[kSize]) noexcept {
+  constexpr std::string_view kCut = "...";
+  std::size_t length = text.size();
+  if (length >= kSize) {
+    length = kSize - 1 - kCut.size();
+    while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
+  }
+  std::memcpy(to, text.data(), length);
+  if (length < text.size()) {
+    std::memcpy(to + length, kCut.data(), kCut.size());
+    length += kCut.size();
+  }
+  to[length] = '\0';
+}
+
+int report(shearbus_status* to, int code, std::string_view text = {}, std::string_view remedy = {},
+           std::string_view field = {}, std::span<const std::uint64_t> nodes = {}) noexcept {
+  if (to == nullptr) return code;
+  to->code = code;
+  put(text, to->text);
+  put(remedy, to->remedy);
+  put(field, to->field);
+  to->n_nodes = static_cast<int>(std::min<std::size_t>(nodes.size(), SHEARBUS_NODES_NAMED));
+  std::copy_n(nodes.begin(), to->n_nodes, to->nodes);
+  return code;
+}
+
+// A thread that is cancelled inside a call would end the process, since the unwinding cannot pass the border.
+class NotCancelled {
+ public:
+  NotCancelled() { pthread_setcancelstate(PTHREAD_CANCEL_DISABLE, &before_); }
+  NotCancelled(const NotCancelled&) = delete;
+  NotCancelled& operator=(const NotCancelled&) = delete;
+  ~NotCancelled() { pthread_setcancelstate(before_, nullptr); }
+
+ private:
+  int before_ = PTHREAD_CANCEL_ENABLE;
+};
+
+// Runs the body of a function of the interface, and turns what it throws into a code and a status.
+template <typename Body>
+int guarded(shearbus_status* status, const Body& body) noexcept {
+  if (status != nullptr && !has_sound_size(*status)) return SHEARBUS_INVALID_VALUE;
+  const NotCancelled not_cancelled;
+  try {
+    body();
+    return report(status, SHEARBUS_OK);
+  } catch (const Error& fault) {
+    const Status& found = fault.status();
+    return report(status, static_cast<int>(found.code), found.text, found.remedy, found.field, found.node_ids);
+  } catch (const std::bad_alloc&) {
+    return report(status, SHEARBUS_NO_MEMORY, "the host's process has no memory left",
+                  "Free memory and make the same call again: if it has run, it is not run a second time.");
+  } catch (const std::exception& fault) {
+    return report(status, SHEARBUS_LIBRARY_FAULT, fault.what(),
+                  "Make the same call again: if it has run, it is not run a second time.");
+  } catch (...) {
+    return report(status, SHEARBUS_LIBRARY_FAULT, "an unknown fault inside the client library");
+  }
+}
+
+// ---- log and environment ----
+
+std::string environment(const char* name) {
+  return std::string(text_or(::secure_getenv(name)));  // NOLINT(concurrency-mt-unsafe)
+}
+
+// The lines of a session for people: to the callback of the host, and to the file that the user names.
+class LineLog {
+ public:
+  LineLog() = default;
+  LineLog(shearbus_log_fn function, void* user, std::string file)
+      : function_(function), user_(user), file_(std::move(file)) {}
+
+  bool wanted() const { return function_ != nullptr || !file_.empty(); }
+  void operator()(const std::string& line) const {
+    try {
+      if (function_ != nullptr) function_(user_, line.c_str());
+    } catch (...) {
+      // A callback of a C++ host that throws does not end the call that it was told of.
+    }
+    if (file_ == "stderr") {
+      fmt::print(stderr, "shearbus: {}\n", line);
+    } else if (!file_.empty()) {
+      std::FILE* file = std::fopen(file_.c_str(), "ae");
+      if (file == nullptr) return;
+      fmt::print(file, "shearbus: {}\n", line);
+      std::fclose(file);
+    }
+  }
+
+ private:
+  shearbus_log_fn function_ = nullptr;
+  void* user_ = nullptr;
+  std::string file_;
+};
+
+// ---- options ----
+
+std::chrono::milliseconds seconds(double value, std::chrono::milliseconds otherwise, const char* name) {
+  constexpr double kLongest = 1e7;
+  if (value == 0.0) return otherwise;
+  if (!(value > 0.0 && value <= kLongest))
+    refuse(Code::kInvalidValue,
+           fmt::format("{} is {}, expected a time above 0 and at most {} s", name, value, kLongest),
+           "Give a time in seconds, or 0 for the default.", name);
+  return std::chrono::milliseconds(std::max<long long>(1, std::llround(value * 1e3)));
+}
+
+struct Scene {
+  std::string text;
+  std::string name;  // by which messages cite the scene
+};
+
+std::string text_of_file(const std::string& path) {
+  const auto fail = [&] {
+    refuse(Code::kInvalidScene, fmt::format("the scene {} cannot be read: {}", path, std::strerror(errno)),
+           "Name a TOML file that this process may read.", "scene_file");
+  };
+  std::FILE* file = std::fopen(path.c_str(), "re");
+  if (file == nullptr) fail();
+  const auto close = [](std::FILE* open) { std::fclose(open); };
+  const std::unique_ptr<std::FILE, decltype(close)> owner(file, close);
+  std::string text(wire::kMaxSceneBytes + 1, '\0');
+  errno = 0;
+  text.resize(std::fread(text.data(), 1, text.size(), file));
+  if (std::ferror(file) != 0) fail();
+  if (text.size() > wire::kMaxSceneBytes)
+    refuse(Code::kLimit, fmt::format("the scene {} has more than {} bytes", path, wire::kMaxSceneBytes),
+           "Is it a TOML file?", "scene_file");
+  return text;
+}
+
+Scene scene_of(const shearbus_options& options) {
+  const std::string override_file = environment("SHEARBUS_SCENE");
+  const std::string file = override_file.empty() ? std::string(text_or(options.scene_file)) : override_file;
+  const bool has_text = options.scene_text != nullptr && override_file.empty();
+  if (has_text == !file.empty())
+    refuse(Code::kInvalidScene,
+           has_text ? "the options have both scene_file and scene_text" : "the options have no scene",
+           "Set either scene_file or scene_text.", "scene_file");
+  if (has_text) return {.text = options.scene_text, .name = "scene_text"};
+  return {.text = text_of_file(file), .name = file};
+}
+
+bool is_embedded(const std::string& endpoint) {
+  return endpoint.empty() || endpoint == "embedded";
+}
+
+const char* reading(const char* file, std::string (*read)(const std::filesystem::path&), std::string& key) {
+  try {
+    key = read(file);
+  } catch (const std::runtime_error& fault) {
+    refuse(Code::kAuth, fault.what(), "shearbus-ctl keygen makes a pair of key files.");
+  }
+  return key.c_str();
+}
+
+// ---- tickets ----
+
+template <std::size_t kSize>
+char* to_hex(const std::array<std::uint8_t, kSize>& bytes, char* at) {
+  for (const std::uint8_t byte : bytes) at = fmt::format_to(at, "{:02x}", byte);
+  return at;
+}
+
+bool from_hex(std::string_view digits, std::span<std::uint8_t> bytes) {
+  if (digits.size() != 2 * bytes.size()) return false;
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    const char* first = digits.data() + 2 * i;
+    if (std::from_chars(first, first + 2, bytes[i], 16).ptr != first + 2) return false;
+  }
+  return true;
+}
+
+Session::Ticket ticket_of(std::string_view text) {
+  constexpr std::size_t kDigits = 2 * wire::kSessionIdBytes;
+  Session::Ticket ticket;
+  if (text.size() != 2 * kDigits + 1 || text[kDigits] != ':' || !from_hex(text.substr(0, kDigits), ticket.session_id) ||
+      !from_hex(text.substr(kDigits + 1), ticket.resume_token))
+    refuse(Code::kInvalidValue,
+           fmt::format("the ticket is no ticket: {} characters, expected {} of which 64 are hexadecimal digits",
+                       text.size(), 2 * kDigits + 1),
+           "Give the text of shearbus_ticket() unchanged.", "ticket");
+  return ticket;
+}
+
+template <typename T>
+std::span<const T> values_of(const T* values, std::size_t n, const char* name) {
+  if (n > 0 && values == nullptr)
+    refuse(Code::kInvalidValue, fmt::format("{} is NULL for {} nodes", name, n), "Give one value per node.", name);
+  return {values, n};
+}
+
+}  // namespace
+
+// The members end in reverse order: the session before its client, the client before its server.
+struct shearbus_session {
+  explicit shearbus_session(const shearbus_options& options)
+      : log(options.log, options.log_user, environment("SHEARBUS_LOG")) {
+    std::string endpoint = environment("SHEARBUS_ENDPOINT");
+    if (endpoint.empty()) endpoint = text_or(options.endpoint);
+    if (is_embedded(endpoint))
+      embedded.emplace(std::string(text_or(options.state_dir)), options.threads == 0 ? 1 : options.threads);
+    else if (options.state_dir != nullptr && environment("SHEARBUS_ENDPOINT").empty())
+      refuse(Code::kUnsupported, fmt::format("state_dir is set, and the server at {} is another process", endpoint),
+             "Leave state_dir NULL, or give the directory to shearbus-server --state-dir.", "state_dir");
+    const ClientOptions defaults;
+    ClientOptions to;
+    to.endpoint = embedded ? embedded->endpoint() : endpoint;
+    to.context = embedded ? embedded->context() : nullptr;
+    to.name = text_or(options.name, "libshearbus");
+    if (!embedded && options.server_key_file != nullptr)
+      reading(options.server_key_file, wire::read_public_key, to.server_key);
+    if (!embedded && options.secret_key_file != nullptr)
+      reading(options.secret_key_file, wire::read_secret_key, to.secret_key);
+    to.connect_deadline = seconds(options.connect_deadline_s, defaults.connect_deadline, "connect_deadline_s");
+    to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
+    to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");
+    if (log.wanted()) to.log = log;
+    where = embedded ? "in this process" : "at " + endpoint;
+    client.emplace(std::move(to));
+  }
+
+  void opened(Session&& now) {
+    session.emplace(std::move(now));
+    warnings.clear();
+    for (const std::string& warning : session->warnings()) warnings += warning + '\n';
+    if (!log.wanted()) return;
+    log(fmt::format("session of {} nodes, scene \"{}\", server {}", session->node_ids().size(),
+                    session->opened().scene_name, where));
+    for (const std::string& warning : session->warnings()) log("warning: " + warning);
+  }
+
+  LineLog log;
+  std::optional<EmbeddedServer> embedded;
+  std::optional<Client> client;
+  std::optional<Session> session;  // none: the opening has an unknown outcome
+  std::string where;
+  std::string warnings;
+  // The present step.
+  Batch batch;
+  std::vector<Field> batch_fields;  // columns that `batch` was made with
+  std::size_t batch_rows = 0;
+  std::vector<shearbus_output> outputs;
+  bool started = false;  // between start and finish
+};
+
+namespace {
+
+// The session that a call is about.
+Session& session_of(shearbus_session* handle, bool started = false) {
+  if (handle == nullptr || !handle->session)
+    refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
+           "Open a session first with shearbus_open().");
+  if (handle->started != started)
+    refuse(Code::kInvalidValue,
+           started ? "shearbus_finish() without shearbus_start()" : "a started step has not been finished",
+           started ? "Start a step first, and finish it once." : "Call shearbus_finish() before any other call.");
+  return *handle->session;
+}
+const Session& session_of(const shearbus_session* handle) {
+  if (handle == nullptr || !handle->session)
+    refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
+           "Open a session first with shearbus_open().");
+  return *handle->session;
+}
+
+std::string column_name(std::uint32_t field, std::uint32_t component) {
+  const char* name = shearbus_field_name(field);
+  return fmt::format("{}{}", name == nullptr ? fmt::format("column {}", field) : name,
+                     component == 0 ? "" : fmt::format(" component {}", component));
+}
+
+std::string names_of_columns(std::span<const Field> fields) {
+  std::string text;
+  for (const Field field : fields) text += fmt::format("{}{}", text.empty() ? "" : ", ", wire::name(field));
+  return text.empty() ? "none" : text;
+}
+
+bool contains(std::span<const Field> fields, Field field) {
+  return std::ranges::find(fields, field) != fields.end();
+}
+
+// Refuses a column that is not among those of the session, has no values or a component that the scene has not.
+void check_column(const Session& session, std::uint32_t number, std::uint32_t component, const void* values,
+                  const char* kind, std::span<const Field> first, std::span<const Field> second) {
+  const auto field = static_cast<Field>(number);
+  const std::string name = column_name(number, component);
+  if (!contains(first, field) && !contains(second, field))
+    refuse(Code::kUnsupported, fmt::format("{} is no {} of this session", name, kind),
+           fmt::format("Its {}s are: {}; and: {}.", kind, names_of_columns(first), names_of_columns(second)), name);
+  const std::uint32_t components = wire::is_tangential(field) ? session.opened().tangential_components : 1;
+  if (component >= components)
+    refuse(Code::kShape,
+           fmt::format("{}: the scene gives this column {} component{}", name, components, components == 1 ? "" : "s"),
+           "Set tangential_components in the scene, or leave the column out.", name);
+  if (values == nullptr)
+    refuse(Code::kInvalidValue, fmt::format("{}: values is NULL", name), "Give one value per row.", name);
+}
+
+// The fields of the inputs, each once. Every input must have all its components, and none twice.
+std::vector<Field> fields_of(const Session& session, std::span<const shearbus_input> inputs, bool with_node_ids) {
+  const wire::SessionOpened& opened = session.opened();
+  std::vector<Field> fields;
+  if (with_node_ids) fields.push_back(Field::kNodeId);
+  for (const shearbus_input& input : inputs) {
+    check_column(session, input.field, input.component, input.values, "input", opened.required_columns,
+                 opened.optional_columns);
+    if (!contains(fields, static_cast<Field>(input.field))) fields.push_back(static_cast<Field>(input.field));
+  }
+  for (const Field field : fields) {
+    const std::uint32_t components =
+        field != Field::kNodeId && wire::is_tangential(field) ? opened.tangential_components : 1;
+    for (std::uint32_t component = 0; component < components; ++component) {
+      const auto found = std::ranges::count_if(inputs, [&](const shearbus_input& input) {
+        return static_cast<Field>(input.field) == field && input.component == component;
+      });
+      if (found != 1 && field != Field::kNodeId)
+        refuse(Code::kShape,
+               fmt::format("{} is given {} times, expected once",
+                           column_name(static_cast<std::uint32_t>(field), component), found),
+               "Give every component of a column, once.", wire::name(field));
+    }
+  }
+  return fields;
+}
+
+// Prepares the step in the session: its batch with the values of the inputs, the wanted columns, and the outputs.
+StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
+  Session& session = *handle.session;
+  if (request.mode != SHEARBUS_ADVANCE && request.mode != SHEARBUS_TRIAL)
+    refuse(Code::kInvalidValue,
+           fmt::format("mode is {}, expected SHEARBUS_ADVANCE (0) or SHEARBUS_TRIAL (1)", request.mode),
+           "Set the mode of the step.", "mode");
+  const bool some = request.node_ids != nullptr;
+  if (!some && request.n != session.node_ids().size())
+    refuse(Code::kShape, fmt::format("n is {}, and the session has {} nodes", request.n, session.node_ids().size()),
+           "Give one row per node, or name the node of each row in node_ids.", "n");
+  const auto inputs = values_of(request.inputs, request.n_inputs, "inputs");
+  const auto outputs = values_of(request.outputs, request.n_outputs, "outputs");
+  std::vector<Field> fields = fields_of(session, inputs, some);
+  std::vector<Field> wanted;
+  for (const shearbus_output& output : outputs) {
+    check_column(session, output.field, output.component, output.values, "output", session.opened().reply_columns,
+                 session.opened().columns_on_request);
+    if (!contains(wanted, static_cast<Field>(output.field))) wanted.push_back(static_cast<Field>(output.field));
+  }
+  if (fields != handle.batch_fields || request.n != handle.batch_rows) {
+    handle.batch = Batch::of(fields, request.n, session.opened().tangential_components);
+    handle.batch_fields = std::move(fields);
+    handle.batch_rows = request.n;
+  }
+  if (some) std::copy_n(request.node_ids, request.n, handle.batch.u64(Field::kNodeId).begin());
+  for (const shearbus_input& input : inputs) {
+    const auto to = handle.batch.f64(static_cast<Field>(input.field), input.component);
+    const auto* from = reinterpret_cast<const char*>(input.values);
+    const std::ptrdiff_t stride = input.stride_bytes == 0 ? std::ptrdiff_t{sizeof(double)} : input.stride_bytes;
+    for (double& value : to) {
+      std::memcpy(&value, from, sizeof value);
+      from += stride;
+    }
+  }
+  handle.outputs.assign(outputs.begin(), outputs.end());
+  session.want(std::move(wanted));
+  return {.dt_s = request.dt_s,
+          .time_s = request.time_s,
+          .step = request.step,
+          .attempt = request.attempt,
+          .commit_previous = request.commit_previous != 0,
+          .policy = request.all_or_nothing != 0 ? Policy::kAllOrNothing : Policy::kAccept};
+}
+
+template <typename T>
+void copy_out(std::span<const T> from, const shearbus_output& output) {
+  auto* to = static_cast<char*>(output.values);
+  const std::ptrdiff_t stride = output.stride_bytes == 0 ? std::ptrdiff_t{sizeof(T)} : output.stride_bytes;
+  for (const T& value : from) {
+    std::memcpy(to, &value, sizeof value);
+    to += stride;
+  }
+}
+
+void deliver(const shearbus_session& handle, const StepResult& answer, shearbus_result* result) {
+  const Batch& batch = answer.batch();
+  for (const shearbus_output& output : handle.outputs) {
+    const auto field = static_cast<Field>(output.field);
+    if (!batch.has(field, output.component) || answer.upscale().nodes != handle.batch_rows)
+      refuse(
+          Code::kUnexpectedReply,
+          fmt::format("the answer lacks {} of {} rows", column_name(output.field, output.component), handle.batch_rows),
+          "Client and server do not agree on the protocol; tell the maintainers.");
+  }
+  for (const shearbus_output& output : handle.outputs) {
+    const auto field = static_cast<Field>(output.field);
+    if (wire::element_of(field) == wire::Element::kUint8)
+      copy_out(batch.u8(field, output.component), output);
+    else
+      copy_out(batch.f64(field, output.component), output);
+  }
+  if (result == nullptr) return;
+  const wire::Upscale& upscale = answer.upscale();
+  give({.nodes = upscale.nodes,
+        .flagged_nodes = upscale.flagged_nodes,
+        .state_version = upscale.state_version,
+        .solver_ns = upscale.solver_ns,
+        .service_ns = upscale.service_ns,
+        .round_trip_ns = static_cast<std::uint64_t>(answer.round_trip().count())},
+       result);
+}
+
+void check_result(const shearbus_result* result) {
+  if (result != nullptr) known(result, "shearbus_result");
+}
+
+std::string name_of(const char* text, const char* what) {
+  if (text == nullptr || *text == '\0')
+    refuse(Code::kInvalidValue, fmt::format("{} is NULL or empty", what), "Give a text.", what);
+  return text;
+}
+
+TransferId transfer_of(const std::uint8_t* bytes) {
+  if (bytes == nullptr)
+    refuse(Code::kInvalidValue, "transfer is NULL", "Give the 16 bytes of shearbus_offer().", "transfer");
+  TransferId id;
+  std::copy_n(bytes, id.size(), id.begin());
+  return id;
+}
+
+// Makes the handle of a session, or takes up the one whose opening has an unknown outcome.
+shearbus_session& handle_for(shearbus_session** at, const shearbus_options& options) {
+  if (at == nullptr) refuse(Code::kInvalidValue, "the address of the session is NULL", "Give &session.");
+  if (*at != nullptr && (*at)->session)
+    refuse(Code::kInvalidValue, "this session is open already", "Close it first, or use another handle.");
+  if (*at == nullptr) *at = new shearbus_session(options);
+  return **at;
+}
+
+// Frees a handle that got no session.
+void drop_unopened(shearbus_session** session) {
+  if (session != nullptr && *session != nullptr && !(*session)->session) delete std::exchange(*session, nullptr);
+}
+
+// Whether an opening may have happened: then its handle is kept, to make the same request again.
+bool is_in_doubt(int code) {
+  return code == SHEARBUS_UNKNOWN_OUTCOME || code == SHEARBUS_NO_MEMORY;
+}
+
+}  // namespace
+
+const char* shearbus_version(void) {
+  return SHEARBUS_VERSION_TEXT;
+}
+
+const char* shearbus_code_name(int code) {
+  switch (code) {
+    case SHEARBUS_OK:
+      return "OK";
+    case SHEARBUS_NO_MEMORY:
+      return "NO_MEMORY";
+    case SHEARBUS_LIBRARY_FAULT:
+      return "LIBRARY_FAULT";
+    default:
+      return code > 1 ? wire::name(static_cast<Code>(code)) : "?";
+  }
+}
+
+const char* shearbus_field_name(uint32_t field) {
+  const wire::ColumnRow* row = wire::find_column(static_cast<Field>(field));
+  return row == nullptr ? nullptr : row->name;
+}
+
+uint32_t shearbus_field_number(const char* name) {
+  for (const wire::ColumnRow& row : wire::column_rows())
+    if (name != nullptr && std::strcmp(row.name, name) == 0) return static_cast<std::uint32_t>(row.field);
+  return 0;
+}
+
+int shearbus_open(shearbus_session** session, const shearbus_options* options, size_t n, const uint64_t* node_ids,
+                  const double* initial_temperature_k, shearbus_status* status) {
+  const int code = guarded(status, [&] {
+    const shearbus_options given = known(options, "shearbus_options");
+    const Scene scene = scene_of(given);
+    const auto ids = values_of(node_ids, n, "node_ids");
+    const std::span<const double> temperatures(initial_temperature_k, initial_temperature_k == nullptr ? 0 : n);
+    shearbus_session& handle = handle_for(session, given);
+    handle.opened(
+        handle.client->open(scene.text, scene.name, ids,
+                            {.initial_temperature_k = temperatures, .domain = std::string(text_or(given.domain))}));
+  });
+  if (code != SHEARBUS_OK && !is_in_doubt(code)) drop_unopened(session);
+  return code;
+}
+
+int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
+                    shearbus_status* status) {
+  const int code = guarded(status, [&] {
+    const shearbus_options given = known(options, "shearbus_options");
+    const Session::Ticket held = ticket_of(text_or(ticket));
+    shearbus_session& handle = handle_for(session, given);
+    handle.opened(handle.client->resume(held));
+  });
+  if (code != SHEARBUS_OK) drop_unopened(session);
+  return code;
+}
+
+int shearbus_close(shearbus_session** session, shearbus_status* status) {
+  const int code = guarded(status, [&] {
+    if (session == nullptr || *session == nullptr || !(*session)->session) return;
+    shearbus_session& handle = **session;
+    if (std::exchange(handle.started, false)) {
+      try {
+        handle.session->finish_trial();
+      } catch (const Error&) {
+        // The step may be refused; the session is closed all the same.
+      }
+    }
+    handle.session->close();
+  });
+  if (session != nullptr) delete std::exchange(*session, nullptr);
+  return code;
+}
+
+void shearbus_leave(shearbus_session** session) {
+  if (session == nullptr || *session == nullptr) return;
+  const NotCancelled not_cancelled;
+  if ((*session)->session) (*session)->session->leave();
+  delete std::exchange(*session, nullptr);
+}
+
+int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET_BYTES], shearbus_status* status) {
+  return guarded(status, [&] {
+    if (ticket == nullptr) refuse(Code::kInvalidValue, "ticket is NULL", "Give SHEARBUS_TICKET_BYTES bytes.", "ticket");
+    const Session::Ticket held = session_of(session).ticket();
+    char* at = to_hex(held.session_id, ticket);
+    *at++ = ':';
+    *to_hex(held.resume_token, at) = '\0';
+  });
+}
+
+int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
+                  shearbus_status* status) {
+  return guarded(status, [&] {
+    Session& open = session_of(session);
+    const shearbus_request given = known(request, "shearbus_request");
+    check_result(result);
+    const StepOptions options = prepare(*session, given);
+    deliver(*session,
+            given.mode == SHEARBUS_TRIAL ? open.trial(session->batch, options) : open.advance(session->batch, options),
+            result);
+  });
+}
+
+int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status) {
+  return guarded(status, [&] {
+    Session& open = session_of(session);
+    const shearbus_request given = known(request, "shearbus_request");
+    const StepOptions options = prepare(*session, given);
+    if (given.mode == SHEARBUS_TRIAL)
+      open.start_trial(session->batch, options);
+    else
+      open.start_advance(session->batch, options);
+    session->started = true;
+  });
+}
+
+int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status) {
+  return guarded(status, [&] {
+    Session& open = session_of(session, true);
+    check_result(result);
+    session->started = false;
+    deliver(*session, open.finish_trial(), result);
+  });
+}
+
+int shearbus_commit(shearbus_session* session, shearbus_status* status) {
+  return guarded(status, [&] { session_of(session).commit(); });
+}
+
+int shearbus_rollback(shearbus_session* session, shearbus_status* status) {
+  return guarded(status, [&] { session_of(session).rollback(); });
+}
+
+int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* status) {
+  return guarded(status, [&] { session_of(session).mark(name_of(name, "name")); });
+}
+
+int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status) {
+  return guarded(status, [&] { session_of(session).rollback_to(name_of(name, "name")); });
+}
+
+int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_ids,
+                      const double* initial_temperature_k, shearbus_status* status) {
+  return guarded(status, [&] {
+    session_of(session).register_nodes(values_of(node_ids, n, "node_ids"),
+                                       {initial_temperature_k, initial_temperature_k == nullptr ? 0 : n});
+  });
+}
+
+int shearbus_retire(shearbus_session* session, size_t n, const uint64_t* node_ids, shearbus_status* status) {
+  return guarded(status, [&] { session_of(session).retire_nodes(values_of(node_ids, n, "node_ids")); });
+}
+
+int shearbus_offer(shearbus_session* session, size_t n, const uint64_t* node_ids,
+                   uint8_t transfer[SHEARBUS_TRANSFER_BYTES], shearbus_status* status) {
+  return guarded(status, [&] {
+    transfer_of(transfer);
+    const TransferId id = session_of(session).offer_nodes(values_of(node_ids, n, "node_ids"));
+    std::ranges::copy(id, transfer);
+  });
+}
+
+int shearbus_accept(shearbus_session* session, const uint8_t transfer[SHEARBUS_TRANSFER_BYTES],
+                    shearbus_status* status) {
+  return guarded(status, [&] { session_of(session).accept_nodes(transfer_of(transfer)); });
+}
+
+size_t shearbus_offers(const shearbus_session* session, size_t capacity,
+                       uint8_t (*transfers)[SHEARBUS_TRANSFER_BYTES]) {
+  if (session == nullptr || !session->session) return 0;
+  const std::vector<TransferId>& offers = session->session->offers();
+  for (std::size_t i = 0; transfers != nullptr && i < std::min(capacity, offers.size()); ++i)
+    std::ranges::copy(offers[i], transfers[i]);
+  return offers.size();
+}
+
+size_t shearbus_node_count(const shearbus_session* session) {
+  return session == nullptr || !session->session ? 0 : session->session->node_ids().size();
+}
+
+const uint64_t* shearbus_node_ids(const shearbus_session* session) {
+  return shearbus_node_count(session) == 0 ? nullptr : session->session->node_ids().data();
+}
+
+const char* shearbus_effective_scene(const shearbus_session* session) {
+  return session == nullptr || !session->session ? "" : session->session->effective_scene().c_str();
+}
+
+const char* shearbus_warnings(const shearbus_session* session) {
+  return session == nullptr ? "" : session->warnings.c_str();
+}
+
+int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shearbus_status* status) {
+  return guarded(status, [&] {
+    const Session& open = session_of(session);
+    known(info, "shearbus_info");
+    give({.strategy = static_cast<int>(open.opened().strategy),
+          .tangential_components = open.opened().tangential_components,
+          .bytes_per_node = open.bytes_per_node(),
+          .last_sequence = open.last_sequence(),
+          .outlives_server = session->client->welcome().durability != "none"},
+         info);
+  });
+}
+
+size_t shearbus_columns(const shearbus_session* session, int use, size_t capacity, uint32_t* fields) {
+  if (session == nullptr || !session->session) return 0;
+  const wire::SessionOpened& opened = session->session->opened();
+  const std::vector<Field>* const lists[] = {&opened.required_columns, &opened.optional_columns, &opened.reply_columns,
+                                             &opened.columns_on_request};
+  if (use < 0 || use >= static_cast<int>(std::size(lists))) return 0;
+  const std::vector<Field>& list = *lists[use];
+  for (std::size_t i = 0; fields != nullptr && i < std::min(capacity, list.size()); ++i)
+    fields[i] = static_cast<std::uint32_t>(list[i]);
+  return list.size();
+}

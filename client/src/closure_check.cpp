@@ -1,0 +1,189 @@
+#include "client/src/closure_check.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+namespace shearbus {
+namespace {
+
+constexpr std::size_t kRowsDiagnosed = 256;  // rows that a mistake must explain; more would not distinguish better
+
+std::span<const double> column(const Batch& batch, Field field, std::size_t component = 0) {
+  return batch.f64(field, static_cast<std::uint32_t>(component));
+}
+
+std::size_t components_of(const Batch& request) {
+  return request.has(Field::kVelocityJump, 1) ? 2 : 1;
+}
+
+}  // namespace
+
+ClosureCheck::ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log)
+    : mode_(mode), log_(std::move(log)) {}
+
+void ClosureCheck::warn(const std::string& warning) const {
+  if (log_)
+    log_("warning: " + warning);
+  else
+    fmt::print(stderr, "shearbus: warning: {}\n", warning);
+}
+
+void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step) {
+  if (!watches()) return;
+  const Kept& last = step.commit_previous ? trial_ : last_;
+  if (!last.known) return;
+  const std::string found = difference(last, request, node_ids, step.dt_s);
+  if (found.empty()) return;
+  if (mode_ == CheckClosure::kError)
+    throw Error({.code = Code::kClosure,
+                 .text = found,
+                 .remedy = "The step was not sent. Correct the host, or set ClientOptions::check_closure to kWarn.",
+                 .field = wire::name(Field::kVelocityJump)});
+  done_ = true;
+  warn(found);
+  last_ = trial_ = {};
+}
+
+void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale,
+                            const StepOptions& step, wire::Mode mode) noexcept try {
+  for (const std::string& warning : upscale.warnings) {
+    const std::string field = warning.substr(0, warning.find(':'));
+    if (mode_ == CheckClosure::kOff || std::ranges::find(warned_, field) != warned_.end()) continue;
+    warned_.push_back(field);
+    warn(warning);
+  }
+  if (!watches()) return;
+  if (step.commit_previous) committed();
+  trial_.known = false;
+  const std::size_t components = components_of(request);
+  const auto jump = column(request, Field::kVelocityJump);
+  const auto answer = column(reply, Field::kVelocityJumpNew);
+  if (answer.size() == jump.size() && !answer.empty()) {
+    trial_.known = true;
+    trial_.sticks = request.has(Field::kImpedance);
+    trial_.has_stress = reply.has(Field::kShearStress);
+    trial_.dt_before = last_.known ? last_.dt : 0.0;
+    trial_.dt = step.dt_s;
+    trial_.rows.resize(components * jump.size());
+    const auto ids = request.u64(Field::kNodeId);
+    trial_.node_ids.assign(ids.begin(), ids.end());
+    for (std::size_t c = 0; c < components; ++c) {
+      const std::span<closure::Row> rows = std::span(trial_.rows).subspan(c * jump.size(), jump.size());
+      const auto put = [&](const Batch& batch, Field field, std::size_t component, double closure::Row::*member) {
+        const auto values = column(batch, field, component);
+        for (std::size_t row = 0; row < values.size(); ++row) rows[row].*member = values[row];
+      };
+      put(request, Field::kVelocityJump, c, &closure::Row::jump);
+      put(reply, Field::kShearStress, c, &closure::Row::stress);
+      put(reply, Field::kVelocityJumpNew, c, &closure::Row::answered);
+      put(request, Field::kStressSoft, c, &closure::Row::stress_soft);
+      put(request, Field::kStressHard, c, &closure::Row::stress_hard);
+      put(request, Field::kMassSoft, 0, &closure::Row::mass_soft);
+      put(request, Field::kMassHard, 0, &closure::Row::mass_hard);
+      put(request, Field::kStickStress, c, &closure::Row::stick_stress);
+      put(request, Field::kImpedance, 0, &closure::Row::impedance);
+    }
+    const auto outcome = reply.u8(Field::kOutcome);
+    trial_.failed.assign(jump.size(), outcome.empty() && upscale.flagged_nodes > 0);
+    for (std::size_t row = 0; row < outcome.size(); ++row) trial_.failed[row] = (outcome[row] & wire::kFailed) != 0;
+  }
+  if (mode == wire::Mode::kAdvance) committed();
+} catch (const std::exception&) {
+  forget();
+}
+
+void ClosureCheck::committed() {
+  std::swap(last_, trial_);
+  trial_.known = false;
+  if (mode_ == CheckClosure::kError || ++steps_ < kStepsWatched) return;
+  done_ = true;
+  last_ = trial_ = {};
+}
+
+void ClosureCheck::rolled_back() {
+  trial_.known = false;
+}
+
+void ClosureCheck::forget() {
+  last_.known = trial_.known = false;
+}
+
+// Fills matched_ with the rows of nodes that both steps have. Without ids the rows are all nodes in the same order.
+void ClosureCheck::match(const Kept& last, std::span<const std::uint64_t> now) {
+  matched_.clear();
+  const std::span<const std::uint64_t> before = last.node_ids;
+  if (std::ranges::equal(before, now)) {
+    for (std::uint32_t row = 0; row < last.failed.size(); ++row) matched_.emplace_back(row, row);
+    return;
+  }
+  index_.clear();
+  for (std::uint32_t row = 0; row < before.size(); ++row) index_.emplace_back(before[row], row);
+  std::ranges::sort(index_);
+  for (std::uint32_t row = 0; row < now.size(); ++row) {
+    const auto found = std::ranges::lower_bound(index_, now[row], {}, &std::pair<std::uint64_t, std::uint32_t>::first);
+    if (found != index_.end() && found->first == now[row]) matched_.emplace_back(found->second, row);
+  }
+}
+
+// The largest difference of the jumps as a text with the mistakes that explain it; empty if there is none above its
+// tolerance.
+std::string ClosureCheck::difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids,
+                                     double dt) {
+  const auto jump = column(request, Field::kVelocityJump);
+  const auto ids = request.has(Field::kNodeId) ? request.u64(Field::kNodeId) : node_ids;
+  if (last.node_ids.empty() != !request.has(Field::kNodeId)) return {};  // all nodes after some, or some after all
+  match(last, request.u64(Field::kNodeId));
+  const std::size_t rows_before = last.failed.size();
+  const std::size_t components =
+      std::min(components_of(request), last.rows.size() / std::max<std::size_t>(rows_before, 1));
+  const auto row_at = [&](std::size_t component, const auto& rows) {
+    closure::Row row = last.rows[component * rows_before + rows.first];
+    row.now = column(request, Field::kVelocityJump, component)[rows.second];
+    return row;
+  };
+  closure::Row worst;
+  std::uint32_t worst_row = 0;
+  std::size_t wrong = 0, compared = 0;
+  double excess = 1.0;
+  for (const auto& rows : matched_) {
+    if (last.failed[rows.first] || rows.second >= jump.size()) continue;
+    ++compared;
+    double most = 0.0;
+    for (std::size_t c = 0; c < components; ++c) {
+      const closure::Row row = row_at(c, rows);
+      const double ratio = std::abs(row.difference()) / closure::tolerance(row);
+      if (ratio > excess) {
+        excess = ratio;
+        worst = row;
+        worst_row = rows.second;
+      }
+      most = std::max(most, ratio);
+    }
+    wrong += most > 1.0;
+  }
+  if (wrong == 0) return {};
+
+  std::vector<closure::Row> rows = {worst};
+  const std::size_t stride = matched_.size() / kRowsDiagnosed + 1;
+  for (std::size_t i = 0; i < matched_.size(); i += stride)
+    for (std::size_t c = 0; c < components && !last.failed[matched_[i].first]; ++c)
+      rows.push_back(row_at(c, matched_[i]));
+  std::vector<std::string> mistakes;
+  if (last.has_stress)
+    mistakes =
+        last.sticks ? closure::stick_mistakes(rows) : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});
+  return fmt::format(
+      "closure: the host brings a jump of {:.9g} m/s for node {}; its last step was answered with {:.9g} m/s, and a "
+      "host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
+      "{:.3g} m/s). {}",
+      worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference(),
+      mistakes.empty() ? "No single mistake in signs, sides, masses or dt_s explains it."
+                       : fmt::format("One change explains it: {}.", fmt::join(mistakes, "; or: ")));
+}
+
+}  // namespace shearbus

@@ -1,0 +1,130 @@
+#include "client/src/diagnosis.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace shearbus::closure {
+namespace {
+
+constexpr double kRelative = 1e-6;  // accepted difference, relative to the jump
+constexpr double kAbsolute = 1e-6;  // and in addition to that  [m/s]
+
+// A host with one mistake: factors of the terms of the far-field balance. `crossed`: each stress acts on the mass of
+// the other side.
+struct FarField {
+  const char* text;
+  double jump = 1.0, soft = 1.0, hard = 1.0;  // old jump, far stresses
+  double to_soft = 1.0, to_hard = 1.0;        // the answered stress on either side
+  bool crossed = false;
+
+  double new_jump(const Row& row, double dt) const {
+    const double own = soft * row.stress_soft / (crossed ? row.mass_hard : row.mass_soft) +
+                       hard * row.stress_hard / (crossed ? row.mass_soft : row.mass_hard);
+    return jump * row.jump + dt * own - dt * row.stress * (to_soft / row.mass_soft + to_hard / row.mass_hard);
+  }
+};
+
+constexpr FarField kFarField[] = {
+    {.text = "stress_soft has the wrong sign", .soft = -1.0},
+    {.text = "stress_hard has the wrong sign", .hard = -1.0},
+    {.text = "stress_soft and stress_hard both have the wrong sign", .soft = -1.0, .hard = -1.0},
+    {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard",
+     .soft = -1.0,
+     .hard = -1.0,
+     .to_soft = -1.0,
+     .to_hard = -1.0},
+    {.text = "the two sides of the stresses, or of the masses, are swapped", .crossed = true},
+    {.text =
+         "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
+     .to_soft = -1.0,
+     .to_hard = -1.0},
+    {.text = "the answered stress is applied to the soft body only", .to_hard = 0.0},
+    {.text = "the answered stress is applied to the hard body only", .to_soft = 0.0},
+    {.text = "the answered stress is not applied", .to_soft = 0.0, .to_hard = 0.0},
+    {.text = "both masses must be twice those sent, or dt_s half of that sent",
+     .soft = 0.5,
+     .hard = 0.5,
+     .to_soft = 0.5,
+     .to_hard = 0.5},
+    {.text = "both masses must be half of those sent, or dt_s twice that sent",
+     .soft = 2.0,
+     .hard = 2.0,
+     .to_soft = 2.0,
+     .to_hard = 2.0},
+    {.text = "mass_soft must be twice that sent", .soft = 0.5, .to_soft = 0.5},
+    {.text = "mass_soft must be half of that sent", .soft = 2.0, .to_soft = 2.0},
+    {.text = "mass_hard must be twice that sent", .hard = 0.5, .to_hard = 0.5},
+    {.text = "mass_hard must be half of that sent", .hard = 2.0, .to_hard = 2.0},
+};
+
+// The same for the balance in stick form. `add_jump`: the jump is not part of the stick stress.
+struct Stick {
+  const char* text;
+  double stick = 1.0, answer = 1.0, add_jump = 0.0;
+
+  double new_jump(const Row& row) const {
+    return add_jump * row.jump + (stick * row.stick_stress - answer * row.stress) / row.impedance;
+  }
+};
+
+constexpr Stick kStick[] = {
+    {.text = "stick_stress has the wrong sign", .stick = -1.0},
+    {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard", .stick = -1.0, .answer = -1.0},
+    {.text = "stick_stress lacks the part of the old jump, impedance times velocity_jump", .add_jump = 1.0},
+    {.text =
+         "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
+     .answer = -1.0},
+    {.text = "the answered stress is not applied", .answer = 0.0},
+    {.text = "impedance must be twice that sent, or the answered stress is applied to one side only", .answer = 0.5},
+    {.text = "impedance must be half of that sent", .answer = 2.0},
+};
+
+template <typename NewJump>
+bool explains(std::span<const Row> rows, const NewJump& new_jump) {
+  return std::ranges::all_of(rows, [&](const Row& row) { return std::abs(row.now - new_jump(row)) <= tolerance(row); });
+}
+
+// Whether the lengths differ by more than rounding.
+bool differ(double a, double b) {
+  return std::abs(a - b) > 1e-9 * std::abs(b);
+}
+
+}  // namespace
+
+double tolerance(const Row& row) {
+  return kRelative * std::abs(row.now) + kAbsolute;
+}
+
+std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Times& times) {
+  std::vector<std::string> found;
+  for (const FarField& mistake : kFarField)
+    if (explains(rows, [&](const Row& row) { return mistake.new_jump(row, times.last); }))
+      found.emplace_back(mistake.text);
+  const struct {
+    double dt;
+    const char* text;
+  } others[] = {
+      {times.now, "the velocities advance by the dt_s of this step, not by that of the last one"},
+      {times.before, "the velocities advance by the dt_s of the step before the last one"},
+      {0.5 * (times.last + times.now),
+       "dt_s is the step of the positions before; the velocities advance by the mean of the steps before and after"},
+      {times.before > 0.0 ? 0.5 * (times.before + times.last) : 0.0,
+       "dt_s is the step of the positions after; the velocities advance by the mean of the steps before and after"},
+  };
+  for (const auto& [dt, text] : others) {
+    if (!(dt > 0.0) || !differ(dt, times.last)) continue;
+    const FarField right{.text = text};
+    if (explains(rows, [&, length = dt](const Row& row) { return right.new_jump(row, length); }))
+      found.emplace_back(text);
+  }
+  return found;
+}
+
+std::vector<std::string> stick_mistakes(std::span<const Row> rows) {
+  std::vector<std::string> found;
+  for (const Stick& mistake : kStick)
+    if (explains(rows, [&](const Row& row) { return mistake.new_jump(row); })) found.emplace_back(mistake.text);
+  return found;
+}
+
+}  // namespace shearbus::closure

@@ -1,0 +1,48 @@
+# What `cmake --install` installs, by component: server, runtime (shared libraries), development.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+# The interfaces for other languages are targets without a library of their own.
+add_library(shearbus_cxx INTERFACE)
+target_link_libraries(shearbus_cxx INTERFACE shearbus_c)
+target_compile_features(shearbus_cxx INTERFACE cxx_std_17)
+add_library(shearbus_fortran INTERFACE)
+target_link_libraries(shearbus_fortran INTERFACE shearbus_c)
+target_sources(shearbus_fortran INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/client/fortran/shearbus.f90>
+                                          $<INSTALL_INTERFACE:${CMAKE_INSTALL_DATADIR}/shearbus/shearbus.f90>)
+
+set(libraries c cxx fortran)
+if(TARGET shearbus_embedded_library)
+  list(APPEND libraries embedded)
+  set_target_properties(shearbus_embedded_library PROPERTIES EXPORT_NAME embedded)
+  add_library(shearbus::embedded ALIAS shearbus_embedded_library)
+endif()
+foreach(library c cxx fortran)
+  set_target_properties(shearbus_${library} PROPERTIES EXPORT_NAME ${library})
+  add_library(shearbus::${library} ALIAS shearbus_${library})
+endforeach()
+list(TRANSFORM libraries PREPEND shearbus_)
+list(TRANSFORM libraries REPLACE "embedded$" embedded_library)
+install(TARGETS ${libraries} EXPORT shearbusTargets
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT development)
+
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/shearbus)
+install(EXPORT shearbusTargets NAMESPACE shearbus:: DESTINATION ${package} COMPONENT development)
+configure_package_config_file(deploy/packaging/shearbusConfig.cmake.in shearbusConfig.cmake INSTALL_DESTINATION ${package})
+write_basic_package_version_file(shearbusConfigVersion.cmake COMPATIBILITY SameMajorVersion)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/shearbusConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/shearbusConfigVersion.cmake
+        DESTINATION ${package} COMPONENT development)
+
+file(RELATIVE_PATH shearbus_prefix_from_pc /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+configure_file(deploy/packaging/shearbus.pc.in shearbus.pc @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/shearbus.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+install(DIRECTORY client/include/shearbus DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
+install(FILES client/fortran/shearbus.f90 DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT development)
+install(FILES client/examples/constant_friction.toml client/examples/host.c client/examples/host.cpp client/examples/host.f90
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
+
+foreach(program shearbus-server shearbus-ctl shearbus-replay)
+  if(TARGET ${program})
+    install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT server)
+  endif()
+endforeach()

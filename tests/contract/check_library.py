@@ -1,0 +1,63 @@
+#!/usr/bin/python3
+"""Checks what a shared library of the project shows to the process that loads it: it exports the C functions of the header and nothing
+else, and needs only the libraries that are named here. With --columns and --schema the numbers of the header are compared with the
+columns and the codes of the wire."""
+import argparse
+import pathlib
+import re
+import subprocess
+import sys
+
+
+def output_of(*command):
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def library_faults(library, header, allowed):
+    exported = {line.split()[-1].split("@")[0] for line in output_of("nm", "-D", "--defined-only", str(library)).splitlines()}
+    declared = set(re.findall(r"\b(shearbus_\w+)\s*\(", re.sub(r"/\*.*?\*/|//[^\n]*", "", header, flags=re.S)))
+    declared -= set(re.findall(r"typedef[^;]*\(\*\s*(shearbus_\w+)", header))
+    for name in sorted(exported - declared):
+        yield f"{library.name} exports {name}, which its header does not declare"
+    for name in sorted(declared - exported):
+        yield f"{library.name} does not export {name}, which its header declares"
+    for name in re.findall(r"\(NEEDED\).*\[(.*)\]", output_of("readelf", "-d", str(library))):
+        if name.split(".so")[0] not in allowed:
+            yield f"{library.name} needs {name} (allowed: {', '.join(sorted(allowed))})"
+
+
+def number_faults(header, columns, schema):
+    numbers = {name: int(value) for name, value in re.findall(r"^\s*SHEARBUS_(\w+) = (\d+)", header, re.M)}
+    rows = {}
+    for kind, body in re.findall(r"^(NODE|INPUT|OUTPUT|LEDGER)\((.*)", columns, re.M):
+        parts = [part.strip() for part in body.split(",")]
+        number, quantity = (parts[2], parts[4]) if kind == "LEDGER" else (parts[1], parts[3])
+        if kind != "NODE":
+            rows[quantity.upper()] = int(number)
+    codes = {name: int(value) for name, value in re.findall(r"^\s*CODE_(\w+) = (\d+)", schema, re.M) if int(value) > 1}
+    for name, number in {**rows, **codes}.items():
+        if numbers.get(name) != number:
+            yield f"shearbus.h has SHEARBUS_{name} = {numbers.get(name)}, the wire has {number}"
+    for name, number in numbers.items():
+        if 10 <= number < 100 and name not in rows and not name.startswith("OUTCOME_"):
+            yield f"shearbus.h has SHEARBUS_{name} = {number}, which is no column of the wire"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--library", type=pathlib.Path, required=True)
+    parser.add_argument("--header", type=pathlib.Path, required=True)
+    parser.add_argument("--needs", required=True, help="names of the allowed libraries, comma-separated, without .so")
+    parser.add_argument("--columns", type=pathlib.Path, help="proto/wire/columns.inc")
+    parser.add_argument("--schema", type=pathlib.Path, help="proto/shearbus/v1/envelope.proto")
+    options = parser.parse_args()
+    header = options.header.read_text()
+    faults = list(library_faults(options.library, header, set(options.needs.split(","))))
+    if options.columns:
+        faults += number_faults(header, options.columns.read_text(), options.schema.read_text())
+    print("\n".join(faults) if faults else f"{options.library.name} shows what its header says")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,225 @@
+! The Fortran module against a live server: fortran_library SCENE.toml ENDPOINT. Every fault is printed; the program stops with
+! an error if there is one.
+program fortran_library
+  use, intrinsic :: iso_fortran_env, only: error_unit, int32, int64, real64
+  use shearbus
+  implicit none
+  integer, parameter :: n = 6
+  character(len=500) :: scene, endpoint, msg
+  integer :: faults, stat, i
+  faults = 0
+  call get_command_argument(1, scene)
+  call get_command_argument(2, endpoint)
+  call bad_openings()
+  call steps()
+  call columns()
+  call moves()
+  call scopes()
+  if (faults > 0) error stop 1
+  print '(a)', 'the Fortran module keeps its contract'
+
+contains
+
+  subroutine check(what, is_so)
+    character(len=*), intent(in) :: what
+    logical, intent(in) :: is_so
+    if (is_so) return
+    faults = faults + 1
+    write (error_unit, '(2a)') 'not so: ', what
+  end subroutine
+
+  subroutine ok(what)
+    character(len=*), intent(in) :: what
+    if (stat == 0) return
+    faults = faults + 1
+    write (error_unit, '(2a,i0,2a)') what, ' gave ', stat, ': ', trim(msg)
+  end subroutine
+
+  subroutine refused(what, code, word)
+    character(len=*), intent(in) :: what, word
+    integer, intent(in) :: code
+    if (stat == code .and. index(msg, word) > 0) return
+    faults = faults + 1
+    write (error_unit, '(2a,i0,3a,i0,3a)') what, ' gave ', stat, ' "', trim(msg), '", expected ', code, ' "', word, '"'
+  end subroutine
+
+  subroutine open_six(bus, first, domain)
+    type(shearbus_interface), intent(inout) :: bus
+    integer(int64), intent(in) :: first
+    character(len=*), intent(in), optional :: domain
+    call bus%open(nodes=[(first + 7*i, i=1, n)], scene=scene, endpoint=endpoint, domain=domain, stat=stat, msg=msg)
+    call ok('open')
+    if (stat /= 0) error stop 1
+    call fill(bus)
+  end subroutine
+
+  subroutine fill(bus)
+    type(shearbus_interface), intent(inout) :: bus
+    bus%jump = [(90.0_real64 + i, i=1, n)]
+    bus%pressure = [(2e8_real64*(1 + mod(i, 3)), i=1, n)]
+    bus%stress_soft = [(1e6_real64*i, i=1, n)]
+    bus%stress_hard = -bus%stress_soft
+    bus%mass_soft = [(4e-3_real64, i=1, n)]
+    bus%mass_hard = [(12e-3_real64, i=1, n)]
+  end subroutine
+
+  subroutine bad_openings()
+    type(shearbus_interface) :: bus
+    call bus%open(scene='/nowhere.toml', nodes=[1, 2], endpoint=endpoint, stat=stat, msg=msg)
+    call refused('no file', 300, '/nowhere.toml cannot be read')
+    call bus%open(scene_text='[layer]'//new_line('a')//'cels = 3', nodes=[1, 2], endpoint=endpoint, stat=stat, msg=msg)
+    call refused('a bad scene', 300, 'scene_text:2:1')
+    call bus%open(scene=scene, nodes=[1, 1], endpoint=endpoint, stat=stat, msg=msg)
+    call refused('a doubled node', 303, 'DUPLICATE_NODE')
+    call bus%open(scene=scene, nodes=[1, 2], initial_temperature=[300.0_real64], endpoint=endpoint, stat=stat, msg=msg)
+    call refused('temperatures', 105, 'initial_temperature has the size 1, expected 2')
+    call bus%open(scene=scene, nodes=[1], endpoint='ipc:///nowhere', connect_deadline=0.2_real64, stat=stat, msg=msg)
+    call refused('no server', 500, 'UNREACHABLE')
+    call check('no session', .not. bus%is_open() .and. bus%ticket() == '')
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('a step', 301, 'there is no session')
+    call bus%close(stat, msg)
+    call ok('close of nothing')
+  end subroutine
+
+  subroutine steps()
+    type(shearbus_interface) :: bus, copy
+    real(real64) :: first(n), second(n), strided(3*n)
+    logical :: touching(n)
+    call open_six(bus, 100_int64)
+    call check('nodes', bus%n == n .and. bus%nodes(2) == 114)
+    call check('scene', index(bus%effective_scene(), 'thickness_m = ') > 0)
+    call bus%mark('start', stat, msg)
+    call ok('mark')
+    call bus%step(1e-9_real64, 1e-9_real64, 1, stat=stat, msg=msg)
+    call ok('step')
+    first = bus%temperature
+    call check('answers', all(bus%stress > 0 .and. bus%temperature > 300 .and. bus%jump_new < bus%jump .and. bus%heat > 0))
+    call check('codes', all(bus%regime >= shearbus_stick .and. bus%regime <= shearbus_melting .and. bus%outcome == 0))
+    call bus%step(1e-9_real64, 2e-9_real64, 2_int64, stat=stat, msg=msg)
+    call ok('step with a long number')
+    second = bus%temperature
+
+    call bus%rollback_to('start', stat, msg)
+    call ok('rollback_to')
+    bus%temperature = -1
+    touching = [(mod(i, 2) == 0, i=1, n)]
+    call bus%step(1e-9_real64, mask=touching, stat=stat, msg=msg)
+    call ok('step of some nodes')
+    call check('rows of the mask', all(merge(bus%temperature == first, bus%temperature == -1, touching)))
+    call bus%step(1e-9_real64, mask=.not. touching, stat=stat, msg=msg)
+    call ok('step of the others')
+    call check('all rows', all(bus%temperature == first))
+
+    bus%jump = bus%jump/2
+    call bus%step(1e-9_real64, trial=.true., stat=stat, msg=msg)
+    call ok('trial')
+    call bus%rollback(stat, msg)
+    call ok('rollback')
+    strided = -1
+    strided(::3) = [(90.0_real64 + i, i=1, n)]
+    bus%jump = strided(::3)
+    call bus%step(1e-9_real64, trial=.true., stat=stat, msg=msg)
+    call bus%commit(stat, msg)
+    call ok('commit')
+    call check('a trial leaves no trace', all(bus%temperature == second))
+
+    copy = bus
+    call check('a copy has no session', .not. copy%is_open() .and. all(copy%temperature == second))
+    call copy%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('a copy', 301, 'there is no session')
+    call bus%close(stat, msg)
+    call ok('close')
+    call check('closed', .not. bus%is_open())
+  end subroutine
+
+  ! What an author gets wrong.
+  subroutine columns()
+    type(shearbus_interface) :: bus
+    call open_six(bus, 200_int64)
+    bus%pressure(4) = bus%pressure(4)/0
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('an infinite pressure', 301, 'pressure_pa')
+    bus%pressure = [1e8_real64, 2e8_real64]
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('a short column', 105, 'pressure has the size 2, expected 6')
+    deallocate (bus%pressure)
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('a missing column', 105, 'pressure_pa')
+    allocate (bus%pressure(n), source=1e8_real64)
+    call bus%step(1e-9_real64, mask=[.true.], stat=stat, msg=msg)
+    call refused('a short mask', 105, 'mask has the size 1, expected 6')
+    call bus%step(-1e-9_real64, stat=stat, msg=msg)
+    call refused('a negative dt', 301, 'dt')
+    allocate (bus%soft_shear_rate(n), source=0.0_real64)
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('a column of the other strategy', 106, 'soft_shear_rate_per_s is no input')
+    call bus%close()
+    call bus%open(nodes=[1_int64], scene=scene, endpoint=endpoint)
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call refused('inputs that were never set', 301, 'nan')
+    call bus%close()
+  end subroutine
+
+  subroutine moves()
+    type(shearbus_interface) :: giver, taker, alone
+    character(len=shearbus_ticket_length) :: ticket
+    character(len=shearbus_transfer_length) :: transfer
+    call open_six(alone, 300_int64)
+    call alone%step(1e-9_real64)
+    call alone%step(1e-9_real64)
+    call open_six(giver, 300_int64, 'fortran_library')
+    call open_six(taker, 900_int64, 'fortran_library')
+    call giver%step(1e-9_real64)
+    ticket = giver%ticket()
+    call giver%leave()
+    call giver%resume('not a ticket', endpoint=endpoint, stat=stat, msg=msg)
+    call refused('no ticket', 301, 'ticket')
+    call giver%resume(ticket, endpoint=endpoint, stat=stat, msg=msg)
+    call ok('resume')
+    call check('nodes of a resumed session', all(giver%nodes == alone%nodes))
+    call giver%offer([307, 328], transfer, stat, msg)
+    call ok('offer')
+    call check('four stay', giver%n == 4 .and. size(giver%pressure) == 4)
+    call taker%accept('xyz', stat, msg)
+    call refused('no transfer', 105, 'transfer')
+    call taker%accept(transfer, stat, msg)
+    call ok('accept')
+    call check('eight nodes', taker%n == 8 .and. taker%nodes(7) == 307 .and. taker%nodes(8) == 328)
+    call check('columns follow their nodes', taker%jump(6) == 96 .and. size(taker%regime) == 8)
+    taker%jump(7:8) = alone%jump([1, 4])
+    taker%pressure(7:8) = alone%pressure([1, 4])
+    taker%stress_soft(7:8) = alone%stress_soft([1, 4])
+    taker%stress_hard(7:8) = alone%stress_hard([1, 4])
+    taker%mass_soft(7:8) = alone%mass_soft([1, 4])
+    taker%mass_hard(7:8) = alone%mass_hard([1, 4])
+    call taker%step(1e-9_real64, stat=stat, msg=msg)
+    call ok('step of moved nodes')
+    call check('the same answer in another session', all(taker%temperature(7:8) == alone%temperature([1, 4])))
+    call taker%retire([907, 914], stat, msg)
+    call ok('retire')
+    call taker%register([5_int64], initial_temperature=[310.0_real64], stat=stat, msg=msg)
+    call ok('register')
+    call check('seven nodes', taker%n == 7 .and. taker%nodes(7) == 5 .and. taker%jump(1) == 93)
+    call giver%close()
+    call taker%close()
+    call alone%close()
+  end subroutine
+
+  ! A session whose variable goes out of scope stays open on the server.
+  subroutine scopes()
+    character(len=shearbus_ticket_length) :: ticket
+    type(shearbus_interface) :: again
+    call leave_scope(ticket)
+    call again%resume(ticket, endpoint=endpoint, stat=stat, msg=msg)
+    call ok('resume after the end of a scope')
+    call again%close()
+  end subroutine
+
+  subroutine leave_scope(ticket)
+    character(len=*), intent(out) :: ticket
+    type(shearbus_interface) :: bus
+    call open_six(bus, 500_int64)
+    ticket = bus%ticket()
+  end subroutine
+end program

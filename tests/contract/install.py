@@ -1,0 +1,110 @@
+#!/usr/bin/python3
+"""Installs the build into a scratch prefix, builds the example hosts from there as a user would, by CMake and by pkg-config, in C, C++17,
+C++20 and Fortran, and runs each against the installed server and with the server in its own process. Then two copies of the library live
+in one process, and a process without a state directory loads no HDF5."""
+import argparse
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+CONSUMER = """cmake_minimum_required(VERSION 3.20)
+project(consumer LANGUAGES C CXX Fortran)
+set(CMAKE_EXPORT_NO_PACKAGE_REGISTRY ON)
+find_package(shearbus 0.1 REQUIRED)
+add_executable(c host.c)
+target_link_libraries(c PRIVATE shearbus::c m)
+add_executable(cxx17 host.cpp)
+target_link_libraries(cxx17 PRIVATE shearbus::cxx)
+add_executable(cxx20 host.cpp)
+target_link_libraries(cxx20 PRIVATE shearbus::cxx)
+target_compile_features(cxx20 PRIVATE cxx_std_20)
+add_executable(fortran host.f90)
+target_link_libraries(fortran PRIVATE shearbus::fortran)
+"""
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+
+
+def run(*command, **options):
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=200, **options)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
+    return done.stdout
+
+
+def build_by_cmake(work, prefix, examples):
+    source = work / "consumer"
+    shutil.copytree(examples, source)
+    (source / "CMakeLists.txt").write_text(CONSUMER)
+    run("cmake", "-S", source, "-B", source / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
+    run("ninja", "-C", source / "build", "-j2")
+    return [source / "build" / name for name in ("c", "cxx17", "cxx20", "fortran")]
+
+
+def build_by_pkg_config(work, prefix, examples):
+    (config,) = prefix.rglob("shearbus.pc")
+    environment = {**os.environ, "PKG_CONFIG_PATH": str(config.parent)}
+    words = lambda *flags: run("pkg-config", *flags, "shearbus", env=environment).split()
+    flags, libraries = words("--cflags"), words("--libs")
+    (module,) = words("--variable=fortran_source")
+    programs = []
+    for name, compiler, sources in (("pc_c", ["gcc", "-std=c99"], ["host.c"]), ("pc_cxx17", ["g++", "-std=c++17"], ["host.cpp"]),
+                                    ("pc_fortran", ["gfortran", "-std=f2008", f"-J{work}"], [module, "host.f90"])):
+        warnings = [] if compiler[0] == "gfortran" else WARNINGS
+        run(*compiler, *warnings, *flags, *(examples / source for source in sources), *libraries, "-lm", "-o", work / name)
+        programs.append(work / name)
+    return programs
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--two-copies", type=pathlib.Path, required=True, help="source of the program with two copies")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
+        work = pathlib.Path(scratch)
+        prefix = work / "prefix"
+        for component in ("server", "runtime", "development"):
+            run("cmake", "--install", options.build, "--prefix", prefix, "--component", component)
+        stray = [str(p) for p in prefix.rglob("*") if p.is_file() and "proto" in p.parts]
+        if stray:
+            sys.exit(f"headers of the wire are installed: {stray}")
+        examples = prefix / "share/shearbus/examples"
+        scene = examples / "constant_friction.toml"
+        (library,) = prefix.rglob("libshearbus.so.1")
+        environment = {**os.environ, "LD_LIBRARY_PATH": str(library.parent)}
+        programs = build_by_cmake(work, prefix, examples) + build_by_pkg_config(work, prefix, examples)
+
+        endpoint = f"ipc://{work}/bus"
+        server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
+        try:
+            while not (work / "bus").exists() and server.poll() is None:
+                time.sleep(0.02)
+            answers = set()
+            for program in programs:
+                for where in (endpoint, "embedded"):
+                    text = run(program, scene, where, env=environment)
+                    answers.add(text.split("[V]")[5].split()[0] + " m/s, exact " + text.split("exact")[5].split()[0])
+            if answers != {"92.183880 m/s, exact 92.183880"}:
+                sys.exit(f"the hosts do not agree on node 5: {answers}")
+            copy = work / "copy"
+            shutil.copytree(library.parent, copy, symlinks=False, ignore=shutil.ignore_patterns("cmake", "pkgconfig"))
+            (include,) = run("pkg-config", "--cflags", "shearbus", env={**os.environ, "PKG_CONFIG_PATH": str(library.parent / "pkgconfig")}).split()
+            run("gcc", "-std=c99", *WARNINGS, include, options.two_copies, "-ldl", "-o", work / "two_copies")
+            print(run(work / "two_copies", library.resolve(), copy / library.resolve().name, scene, endpoint, "embedded"), end="")
+            server.send_signal(signal.SIGTERM)
+            if server.wait(20) != 0:
+                sys.exit(f"the server ended with {server.returncode}")
+        finally:
+            if server.poll() is None:
+                server.kill()
+                server.wait()
+    print(f"{len(programs)} hosts built from the installed tree give the exact answer, by a server and embedded")
+
+
+if __name__ == "__main__":
+    main()

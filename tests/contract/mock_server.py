@@ -1,0 +1,603 @@
+#!/usr/bin/python3
+"""A server in one file for the tests of a host: it answers constant friction exactly and holds the client to the
+protocol (proto/WIRE.md) and to closure: the jump that it answered is the jump that the host sends next.
+
+mock_server.py --bind ENDPOINT [--problem two_half_spaces | finite_plate] [--restart-after N]
+
+It serves until a session is closed, then prints every check that failed and the line "N of M". A node slides under the
+friction --friction-pa, or sticks where less is enough. Needs pyzmq and libxxhash (or the package xxhash); of the
+protocol it knows what a step needs: hello, open_session, downscale, commit, rollback, resume_session, close_session."""
+import argparse
+import ctypes
+import math
+import os
+import struct
+import sys
+import time
+
+import zmq
+
+MAGIC = 0x31425353
+OK, BAD_FRAMING, MALFORMED, VERSION, CHECKSUM, SHAPE, UNSUPPORTED = 1, 100, 101, 102, 104, 105, 106
+UNKNOWN_SESSION, STALE_SEQUENCE, SEQUENCE_GAP, SEQUENCE_REUSED, EPOCH, NOTHING_TO_COMMIT = 200, 201, 202, 203, 204, 205
+RESUME_REFUSED, SUPERSEDED, INVALID_VALUE, UNKNOWN_NODE, DUPLICATE_NODE, SHUTTING_DOWN = 206, 207, 301, 302, 303, 400
+HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME = 16, 17, 18, 19, 20, 21, 23  # bodies, also of replies
+FLOAT64, UINT64, UINT8 = 1, 2, 3
+CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
+NODE_ID, TEMPERATURE, JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 1, 2, 10, 11, 12, 13, 14, 15
+REQUIRED = (JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD)
+REPLY_COLUMNS = (30, 31, 32, 33, 36, 34, 35)
+STICK, SLIDING = 1, 2  # Regime
+WIRE_TYPES = {  # field of a request's envelope -> wire type
+    1: 5, 2: 0, 3: 0, 4: 1, 5: 2, 6: 0, 7: 1, 8: 2, **{body: 2 for body in range(16, 32)}}
+
+CLOSURE = 1e-6  # m/s: far above rounding, far below any mistake of form
+PHYSICS = 0.01  # relative error of the jump that a coarse or damped host may have
+
+
+class Problem:
+    """Two elastic bodies under constant friction s: aluminium (soft, z > 0) on steel (hard, z < 0). The jump of a
+    half-space pair is V0 - s (1/Z_soft + 1/Z_hard) from the first step on; that of a plate with a free back falls by 2
+    s / Z_soft at every return of its wave."""
+
+    jump, pressure, friction, depth = 100.0, 1e9, 50e6, 0.5e-3  # m/s, Pa, Pa, m
+    density, modulus = (2703.0, 7900.0), (27.6e9, 77e9)
+
+    def __init__(self, name):
+        self.finite = {"two_half_spaces": False, "finite_plate": True}[name]
+        self.impedance = [math.sqrt(d * m) for d, m in zip(self.density, self.modulus)]
+        self.round_trip = 2 * self.depth * math.sqrt(self.density[0] / self.modulus[0])
+
+    def exact_jump(self, time, friction):
+        """Returns the jump (m/s) at a time (s), or None within 5 % of a return of the wave, where a host's front is
+        smeared. Between half-spaces it follows the friction (Pa) of the moment."""
+        jump = self.jump - friction * sum(1 / z for z in self.impedance)
+        if not self.finite:
+            return jump
+        returns, part = divmod(time / self.round_trip, 1.0)
+        return None if min(part, 1 - part) < 0.05 and round(time / self.round_trip) > 0 else (
+            jump - returns * 2 * self.friction / self.impedance[0])
+
+
+# Every check, with what it holds a client to. A check that was never exercised has failed.
+CHECKS = {
+    "framing": "a request is one header frame, and one payload frame exactly when the header declares a payload",
+    "header": "the header is a protobuf message whose fields are of the envelope, each once, with one body",
+    "magic": "field 1 is 0x31425353",
+    "version": "protocol_major is 1",
+    "request_id": "every new request has a request_id of its own, not 0",
+    "hello_first": "hello precedes every other request of a connection's client",
+    "hello": "hello has a range of versions with 1 in it, and neither session, sequence nor epoch",
+    "session_id": "the session id has 16 bytes, drawn at random",
+    "resume_token": "the opening has a resume token of 16 random bytes, other than the session id",
+    "opening": "the opening has a scene and its nodes, each once",
+    "sequence": "the requests of a session are numbered 1, 2, 3, ...",
+    "repeats": "a number is sent again only with the same bytes",
+    "fresh_socket": "a repeated request comes on a fresh socket",
+    "one_in_flight": "a request follows the answer to the one before",
+    "epoch": "a request of a session carries the server's epoch",
+    "payload_size": "the payload frame has the size of its header",
+    "payload_sum": "the payload frame has the XXH3-64 of its header",
+    "columns": "columns lie in the frame at multiples of 8, do not overlap, and come once",
+    "elements": "each column has its own element type, and one element per row",
+    "required": "a step has the columns 10 to 15",
+    "finite": "all values are finite",
+    "step": "dt is from 1e-18 to 1 s, and the mode is ADVANCE or TRIAL",
+    "masses": "masses are positive",
+    "closed": "the session is closed at the end",
+    "pressure": "the pressure is the problem's: Pa, compression positive",
+    "first_jump": "the first jump is V_soft - V_hard, in m/s, with its sign",
+    "first_step": "the first step is half as long as the second: velocities live half a step before stresses",
+    "half_zones": "the masses are those of half zones of about the same transit time, the soft one's in column 14",
+    "closure": "the jump of a request is the jump that was answered: the host has applied the stress to both bodies",
+    "far_stresses": "the stresses of the first step are 0, and later have the sign of the friction",
+    "jump": "the jump is the exact one within 1 %",
+    "long_enough": "the host has made 20 steps at least",
+    "restart": "after an EPOCH the session is claimed with its token, and the same request comes with the new epoch",
+    "claim": "a claim has the number of the last claim plus one, a claimant, and the epoch of the question",
+    "busy": "after SHUTTING_DOWN of a durable server the same bytes come again",
+}
+PROTOCOL = [name for name in CHECKS if name not in ("restart", "claim", "busy", "repeats", "fresh_socket")]
+REPEATED = ["repeats", "fresh_socket"]  # where a message was lost
+RESTARTED = ["restart", "claim", "busy"]  # where the server was restarted
+
+
+class Report:
+    """What was seen of each check, and its first failure."""
+
+    def __init__(self):
+        self.seen, self.failed = {}, {}
+
+    def check(self, name, holds, what=""):
+        assert name in CHECKS
+        self.seen[name] = self.seen.get(name, 0) + 1
+        if not holds:
+            self.failed.setdefault(name, what or "is not so")
+        return holds
+
+    def results(self, names):
+        """Returns {name: None, or why it failed}."""
+        return {name: self.failed.get(name) if name in self.seen else "never seen" for name in names}
+
+
+def xxh3(data):
+    try:
+        import xxhash
+        return xxhash.xxh3_64_intdigest(data)
+    except ImportError:
+        library = ctypes.CDLL("libxxhash.so.0")
+        library.XXH3_64bits.restype = ctypes.c_uint64
+        library.XXH3_64bits.argtypes = [ctypes.c_char_p, ctypes.c_size_t]
+        return library.XXH3_64bits(data, len(data))
+
+
+# -- protobuf's wire format, as {field number: [values]} --
+
+def varint(value):
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def read_varint(data, at):
+    value = 0
+    for shift in range(0, 70, 7):
+        byte = data[at]
+        value |= (byte & 0x7F) << shift
+        at += 1
+        if byte < 0x80:
+            return value, at
+    raise ValueError("a varint of more than ten bytes")
+
+
+def read(data, types=None):
+    """Returns {field number: values} of a message: numbers of varints and fixed fields, bytes of the others."""
+    fields, at = {}, 0
+    while at < len(data):
+        tag, at = read_varint(data, at)
+        number, kind = tag >> 3, tag & 7
+        if types is not None and types.get(number) != kind:
+            raise ValueError(f"field {number} of wire type {kind} is not of a request")
+        if kind == 0:
+            value, at = read_varint(data, at)
+        else:
+            size, at = read_varint(data, at) if kind == 2 else ({1: 8, 5: 4}[kind], at)
+            value, at = data[at : at + size], at + size
+            if at > len(data):
+                raise ValueError("the message is cut off")
+            value = value if kind == 2 else int.from_bytes(value, "little")
+        fields.setdefault(number, []).append(value)
+    return fields
+
+
+def write(fields):
+    """Returns the bytes of [(field number, value)]: int as varint, ("fixed64", int), ("fixed32", int), str, bytes or a
+    nested list."""
+    out = b""
+    for number, value in fields:
+        if isinstance(value, int):
+            out += varint(number << 3) + varint(value)
+        elif isinstance(value, tuple):
+            size = 8 if value[0] == "fixed64" else 4
+            out += varint(number << 3 | (1 if size == 8 else 5)) + value[1].to_bytes(size, "little")
+        else:
+            body = write(value) if isinstance(value, list) else value.encode() if isinstance(value, str) else value
+            out += varint(number << 3 | 2) + varint(len(body)) + body
+    return out
+
+
+def double(value):
+    return struct.unpack("<d", value.to_bytes(8, "little"))[0]
+
+
+class Refusal(Exception):
+    def __init__(self, code, text):
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+class Session:
+    def __init__(self, token, nodes, scene, opening):
+        self.token, self.nodes, self.scene = token, nodes, scene
+        self.sequence, self.kept = 0, (opening, None)  # the last request's frames and the reply to it
+        self.jumps = {}  # node -> the jump that was answered last
+        self.standing = None
+        self.steps, self.dts, self.time, self.version, self.claim = 0, [], 0.0, 0, 0
+        self.refused = None  # frames that a scripted fault refused
+
+
+class MockServer:
+    """Serves requests one by one. answer() is a function of bytes; serve() runs it on a ROUTER socket.
+
+    restart_after: after so many steps the server behaves as a durable one that was restarted (EPOCH once, then
+    SHUTTING_DOWN once); varying: friction falls slowly from step to step, so the answer to another step is not the
+    answer to this one."""
+
+    def __init__(self, problem="two_half_spaces", restart_after=None, varying=False):
+        self.problem, self.report = Problem(problem), Report()
+        self.epoch = int.from_bytes(os.urandom(8), "little") | 1
+        self.restart_after, self.stopping_at, self.varying = restart_after, None, varying
+        self.sessions, self.greeted, self.ids, self.peers, self.closed = {}, False, set(), {}, 0
+
+    # -- a request, from frames to frames --
+
+    def answer(self, frames, peer=b""):
+        check = self.report.check
+        header, request_id, session_id, sequence = {}, 0, b"", 0
+        try:
+            if not check("framing", 1 <= len(frames) <= 2, f"{len(frames)} frames"):
+                raise Refusal(BAD_FRAMING, f"expected one or two frames, found {len(frames)}")
+            header = self.envelope(frames)
+            request_id, session_id, sequence = header.get(4, [0])[0], header.get(5, [b""])[0], header.get(6, [0])[0]
+            body = next(number for number in header if number >= 16)
+            fields = read(header[body][0])
+            columns = self.payload(header, frames)
+            if body not in (HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME):
+                raise Refusal(UNSUPPORTED, f"this mock server has no request {body}; it has what a step needs")
+            reply_body, payload = self.request(body, fields, columns, header, frames, peer)
+        except Refusal as refusal:
+            status = [(1, refusal.code), (2, refusal.text)]
+            session = self.sessions.get(session_id)
+            if session and 201 <= refusal.code <= 203:
+                status.append((6, session.sequence))
+            return self.reply(request_id, session_id, sequence, [(9, status)])
+        if reply_body is None:
+            return payload  # the kept reply
+        reply = self.reply(request_id, session_id, sequence, [(9, [(1, OK)]), (body, reply_body)], payload)
+        if body in (STEP, COMMIT, ROLLBACK, CLOSE):
+            self.sessions[session_id].kept = (frames, reply)
+            if body == CLOSE:
+                self.closed += 1
+        elif body == OPEN:
+            self.sessions[fields[2][0]].kept = (frames, reply)
+        return reply
+
+    def envelope(self, frames):
+        check = self.report.check
+        try:
+            header = read(frames[0], WIRE_TYPES)
+            once = all(len(values) == 1 for values in header.values()) and sum(number >= 16 for number in header) == 1
+            if not check("header", once, "a field comes twice, or there is not one body"):
+                raise ValueError("a field comes twice, or there is not one body")
+        except (ValueError, IndexError, KeyError) as fault:
+            check("header", False, str(fault))
+            raise Refusal(MALFORMED, f"the header is no message of this protocol: {fault}") from None
+        if not check("magic", header.get(1, [0])[0] == MAGIC, f"{header.get(1)}"):
+            raise Refusal(MALFORMED, "expected the magic number 0x31425353")
+        if not check("version", header.get(2, [0])[0] == 1, f"major {header.get(2)}"):
+            raise Refusal(VERSION, f"expected version 1.0, found {header.get(2, [0])[0]}.{header.get(3, [0])[0]}")
+        if not check("framing", (8 in header) == (len(frames) == 2), "the payload frame is not as the header declares"):
+            raise Refusal(BAD_FRAMING, "the payload frame is not as the header declares")
+        return header
+
+    def payload(self, header, frames):
+        """Returns {(field, component): values}."""
+        if 8 not in header:
+            return {}
+        check, frame, columns = self.report.check, frames[1], {}
+        try:
+            declared = read(header[8][0])
+            if not check("payload_size",
+                         declared.get(1, [0])[0] == len(frame), f"{declared.get(1)} declared, {len(frame)} sent"):
+                raise Refusal(CHECKSUM, "the payload has another size than its header says")
+            if not check("payload_sum", declared.get(2, [0])[0] == xxh3(frame), "another sum"):
+                raise Refusal(CHECKSUM, "the payload has another sum than its header says")
+            used = []
+            for column in map(read, declared.get(3, [])):
+                field, component, element, offset, count = (column.get(i, [0])[0] for i in range(1, 6))
+                expected = UINT64 if field == NODE_ID else FLOAT64
+                if not check("elements", element == expected,
+                             f"column {field} has the element {element}, expected {expected}"):
+                    raise Refusal(SHAPE, f"column {field}: expected element {expected}, found {element}")
+                end = offset + 8 * count
+                apart = all(end <= a or offset >= b or a == b or offset == end for a, b in used)
+                if not check("columns", offset % 8 == 0 and end <= len(frame) and apart and
+                             (field, component) not in columns,
+                             f"column {field} from {offset} to {end} of {len(frame)} bytes"):
+                    raise Refusal(SHAPE, f"column {field} lies badly in the payload, or comes twice")
+                used.append((offset, end))
+                columns[field, component] = struct.unpack_from(f"<{count}{CODE[element]}", frame, offset)
+        except (ValueError, IndexError, KeyError, struct.error) as fault:
+            check("columns", False, str(fault))
+            raise Refusal(MALFORMED, f"the payload is badly declared: {fault}") from None
+        if not check("elements",
+                     len({len(values) for values in columns.values()}) == 1, "columns of different lengths"):
+            raise Refusal(SHAPE, "the columns have different lengths")
+        return columns
+
+    def reply(self, request_id, session_id, sequence, fields, payload=None):
+        head = [(1, ("fixed32", MAGIC)), (2, 1), (4, ("fixed64", request_id))]
+        head += [(5, session_id)] * bool(session_id) + [(6, sequence)] * bool(sequence) + [(7, ("fixed64", self.epoch))]
+        if payload is None:
+            return [write(head + fields)]
+        frame, columns = b"", []
+        for field, values in payload.items():
+            element = UINT64 if field == NODE_ID else UINT8 if field in (34, 35) else FLOAT64
+            columns.append((3, [(1, field), (3, element), (4, len(frame)), (5, len(values))]))
+            frame += struct.pack(f"<{len(values)}{CODE[element]}", *values)
+            frame += bytes(-len(frame) % 8)
+        return [write(head + [(8, [(1, len(frame)), (2, ("fixed64", xxh3(frame))), *columns])] + fields), frame]
+
+    # -- what requests do --
+
+    def request(self, body, fields, columns, header, frames, peer):
+        """Returns (body, payload) of the reply; (None, frames) for the kept reply to a repeated request."""
+        check = self.report.check
+        if body == HELLO:
+            self.greeted = True
+            plain = not header.get(5, [b""])[0] and not header.get(6, [0])[0] and not header.get(7, [0])[0]
+            check("hello", plain and fields.get(1, [0])[0] <= 1 <= fields.get(2, [0])[0],
+                  "its range has no 1, or its envelope is not empty")
+            self.new_id(header)
+            durability = "process" if self.restart_after is not None else "none"
+            limits = [(1, 524288), (2, 33554432), (3, 200000), (4, 1024), (5, 2), (20, 2), (21, 1 << 30)]
+            return [(1, 1), (3, "mock"), (4, limits), (5, "force_driven"), (5, "trial"), (5, "resume"), (6, durability),
+                    (20, "uid")], None
+        check("hello_first", self.greeted, "no hello")
+        if body == OPEN:
+            return self.open(fields, columns, header, frames, peer)
+        session = self.sessions.get(header.get(5, [b""])[0])
+        if session is None:
+            raise Refusal(UNKNOWN_SESSION, "no session of this id was opened")
+        if body == RESUME:
+            return self.resume(session, fields, header)
+        sequence = header.get(6, [0])[0]
+        if sequence == session.sequence:
+            same = session.kept[0] == frames
+            check("repeats", same, f"number {sequence} came again with other bytes")
+            if not same:
+                raise Refusal(SEQUENCE_REUSED, f"number {sequence} was used by a request with other bytes")
+            check("fresh_socket",
+                  self.peers.get(bytes(frames[0])) != peer, "the repeated request came on the same socket")
+            return None, self.replayed(session.kept[1])
+        if not check("sequence", sequence == session.sequence + 1, f"number {sequence} after {session.sequence}"):
+            raise Refusal(STALE_SEQUENCE if sequence < session.sequence else SEQUENCE_GAP,
+                          f"expected number {session.sequence + 1}, found {sequence}")
+        self.faults_of_the_script(session, header, frames)
+        check("epoch", header.get(7, [0])[0] == self.epoch, "another epoch, or none")
+        if header.get(7, [0])[0] not in (0, self.epoch):
+            raise Refusal(EPOCH, "this is another incarnation of the server")
+        self.new_id(header)
+        if body == STEP:
+            answer = self.step(session, fields, columns)
+        elif body == COMMIT:
+            if session.standing is None:
+                raise Refusal(NOTHING_TO_COMMIT, "no trial stands")
+            self.accept(session)
+            answer = [(1, session.version)], None
+        elif body == ROLLBACK:
+            session.standing = None
+            answer = [(1, session.version)] if session.version else [], None
+        else:
+            self.end(session)
+            answer = [(1, session.sequence + 2), (2, session.steps * len(session.nodes))], None
+        session.sequence = sequence
+        self.peers[bytes(frames[0])] = peer
+        return answer
+
+    def new_id(self, header):
+        number = header.get(4, [0])[0]
+        self.report.check("request_id", number != 0 and number not in self.ids, f"{number:#x} is 0 or was used before")
+        self.ids.add(number)
+
+    def replayed(self, reply):
+        return [reply[0] + write([(10, 1)]), *reply[1:]]
+
+    def open(self, fields, columns, header, frames, peer):
+        check = self.report.check
+        session_id, token = fields.get(2, [b""])[0], fields.get(3, [b""])[0]
+        if session_id in self.sessions:
+            session = self.sessions[session_id]
+            same = session.kept[0] == frames
+            check("repeats", same, "the opening came again with other bytes")
+            if not same:
+                raise Refusal(SEQUENCE_REUSED, "the opening came again with other bytes")
+            return None, self.replayed(session.kept[1])
+        if not check("session_id", len(session_id) == 16 and len(set(session_id)) > 4, f"{session_id.hex()}"):
+            raise Refusal(INVALID_VALUE, "session_id: expected 16 random bytes")
+        check("resume_token", len(token) == 16 and len(set(token)) > 4 and token != session_id, f"{token.hex()}")
+        nodes = columns.get((NODE_ID, 0), ())
+        check("opening",
+              bool(fields.get(1)) and len(nodes) > 0 and len(set(nodes)) == len(nodes), f"{len(nodes)} nodes")
+        if not nodes or len(set(nodes)) != len(nodes):
+            raise Refusal(DUPLICATE_NODE if nodes else SHAPE, "expected distinct nodes in column node_id")
+        self.new_id(header)
+        session = self.sessions[session_id] = Session(token, list(nodes), fields.get(1, [b""])[0], frames)
+        self.peers[bytes(frames[0])] = peer
+        return self.opened(session), None
+
+    def opened(self, session):
+        """Returns the body session_opened. A mock server has no scene of its own: the text comes back as it was."""
+        packed = lambda numbers: b"".join(map(varint, numbers))
+        return [(1, session.scene), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (10, "mock")]
+
+    def resume(self, session, fields, header):
+        if fields.get(1, [b""])[0] != session.token:
+            raise Refusal(RESUME_REFUSED, "not the token of the opening")
+        claim = fields.get(2, [0])[0]
+        if claim:
+            right = claim == session.claim + 1 and fields.get(3, [0])[0] and header.get(7, [0])[0] == self.epoch
+            if not self.report.check("claim", right, f"claim {claim} after {session.claim}"):
+                raise Refusal(SUPERSEDED, "not the next claim, without a claimant, or with another epoch")
+            session.claim = claim
+        body = [(1, self.opened(session)), (2, session.sequence), (3, session.version), (5, session.claim)]
+        return [field for field in body if field[1] != 0], {NODE_ID: session.nodes}
+
+    def faults_of_the_script(self, session, header, frames):
+        """Behaves as a durable server that was restarted and is then told to stop, where the script says so."""
+        if self.restart_after is None:
+            return
+        if session.refused is None and session.steps == self.restart_after:
+            session.refused = frames
+            self.epoch ^= 0x5A5A
+            raise Refusal(EPOCH, "the server was restarted")
+        if session.refused and self.stopping_at is None:
+            claimed = session.claim > 0 and header.get(7, [0])[0] == self.epoch
+            before, now = read(session.refused[0]), read(frames[0])
+            same = {k: v for k, v in before.items() if k != 7} == {k: v for k, v in now.items() if k != 7
+                                                                   } and frames[1:] == session.refused[1:]
+            self.report.check("restart", claimed and same,
+                              "not claimed, not the epoch of the claim, or another request")
+            self.stopping_at = frames
+            raise Refusal(SHUTTING_DOWN, "the server is stopping")
+        if self.stopping_at is not None and self.stopping_at != "over":
+            self.report.check("busy", self.stopping_at == frames, "another request")
+            self.stopping_at = "over"
+
+    # -- a step --
+
+    def step(self, session, fields, columns):
+        check = self.report.check
+        dt, mode = double(fields.get(1, [0])[0]), fields.get(5, [0])[0]
+        if fields.get(6, [0])[0]:
+            if session.standing is None:
+                raise Refusal(NOTHING_TO_COMMIT, "no trial stands")
+            self.accept(session)
+        if not check("step", 1e-18 <= dt <= 1 and mode in (1, 2), f"dt {dt}, mode {mode}"):
+            raise Refusal(INVALID_VALUE, "expected dt from 1e-18 to 1 s, and mode 1 or 2")
+        missing = [field for field in REQUIRED if (field, 0) not in columns]
+        surplus = [key for key in columns if key[0] not in (*REQUIRED, NODE_ID) or key[1]]
+        if not check("required", not missing and not surplus, f"missing {missing}, surplus {surplus}"):
+            raise Refusal(SHAPE, f"columns are missing {missing} or surplus {surplus}")
+        nodes = columns.get((NODE_ID, 0), session.nodes)
+        rows = [dict(zip(REQUIRED, row)) for row in zip(*(columns[field, 0] for field in REQUIRED))]
+        if not check("elements", len(rows) == len(nodes), f"{len(rows)} rows for {len(nodes)} nodes"):
+            raise Refusal(SHAPE, f"expected {len(nodes)} rows, found {len(rows)}")
+        if not set(nodes) <= set(session.nodes):
+            raise Refusal(UNKNOWN_NODE, "a node is not of this session")
+        if not check("finite", all(math.isfinite(value) for row in rows for value in row.values()), "not finite"):
+            raise Refusal(INVALID_VALUE, "a value is not finite")
+        if not check("masses", all(row[MASS_SOFT] > 0 and row[MASS_HARD] > 0 for row in rows), "not positive"):
+            raise Refusal(INVALID_VALUE, "a mass is not positive")
+        self.judge(session, dt, nodes, rows)
+        answers, friction = {field: [] for field in REPLY_COLUMNS}, self.friction(session.steps)
+        for row in rows:
+            a = dt * (1 / row[MASS_SOFT] + 1 / row[MASS_HARD])
+            free = row[JUMP] + dt * (row[STRESS_SOFT] / row[MASS_SOFT] + row[STRESS_HARD] / row[MASS_HARD])
+            limit = friction if row[PRESSURE] > 0 else 0.0
+            stress = max(-limit, min(limit, free / a))
+            new = free - a * stress
+            sliding = abs(free / a) > limit
+            for field, value in ((30, stress), (31, new if sliding else 0.0), (32, 300.0), (33,
+                                                                                            new if sliding else 0.0),
+                                 (36, abs(stress * new) * dt), (34, SLIDING if sliding else STICK), (35, 0)):
+                answers[field].append(value)
+        session.standing = dt, dict(zip(nodes, answers[33]))
+        if mode == 1:
+            self.accept(session)
+        wanted = []
+        for packed in fields.get(7, []):
+            at = 0
+            while at < len(packed):
+                number, at = read_varint(packed, at)
+                wanted.append(number)
+        body = [(1, len(nodes)), (2, session.version)]
+        return [f for f in body
+                if f[1]], {field: answers[field] for field in REPLY_COLUMNS if field in wanted or not wanted}
+
+    def friction(self, step):
+        return self.problem.friction / (1 + 1e-3 * step * self.varying)
+
+    def accept(self, session):
+        dt, jumps = session.standing
+        session.standing = None
+        session.jumps.update(jumps)
+        session.steps, session.version, session.time = session.steps + 1, session.version + 1, session.time + dt
+        session.dts.append(dt)
+
+    def judge(self, session, dt, nodes, rows):
+        """Holds a request to the problem: it begins a step from the committed states."""
+        check, problem = self.report.check, self.problem
+        for node, row in zip(nodes, rows):
+            check("pressure",
+                  abs(row[PRESSURE] / problem.pressure - 1) < 1e-6,
+                  f"{row[PRESSURE]:g} Pa, expected {problem.pressure:g}")
+            transit = [2 * row[mass] / impedance for mass, impedance in zip((MASS_SOFT, MASS_HARD), problem.impedance)]
+            check(
+                "half_zones", 0.4 < transit[0] / transit[1] < 2.5
+                and all(0.9 * dt < t < 20 * max(dt, *session.dts, 0.0) for t in transit),
+                f"zones with transit times of {transit[0]:g} and {transit[1]:g} s for dt {dt:g} s: "
+                "the masses are not those of half zones, "
+                "or their sides are swapped")
+            if session.steps == 0:
+                check("first_jump",
+                      abs(row[JUMP] - problem.jump) < CLOSURE, f"{row[JUMP]:g} m/s, expected {problem.jump:g}")
+                check("far_stresses", row[STRESS_SOFT] == 0 == row[STRESS_HARD], "not 0 at the start")
+                continue
+            answered = session.jumps[node]
+            check(
+                "closure",
+                abs(row[JUMP] - answered) < CLOSURE,
+                f"node {node}, step {session.steps}: the host has a jump of {row[JUMP]:.9g} m/s, "
+                f"{answered:.9g} was answered"
+            )
+            if not problem.finite:
+                # Behind the front the stress is the friction; a coarse host rings around it.
+                check(
+                    "far_stresses",
+                    all(-0.7 * problem.friction < row[f] < 1.7 * problem.friction for f in (STRESS_SOFT, STRESS_HARD)),
+                    f"{row[STRESS_SOFT]:g} and {row[STRESS_HARD]:g} Pa, "
+                    f"expected about {problem.friction:g}: the sign of a stress is wrong"
+                )
+        if session.steps == 1:
+            check("first_step", abs(session.dts[0] / dt - 0.5) < 1e-6, f"{session.dts[0]:g} s, then {dt:g} s")
+
+    def end(self, session):
+        """Judges a run when its session is closed."""
+        check, problem = self.report.check, self.problem
+        check("closed", True)
+        check("one_in_flight", True)
+        check("long_enough", session.steps >= 20, f"{session.steps} steps")
+        exact = problem.exact_jump(session.time, self.friction(session.steps - 1))
+        for node, jump in session.jumps.items():
+            if exact is not None:
+                check("jump",
+                      abs(jump - exact) < PHYSICS * problem.jump,
+                      f"node {node}: {jump:.6g} m/s at {session.time:.3g} s, exact {exact:.6g}")
+
+    # -- the socket --
+
+    def serve(self, endpoint, stop=lambda: False, until_closed=True):
+        """Answers requests until a session was closed, or `stop` says so."""
+        socket = zmq.Context.instance().socket(zmq.ROUTER)
+        socket.setsockopt(zmq.LINGER, 200)
+        socket.bind(endpoint)
+        try:
+            while not stop() and not (until_closed and self.closed):
+                if not socket.poll(20):
+                    continue
+                peer, *frames = socket.recv_multipart()
+                waiting = []
+                while socket.poll(0):  # a second message that came before the answer to the first
+                    waiting.append(socket.recv_multipart())
+                for other, *more in [(peer, *frames), *waiting]:
+                    if other == peer and more != frames:
+                        self.report.check("one_in_flight", False, "a request came before the answer to the one before")
+                    socket.send_multipart([other, *self.answer(more, other)])
+        finally:
+            socket.close()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bind", required=True)
+    parser.add_argument("--problem", choices=("two_half_spaces", "finite_plate"), default="two_half_spaces")
+    parser.add_argument("--friction-pa", type=float, default=Problem.friction)
+    parser.add_argument("--restart-after", type=int)
+    options = parser.parse_args()
+    Problem.friction = options.friction_pa
+    server = MockServer(options.problem, options.restart_after)
+    server.serve(options.bind)
+    results = server.report.results(PROTOCOL + RESTARTED * (options.restart_after is not None))
+    for name, why in results.items():
+        if why:
+            print(f"{name}: {CHECKS[name]}; {why}")
+    good = sum(why is None for why in results.values())
+    print(f"{good} of {len(results)}")
+    return good < len(results)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,659 @@
+#!/usr/bin/python3
+"""Tests of the Python client against real servers.
+
+python_client.py --endpoint ENDPOINT --server SHEARBUS_SERVER --source DIR [--ctl SHEARBUS_CTL]
+    [--replay SHEARBUS_REPLAY] [--server-key FILE --key FILE] [TEST...]
+--endpoint is a running server; the tests start more with --server."""
+import argparse
+import importlib.util
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+import warnings
+
+import numpy
+
+OPTIONS = None
+VELOCITY_DRIVEN = """name = "python"
+strategy = "velocity_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 20e-6
+cells = 40
+grading = 1.1
+"""
+TWO_COMPONENTS = "tangential_components = 2\n" + VELOCITY_DRIVEN
+NODES = [3, 7, 2**64 - 1]
+
+
+def drive(*jumps):
+    return {"jump": numpy.array(jumps, float), "pressure": 11.2e9}
+
+
+def example():
+    """Returns the module of the example, which is a host of its own."""
+    path = OPTIONS.source / "client/examples/two_half_spaces.py"
+    spec = importlib.util.spec_from_file_location("two_half_spaces", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class DurableServer:
+    """A server with a state directory, which can be killed and started again."""
+
+    def __init__(self, directory):
+        self.directory = directory
+        self.socket = pathlib.Path(directory, "run", "bus")
+        self.socket.parent.mkdir(mode=0o700)
+        self.endpoint = f"ipc://{self.socket}"
+        self.process = None
+        self.start()
+
+    def start(self):
+        self.socket.unlink(missing_ok=True)
+        self.process = subprocess.Popen(
+            [OPTIONS.server, "--bind", self.endpoint, "--state-dir", f"{self.directory}/state", "--log-level", "off"])
+        while not self.socket.exists():
+            time.sleep(0.005)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def close(self):
+        self.kill()
+
+
+class Live(unittest.TestCase):
+    def open(self, scene=VELOCITY_DRIVEN, nodes=NODES, **options):
+        bus = shearbus.open(scene, nodes, **{"endpoint": OPTIONS.endpoint, **options})
+        self.addCleanup(bus.__exit__, RuntimeError)
+        return bus
+
+    def durable(self):
+        directory = tempfile.TemporaryDirectory(prefix="shearbus-")
+        self.addCleanup(directory.cleanup)
+        server = DurableServer(directory.name)
+        self.addCleanup(server.close)
+        return server
+
+    def assert_refused(self, kind, code, call, field=None, nodes=None, text=""):
+        with self.assertRaises(kind) as caught:
+            call()
+        fault = caught.exception
+        self.assertEqual(fault.code.name, code, fault)
+        self.assertIn(text, str(fault))
+        if field is not None:
+            self.assertEqual(fault.field, field, fault)
+        if nodes is not None:
+            self.assertEqual(fault.nodes, nodes, fault)
+        return fault
+
+
+class Steps(Live):
+    def test_a_session_tells_what_its_scene_needs(self):
+        bus = self.open()
+        self.assertEqual((bus.strategy, bus.components, bus.columns), ("velocity_driven", 1, ("jump", "pressure")))
+        self.assertEqual(bus.reply_columns, ("stress", "slip", "temperature", "friction_heat", "regime", "outcome"))
+        self.assertIn("interface_work", bus.columns_on_request)
+        self.assertIn("density_kg_per_m3", bus.scene)
+        self.assertGreater(bus.bytes_per_node, 0)
+        self.assertEqual((list(bus.nodes), len(bus.warnings)), (NODES, 1))
+        self.assertIn("half_space", bus.warnings[0])
+
+    def test_an_answer_has_read_only_arrays_that_outlive_the_next_step(self):
+        bus = self.open()
+        first = bus.step(20e-9, **drive(100, -100, 50))
+        kept = first.stress.copy()
+        for array in (first.stress, first.regime, first.outcome, first.nodes):
+            self.assertEqual((array.shape, array.flags.writeable), ((3,), False))
+            with self.assertRaises(ValueError):
+                array[0] = 0
+        self.assertEqual(first.regime.dtype, numpy.uint8)
+        self.assertEqual((first.stress[1], first.state_version), (-first.stress[0], 1))
+        self.assertEqual(first.flagged_nodes,
+                         numpy.count_nonzero(first.outcome & ~numpy.uint8(shearbus.Outcome.ASLEEP)))
+        for _ in range(3):
+            bus.step(1e-9, **drive(1, 2, 3))
+        numpy.testing.assert_array_equal(first.stress, kept)
+        self.assertEqual(set(first.regime), {shearbus.Regime.TRESCA})
+        with self.assertRaisesRegex(AttributeError, "interface_work.*want="):
+            first.interface_work
+
+    def test_numbers_stand_for_all_rows_and_lists_and_integers_are_taken(self):
+        a, b = self.open(), self.open()
+        x = a.step(1e-9, jump=100, pressure=11.2e9)
+        y = b.step(1e-9, jump=[100, 100, 100], pressure=numpy.full(3, 11_200_000_000))
+        numpy.testing.assert_array_equal(x.temperature, y.temperature)
+
+    def test_large_frames_are_viewed_where_they_arrived(self):
+        nodes = numpy.arange(20_000)
+        bus = self.open(nodes=nodes)
+        answer = bus.step(1e-9, jump=numpy.linspace(-100, 100, nodes.size), pressure=11.2e9)
+        self.assertFalse(answer.stress.flags.owndata)
+        few = self.open().step(1e-9, **drive(-100, 100, answer.stress[0] * 0))
+        self.assertEqual((answer.stress[0], answer.stress[-1]), (few.stress[0], few.stress[1]))
+
+    def test_a_subset_is_stepped_with_the_bits_of_the_whole(self):
+        whole, parts = self.open(), self.open()
+        expected = whole.step(1e-9, **drive(50, 60, 70)).temperature
+        rest = parts.step(1e-9, nodes=[2**64 - 1, 3], **drive(70, 50))
+        one = parts.step(1e-9, nodes=[7], **drive(60))
+        self.assertEqual(list(rest.nodes), [2**64 - 1, 3])
+        self.assertEqual((rest.temperature[1], one.temperature[0], rest.temperature[0]), tuple(expected))
+
+    def test_two_components_are_an_extra_axis(self):
+        bus = self.open(TWO_COMPONENTS)
+        jump = numpy.array([[100.0, 0.0], [0.0, 100.0], [60.0, 80.0]])
+        answer = bus.step(1e-9, jump=jump, pressure=11.2e9)
+        self.assertEqual(answer.stress.shape, (3, 2))
+        self.assertEqual(answer.stress[0, 0], answer.stress[1, 1])
+        numpy.testing.assert_allclose(answer.stress[2] / answer.stress[0, 0], [0.6, 0.8], rtol=1e-12)
+        self.assertEqual(answer.temperature.shape, (3,))
+        bus.step(1e-9, jump=0, pressure=11.2e9)
+        for wrong in (100.0, numpy.ones(3), numpy.ones((2, 3))):
+            self.assert_refused(shearbus.MessageError,
+                                "SHAPE",
+                                lambda: bus.step(1e-9, jump=wrong, pressure=1e9),
+                                "jump",
+                                text="(3, 2)")
+        bad = jump.copy()
+        bad[1, 1] = numpy.nan
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.step(1e-9, jump=bad, pressure=1e9),
+                            "jump", [7])
+
+    def test_wanted_columns_come_in_addition(self):
+        bus = self.open(want="ledger")
+        answer = bus.step(1e-9, **drive(100, 100, 100))
+        self.assertTrue(set(bus.reply_columns) < set(answer.columns))
+        numpy.testing.assert_allclose(answer.interface_work, answer.stress * 100 * 1e-9, rtol=1e-12)
+        only = self.open().step(1e-9, want=["plastic_work"], **drive(100, 100, 100))
+        self.assertEqual(set(only.columns) - set(bus.reply_columns), {"plastic_work"})
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(want=["jump_new"]), "jump_new")
+
+    def test_initial_temperatures_are_per_node_or_one_for_all(self):
+        cold, hot = self.open(nodes=[1, 2], initial_temperature=[300.0, 700.0]).step(1e-9, **drive(1, 1)).temperature
+        self.assertTrue(300 <= cold < 310 and 700 <= hot < 710)
+        self.assertGreater(self.open(initial_temperature=700).step(1e-9, **drive(1, 1, 1)).temperature.min(), 700)
+
+    def test_a_scene_is_a_path_a_text_or_a_dict(self):
+        file = pathlib.Path(OPTIONS.source, "client/examples/two_half_spaces.toml")
+        nested = {
+            "name": "python", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"}, "hard":
+            {"material": "steel_dlp"}, "layer": {"thickness_m": numpy.float64(20e-6), "cells": 40, "grading": 1.1}
+        }
+        self.assertEqual(self.open(nested).scene, self.open(VELOCITY_DRIVEN).scene)
+        self.assertEqual(self.open(file).scene, self.open(file.read_text()).scene)
+        fault = self.assert_refused(shearbus.ContentError, "INVALID_SCENE",
+                                    lambda: self.open(VELOCITY_DRIVEN.replace("cells", "cels")), "layer.cels")
+        self.assertIn("scene:9:1: ", fault.text)
+        for wrong in ("no_such_file.toml", 3, {"name": None}):
+            self.assert_refused(shearbus.ContentError, "INVALID_SCENE", lambda: self.open(wrong))
+
+
+class Decisions(Live):
+    def test_a_trial_commits_on_leaving_and_rolls_back_otherwise(self):
+        bus, plain = self.open(), self.open()
+        with bus.trial(1e-9, **drive(400, 400, 400)) as trial:
+            if trial.temperature.max() > 300:
+                trial.reject()
+        with self.assertRaises(KeyError), bus.trial(1e-9, **drive(300, 300, 300)):
+            raise KeyError("of the host")
+        with bus.trial(1e-9, **drive(100, 100, 100)) as trial:
+            self.assertEqual(trial.state_version, 0)
+        expected = plain.step(1e-9, **drive(100, 100, 100))
+        numpy.testing.assert_array_equal(trial.temperature, expected.temperature)
+        numpy.testing.assert_array_equal(
+            bus.step(1e-9, **drive(1, 2, 3)).stress,
+            plain.step(1e-9, **drive(1, 2, 3)).stress)
+        bus.trial(1e-9, **drive(100, 100, 100))
+        bus.trial(1e-9, commit_previous=True, **drive(100, 100, 100))
+        self.assertEqual((bus.commit(), bus.rollback()), (4, 4))
+
+    def test_a_mark_brings_back_nodes_and_states(self):
+        bus = self.open(record=True)
+        bus.step(1e-9, **drive(100, 100, 100))
+        self.assertEqual(bus.mark("dump"), ["dump"])
+        expected = bus.step(1e-9, **drive(50, 60, 70)).temperature
+        bus.retire([7])
+        bus.register([9], initial_temperature=400.0)
+        self.assertEqual(list(bus.nodes), [3, 2**64 - 1, 9])
+        self.assertEqual(len(bus.step(1e-9, **drive(1, 1, 1)).stress), 3)
+        self.assertEqual((bus.rollback_to("dump"), list(bus.nodes)), (1, NODES))
+        numpy.testing.assert_array_equal(bus.step(1e-9, **drive(50, 60, 70)).temperature, expected)
+        self.assertEqual(len(bus.history), 2)
+        self.assert_refused(shearbus.SessionError, "UNKNOWN_MARK", lambda: bus.rollback_to("gone"))
+
+    def test_nodes_move_between_two_sessions_with_their_states(self):
+        domain = os.urandom(8).hex()
+        giver, taker, plain = self.open(domain=domain), self.open(nodes=(), domain=domain), self.open()
+        for bus in (giver, plain):
+            bus.step(1e-9, **drive(100, 150, 50))
+        self.assert_refused(shearbus.ContentError, "NODE_OWNED", lambda: self.open(nodes=[7], domain=domain), "node_id",
+                            [7])
+        taken = taker.accept(giver.offer([2**64 - 1, 3]))
+        self.assertEqual((list(taken), list(giver.nodes), list(taker.nodes)), ([2**64 - 1, 3], [7], [2**64 - 1, 3]))
+        expected = plain.step(1e-9, **drive(60, 70, 80)).temperature
+        numpy.testing.assert_array_equal(taker.step(1e-9, **drive(80, 60)).temperature, expected[[2, 0]])
+        numpy.testing.assert_array_equal(giver.step(1e-9, **drive(70)).temperature, expected[[1]])
+        self.assert_refused(shearbus.SessionError, "UNKNOWN_TRANSFER", lambda: taker.accept(b'x' * 16))
+        taker.retire(taker.nodes)
+        self.assertEqual(len(taker.step(1e-9, jump=1.0, pressure=1e9).stress), 0)
+
+    def test_a_successor_resumes_by_the_ticket(self):
+        bus, plain = self.open(), self.open()
+        expected = [each.step(1e-9, **drive(100, 90, 80)).stress for each in (bus, plain)]
+        numpy.testing.assert_array_equal(*expected)
+        ticket = bus.ticket
+        bus.leave()
+        successor = shearbus.resume(ticket, OPTIONS.endpoint)
+        self.addCleanup(successor.close)
+        self.assertEqual((list(successor.nodes), successor.scene, successor.columns),
+                         (NODES, plain.scene, plain.columns))
+        numpy.testing.assert_array_equal(
+            successor.step(1e-9, **drive(1, 2, 3)).stress,
+            plain.step(1e-9, **drive(1, 2, 3)).stress)
+        self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
+                            lambda: shearbus.resume(ticket[:33] + "0" * 32, OPTIONS.endpoint))
+        for wrong in ("", "xyz", None):
+            self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
+                                lambda: shearbus.resume(wrong, OPTIONS.endpoint))
+        self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.resume(ticket))
+
+    def test_a_history_holds_what_was_kept(self):
+        bus = self.open(record=True)
+        answers = [bus.step(1e-9, step=i, **drive(100 + i, 90, 80)) for i in range(3)]
+        with bus.trial(1e-9, **drive(500, 500, 500)) as trial:
+            trial.reject()
+        with bus.trial(2e-9, time=5e-9, **drive(70, 80, 90)) as trial:
+            pass
+        history = bus.history
+        self.assertEqual((len(history), history.stress.shape, list(history.nodes)), (4, (4, 3), NODES))
+        numpy.testing.assert_array_equal(history.stress, [a.stress for a in (*answers, trial)])
+        numpy.testing.assert_array_equal(history.jump[:, 0], [100, 101, 102, 70])
+        numpy.testing.assert_allclose(history.time, [1e-9, 2e-9, 3e-9, 5e-9], rtol=1e-12)
+        self.assertEqual((list(history.step), list(history.dt)), ([0, 1, 2, 0], [1e-9, 1e-9, 1e-9, 2e-9]))
+        with tempfile.TemporaryDirectory() as directory:
+            file, again = pathlib.Path(directory, "history.h5"), pathlib.Path(directory, "again.h5")
+            history.to_hdf5(file, bus.scene)
+            scene = pathlib.Path(directory, "scene.toml")
+            scene.write_text(bus.scene)
+            import h5py
+            with h5py.File(file) as read:
+                numpy.testing.assert_array_equal(read["shear_stress"], history.stress)
+                self.assertEqual((read["shear_stress"].attrs["units"], read["meta/scene"][()].decode()),
+                                 ("Pa", bus.scene))
+            # The file is what shearbus-replay reads, and the replay answers with the same bits.
+            subprocess.run([OPTIONS.replay, file, "--scene", scene, "--out", again],
+                           check=True,
+                           stdout=subprocess.DEVNULL)
+            with h5py.File(again) as read:
+                numpy.testing.assert_array_equal(read["shear_stress"], history.stress)
+                numpy.testing.assert_array_equal(read["interface_temperature"], history.temperature)
+        bus.step(1e-9, nodes=[7], **drive(60))
+        table = history.table()
+        self.assertEqual((list(table["node"][-2:]), len(table["stress"]), table["jump"][-1]), ([2**64 - 1, 7], 13, 60))
+        with self.assertRaisesRegex(ValueError, "different nodes"):
+            history.stress
+
+    def test_two_components_of_a_history_have_names_of_their_own(self):
+        bus = self.open(TWO_COMPONENTS, record=True)
+        answer = bus.step(1e-9, jump=numpy.ones((3, 2)), pressure=1e9)
+        self.assertEqual(bus.history.stress.shape, (1, 3, 2))
+        numpy.testing.assert_array_equal(bus.history.table()["stress_second"], answer.stress[:, 1])
+
+
+class Refusals(Live):
+    """What numpy makes easy to get wrong is refused by name, before anything is sent."""
+
+    def setUp(self):
+        self.bus, self.plain = self.open(), self.open()
+
+    def silently(self, call, kind, code, field, nodes=None, text=""):
+        connection = self.bus._connection
+        connection.call = lambda *_: self.fail("something was sent")
+        try:
+            return self.assert_refused(kind, code, call, field, nodes, text)
+        finally:
+            del connection.call
+
+    def test_values_are_refused_by_the_name_of_their_column(self):
+        good = drive(1, 2, 3)
+        shape = ({"pressure": numpy.ones(2)}, {"pressure": numpy.ones(4)}, {"pressure": numpy.ones(
+            (3, 1))}, {"pressure": []}, {"pressure": numpy.float32(1e9)}, {"pressure": numpy.ones(3, numpy.float32)},
+                 {"pressure": numpy.ones(3, numpy.float16)}, {"pressure": numpy.ones(3, numpy.longdouble)},
+                 {"pressure": numpy.ones(3, complex)}, {"pressure": numpy.ones(3, bool)}, {"pressure": ["1", "2", "3"]},
+                 {"pressure": None}, {"pressure": [1.0, [2.0],
+                                                   3.0]}, {"pressure": numpy.ma.masked_array(numpy.ones(3), [0, 1, 0])
+                                                           }, {"pressure": numpy.ma.masked_array(numpy.ones(3))})
+        for wrong in shape:
+            self.silently(lambda: self.bus.step(1e-9, **{**good, **wrong}), shearbus.MessageError, "SHAPE", "pressure")
+        for value in (numpy.nan, numpy.inf, -numpy.inf):
+            bad = numpy.array([1.0, 2.0, value])
+            self.silently(lambda: self.bus.step(1e-9, **{**good, "jump": bad}), shearbus.ContentError, "INVALID_VALUE",
+                          "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
+            self.silently(lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), shearbus.ContentError,
+                          "INVALID_VALUE", "jump", [7])
+        self.silently(lambda: self.bus.step(1e-9, jump=1.0),
+                      shearbus.MessageError,
+                      "SHAPE",
+                      "pressure",
+                      text="is missing")
+        self.silently(lambda: self.bus.step(1e-9, presure=1.0, **good),
+                      shearbus.MessageError,
+                      "SHAPE",
+                      "presure",
+                      text='mean "pressure"')
+        self.silently(lambda: self.bus.step(1e-9, stress_soft=1.0, **good), shearbus.MessageError, "SHAPE",
+                      "stress_soft")
+        self.silently(lambda: self.bus.step("1 ns", **good), shearbus.MessageError, "SHAPE", "dt")
+        numpy.testing.assert_array_equal(self.bus.step(1e-9, **good).stress, self.plain.step(1e-9, **good).stress)
+
+    def test_nodes_are_refused_where_they_are_no_distinct_whole_numbers(self):
+        for wrong in ([1.0, 2.0], numpy.array([1, 2], numpy.float32), [[1, 2]], 5, ["a"], [True, False], [2**64], None,
+                      numpy.ma.masked_array([1, 2])):
+            self.silently(lambda: self.bus.step(1e-9, nodes=wrong, jump=1.0, pressure=1.0) if wrong is not None else
+                          self.bus.register(wrong), shearbus.MessageError, "SHAPE", "nodes")
+        self.silently(lambda: self.bus.register([5, -4]), shearbus.ContentError, "INVALID_VALUE", "nodes", text="-4")
+        self.silently(lambda: self.bus.retire([7, 3, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
+        self.silently(lambda: self.bus.offer([7, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
+        self.silently(lambda: self.bus.register([5], [numpy.nan]), shearbus.ContentError, "INVALID_VALUE",
+                      "initial_temperature", [5])
+
+    def test_the_servers_refusals_have_the_class_of_their_code(self):
+        step = lambda **more: self.bus.step(**{"dt": 1e-9, **drive(1, 2, 3), **more})
+        fault = self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: step(dt=0.0))
+        self.assertTrue(fault.text and fault.remedy)
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: step(pressure=1e13), "pressure_pa", NODES)
+        self.assert_refused(shearbus.ContentError, "UNKNOWN_NODE", lambda: step(nodes=[3, 8, 7]), "node_id", [8])
+        self.assert_refused(shearbus.ContentError, "DUPLICATE_NODE", lambda: self.bus.register([7]), "node_id", [7])
+        self.assert_refused(shearbus.SessionError, "NOTHING_TO_COMMIT", self.bus.commit)
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(nodes=()))
+        self.assert_refused(shearbus.MessageError, "LIMIT", lambda: self.open("#" * 300_000 + "\n"))
+        self.bus.trial(1e-9, **drive(1, 2, 3))
+        self.assert_refused(shearbus.SessionError, "TRIAL_STANDS", lambda: self.bus.retire([7]))
+        self.bus.rollback()
+        numpy.testing.assert_array_equal(step().stress, self.plain.step(1e-9, **drive(1, 2, 3)).stress)
+        self.bus.close()
+        self.assert_refused(shearbus.SessionError, "UNKNOWN_SESSION", step)
+        self.assertEqual(type(shearbus.errors.error(499, "of a later version")), shearbus.ServerError)
+
+    def test_a_draining_server_opens_no_session(self):
+        with shearbus.Server(OPTIONS.server) as server:
+            subprocess.run([OPTIONS.ctl, "drain", "--server", server.endpoint], check=True, stdout=subprocess.DEVNULL)
+            self.assert_refused(shearbus.ServerError, "DRAINING", lambda: self.open(endpoint=server.endpoint))
+
+    def test_a_server_that_is_not_there_is_told(self):
+        for endpoint in ("bogus", "udp://x", "ipc:///nowhere/at/all", 7):
+            self.assert_refused(shearbus.Unreachable, "UNREACHABLE",
+                                lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
+        self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key="a", key="b"))
+        self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(endpoint="tcp://127.0.0.1:9", key="b"))
+
+
+class Losses(Live):
+    def test_a_killed_server_is_waited_for_and_every_step_runs_once(self):
+        server, plain = self.durable(), self.open()
+        bus = self.open(endpoint=server.endpoint, reply_deadline=10.0, retry_after=0.3)
+        self.assertTrue(bus.durable)
+        for round_ in range(6):
+            if round_ in (2, 4):
+                server.kill()
+                threading.Timer(0.1, server.start).start()
+            values = drive(100 - round_, 90, 80)
+            if round_ == 4:
+                with bus.trial(1e-9, **values) as answer:
+                    server.kill()
+                    threading.Timer(0.1, server.start).start()
+            else:
+                answer = bus.step(1e-9, **values)
+            numpy.testing.assert_array_equal(answer.temperature, plain.step(1e-9, **values).temperature)
+        self.assertEqual(bus.close().node_steps, 18)
+
+    def test_an_unknown_outcome_is_settled_by_the_same_call(self):
+        server, plain = self.durable(), self.open()
+        bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
+        bus.step(1e-9, **drive(1, 2, 3))
+        plain.step(1e-9, **drive(1, 2, 3))
+        server.process.send_signal(signal.SIGSTOP)
+        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(50, 60, 70)))
+        server.process.send_signal(signal.SIGCONT)
+        bus._connection.reply_deadline = 5.0
+        answer = bus.step(1e-9, **drive(50, 60, 70))
+        self.assertEqual(answer.state_version, 2)
+        numpy.testing.assert_array_equal(answer.stress, plain.step(1e-9, **drive(50, 60, 70)).stress)
+
+    def test_another_call_after_a_lost_one_is_refused_and_the_session_goes_on(self):
+        server = self.durable()
+        bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
+        server.process.send_signal(signal.SIGSTOP)
+        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(50, 60, 70)))
+        server.process.send_signal(signal.SIGCONT)
+        bus._connection.reply_deadline = 5.0
+        time.sleep(0.1)  # the copies of the lost request are run before the next one arrives
+        self.assert_refused(shearbus.SessionError, "SEQUENCE_REUSED", lambda: bus.step(1e-9, **drive(1, 1, 1)))
+        self.assertEqual(bus.step(1e-9, **drive(1, 1, 1)).state_version, 2)
+
+    def test_an_interrupt_leaves_a_session_that_can_be_closed(self):
+        server = self.durable()
+        bus = self.open(endpoint=server.endpoint)
+        server.process.send_signal(signal.SIGSTOP)
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with self.assertRaises(KeyboardInterrupt):
+            bus.step(1e-9, **drive(50, 60, 70))
+        server.process.send_signal(signal.SIGCONT)
+        self.assertEqual(bus.close().node_steps, 3)
+
+    def test_a_server_without_durability_that_was_replaced_is_told(self):
+        with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
+            endpoint = f"ipc://{directory}/bus"
+
+            def start():
+                pathlib.Path(directory, "bus").unlink(missing_ok=True)
+                server = subprocess.Popen([OPTIONS.server, "--bind", endpoint, "--log-level", "off"])
+                self.addCleanup(server.wait)
+                self.addCleanup(server.kill)
+                while not pathlib.Path(directory, "bus").exists():
+                    time.sleep(0.005)
+                return server
+            server = start()
+            bus = self.open(endpoint=endpoint, reply_deadline=5.0, retry_after=0.3)
+            bus.step(1e-9, **drive(1, 2, 3))
+            server.kill()
+            server.wait()
+            start()
+            self.assert_refused(shearbus.SessionError, "EPOCH", lambda: bus.step(1e-9, **drive(1, 2, 3)))
+            bus.leave()
+
+
+class Hosts(Live):
+    def test_two_half_spaces_slide_at_the_exact_jump(self):
+        host = example()
+        jump, exact, closure = host.run(OPTIONS.endpoint)
+        self.assertAlmostEqual(exact, 92.184, delta=5e-4)
+        self.assertLess(abs(jump - exact).max(), 1e-6)
+        self.assertLess(closure, 1e-9)
+
+    def test_a_wrong_host_is_told_its_mistake_before_the_step_is_sent(self):
+        def host(soft=1, hard=1, to_soft=1, to_hard=1, mass_soft=1, mass_hard=1, swap=False, dt=1, sign=1):
+            """Two masses under far stresses; the arguments are factors of what a right host has or sends."""
+            bus = self.open(OPTIONS.source / "client/examples/two_half_spaces.toml", closure="error")
+            v_soft, v_hard, m_soft, m_hard = numpy.array([100.0, 90, 80]), 0.0, 0.0043, 0.0123
+            for length in (1e-9, 1.5e-9, 1e-9):
+                sent = {"stress_soft": soft * 30e6, "stress_hard": hard * 10e6}
+                if swap:
+                    sent = {"stress_soft": 10e6, "stress_hard": 30e6}
+                answer = bus.step(length, jump=sign * (v_soft - v_hard), pressure=1e9, **sent,
+                                  mass_soft=mass_soft * m_soft, mass_hard=mass_hard * m_hard)
+                length = 1e-9 if dt == "first" else length * dt
+                v_soft = v_soft + length / m_soft * (30e6 - to_soft * answer.stress)
+                v_hard = v_hard + length / m_hard * (to_hard * answer.stress - 10e6)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            host()
+        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"),
+                              ({"hard": -1}, "stress_hard has the wrong sign"), ({"soft": -1, "hard":
+                                                                                  -1}, "both have the wrong sign"),
+                              ({"to_soft": 0}, "to the hard body only"), ({"to_hard": 0}, "to the soft body only"),
+                              ({"to_soft": 0, "to_hard": 0}, "is not applied"), ({"to_soft": -1, "to_hard":
+                                                                                  -1}, "applied with the wrong sign"),
+                              ({"swap": True}, "are swapped"), ({"mass_soft":
+                                                                 2}, "mass_soft must be half of that sent"),
+                              ({"mass_hard": .5}, "mass_hard must be twice that"), ({"mass_soft": 2, "mass_hard":
+                                                                                     2}, "both masses must be half"),
+                              ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
+                              ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
+            fault = self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: host(**mistake), "jump", text=text)
+            self.assertLessEqual(str(fault).count("; or: "), 2, fault)
+
+    def test_a_wrong_host_is_warned_once_and_only_where_it_asks_for_it(self):
+        host = example()
+        right = host.Body.accelerate
+        host.STEPS = 5
+        for wrong in (lambda body, dt, friction: right(body, dt, -friction),
+                      lambda body, dt, friction: right(body, dt, friction if body.side > 0 else 0 * friction),
+                      lambda body, dt, friction: right(body, 2 * dt, friction)):
+            host.Body.accelerate = wrong
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                jump, exact, closure = host.run(OPTIONS.endpoint)
+            self.assertEqual([w.category for w in caught], [shearbus.ClosureWarning])
+            self.assertEqual(pathlib.Path(caught[0].filename).name, "two_half_spaces.py")
+            self.assertGreater(abs(jump - exact).max(), 1e-3)
+            self.assertGreater(closure, 1e-3)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            step = {"pressure": 1e9, "stress_soft": 0.0, "stress_hard": 0.0, "mass_soft": 0.0043, "mass_hard": 0.0123}
+            off = self.open(host.SCENE, closure="off")
+            bus = self.open(host.SCENE)
+            answer = bus.step(1e-9, jump=100.0, **step)
+            for jump in (100.0, 50.0):
+                off.step(1e-9, jump=jump, **step)
+            # Trials, other nodes and marks: each step is compared with the answer that it continues from.
+            bus.trial(1e-9, jump=answer.jump_new, **step)
+            bus.rollback()
+            with bus.trial(1e-9, jump=answer.jump_new, **step) as trial:
+                pass
+            bus.mark("here")
+            last = bus.step(1e-9, jump=trial.jump_new, **step)
+            bus.rollback_to("here")
+            bus.step(1e-9, nodes=[NODES[1]], jump=trial.jump_new[1], **step)
+            bus.step(1e-9, nodes=[NODES[1], NODES[0]], jump=[last.jump_new[1], last.jump_new[0] * 0 + 7], **step)
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(closure="maybe"), "closure")
+
+    def test_without_an_endpoint_it_has_a_server_of_its_own(self):
+        os.environ["SHEARBUS_SERVER"] = OPTIONS.server
+        self.addCleanup(os.environ.pop, "SHEARBUS_SERVER")
+        with shearbus.open(VELOCITY_DRIVEN, nodes=NODES) as bus:
+            bus.step(1e-9, **drive(1, 2, 3))
+            socket = bus._connection.endpoint.removeprefix("ipc://")
+        self.assertFalse(pathlib.Path(socket).parent.exists())
+        os.environ["SHEARBUS_SERVER"] = "/bin/false"
+        self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.open(VELOCITY_DRIVEN, nodes=NODES))
+        os.environ["SHEARBUS_SERVER"] = "no-such-program"
+        self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.open(VELOCITY_DRIVEN, nodes=NODES))
+
+    def test_its_own_server_ends_with_a_host_that_is_killed(self):
+        program = (
+            "import shearbus, sys, time; bus = shearbus.open(sys.argv[1], nodes=[1]); "
+            "print(bus._connection.endpoint, flush=True); "
+            "time.sleep(60)")
+        environment = {
+            **os.environ, "SHEARBUS_SERVER": OPTIONS.server, "PYTHONPATH": str(OPTIONS.source / "client/python")
+        }
+        host = subprocess.Popen([sys.executable, "-B", "-c", program, VELOCITY_DRIVEN],
+                                stdout=subprocess.PIPE,
+                                env=environment,
+                                text=True)
+        endpoint = host.stdout.readline().strip()
+        self.open(endpoint=endpoint).close()
+        host.kill()
+        host.wait()
+        host.stdout.close()
+        deadline = time.monotonic() + 10
+        while time.monotonic() < deadline:
+            try:
+                self.open(endpoint=endpoint, connect_deadline=0.2, reply_deadline=0.5).close()
+            except shearbus.Unreachable:
+                break
+            except shearbus.Error:  # the server is stopping
+                pass
+        self.assert_refused(shearbus.Unreachable, "UNREACHABLE",
+                            lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
+
+    def test_the_environment_replaces_endpoint_and_scene(self):
+        scene = OPTIONS.source / "client/examples/two_half_spaces.toml"
+        for name, value in (("SHEARBUS_ENDPOINT", OPTIONS.endpoint), ("SHEARBUS_SCENE", str(scene))):
+            os.environ[name] = value
+            self.addCleanup(os.environ.pop, name)
+        self.assertEqual(self.open(endpoint="ipc:///nowhere").name, "two_half_spaces")
+
+    def test_the_example_runs_as_printed(self):
+        done = subprocess.run([
+            sys.executable, "-B", OPTIONS.source / "client/examples/two_half_spaces.py", OPTIONS.endpoint
+        ],
+                              text=True,
+                              stdout=subprocess.PIPE,
+                              env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+        self.assertEqual((done.returncode, done.stdout[:32]), (0, "jump 92.183880 to 92.183880 m/s,"))
+
+
+class Keys(Live):
+    """Against a server on tcp with keys."""
+
+    def open(self, **options):
+        return super().open(connect_deadline=20.0, **options)  # a wrong key shows after three handshakes
+
+    def test_a_client_with_the_right_keys_is_served(self):
+        bus = self.open(server_key=OPTIONS.server_key, key=OPTIONS.key)
+        self.assertEqual((bus.welcome.access, len(bus.step(1e-9, **drive(1, 2, 3)).stress)), ("key", 3))
+
+    def test_a_client_without_or_with_other_keys_is_refused(self):
+        with tempfile.TemporaryDirectory() as directory:
+            subprocess.run([OPTIONS.ctl, "keygen", f"{directory}/other"], check=True, stdout=subprocess.DEVNULL)
+            other = f"{directory}/other.public", f"{directory}/other.secret"
+            self.assert_refused(shearbus.AuthError, "AUTH", self.open, text="expects clients with keys")
+            fault = self.assert_refused(shearbus.AuthError,
+                                        "AUTH",
+                                        lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
+                                        text="does not admit this client's key")
+            self.assertIn(pathlib.Path(other[0]).read_text().split()[0], fault.remedy)
+            self.assert_refused(shearbus.AuthError,
+                                "AUTH",
+                                lambda: self.open(server_key=other[0], key=OPTIONS.key),
+                                text="handshake")
+            os.chmod(other[1], 0o644)
+            self.assert_refused(shearbus.AuthError,
+                                "AUTH",
+                                lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
+                                text="0600")
+            self.assert_refused(shearbus.AuthError, "AUTH",
+                                lambda: self.open(server_key=OPTIONS.server_key, key="/nowhere"))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--endpoint", required=True)
+    parser.add_argument("--server")
+    parser.add_argument("--source", required=True, type=pathlib.Path)
+    parser.add_argument("--ctl")
+    parser.add_argument("--replay")
+    parser.add_argument("--server-key")
+    parser.add_argument("--key")
+    OPTIONS, rest = parser.parse_known_args()
+    for name in ("SHEARBUS_ENDPOINT", "SHEARBUS_SCENE"):
+        os.environ.pop(name, None)
+    sys.path.insert(0, str(OPTIONS.source / "client/python"))
+    import shearbus
+
+    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

@@ -1,0 +1,280 @@
+// The closure check of the service: states of the exchange with the host, column 61, warnings of the first steps.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "server/shard/closure.hpp"
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::Answer;
+using support::ServiceHarness;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+using testing::StartsWith;
+using wire::Code;
+using wire::Field;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(11);
+constexpr double kDt = 1e-9;
+
+wire::Request opening(const v1::Scene& scene, bool check_closure, std::uint8_t session = 1,
+                      std::span<const std::uint64_t> nodes = kNodes, const std::string& domain = {}) {
+  wire::Request request = ServiceHarness::opening(scene, nodes, session);
+  auto& open = std::get<wire::OpenSession>(request.body);
+  open.check_closure = check_closure;
+  open.domain = domain;
+  return request;
+}
+
+// A host that applies the answers: its next jumps are those answered, plus an error of its own.
+struct Host {
+  std::span<const std::uint64_t> nodes = kNodes;
+  std::uint32_t components = 1;
+  std::vector<double> jump[2];
+
+  wire::Batch request(int step, bool with_ids = false) {
+    const wire::Batch scalar = support::step_columns(Strategy::kForceDriven, nodes, step);
+    std::vector<Field> fields(wire::columns_of(Strategy::kForceDriven).required.begin(),
+                              wire::columns_of(Strategy::kForceDriven).required.end());
+    if (with_ids) fields.push_back(Field::kNodeId);
+    wire::Batch batch = wire::Batch::of(fields, nodes.size(), components);
+    for (const Field field : wire::columns_of(Strategy::kForceDriven).required)
+      for (std::uint32_t c = 0; c < (wire::is_tangential(field) ? components : 1); ++c)
+        for (std::size_t row = 0; row < nodes.size(); ++row)
+          batch.f64(field, c)[row] = (c == 0 ? 1.0 : 0.4) * scalar.f64(field)[row];
+    for (std::uint32_t c = 0; c < components && !jump[c].empty(); ++c)
+      std::ranges::copy(jump[c], batch.f64(Field::kVelocityJump, c).begin());
+    if (with_ids) std::ranges::copy(nodes, batch.u64(Field::kNodeId).begin());
+    return batch;
+  }
+  void apply(const Answer& answer) {
+    for (std::uint32_t c = 0; c < components; ++c) {
+      const auto answered = std::as_const(answer.reply.batch).f64(Field::kVelocityJumpNew, c);
+      jump[c].assign(answered.begin(), answered.end());
+    }
+  }
+};
+
+wire::Request step_of(std::uint64_t sequence, wire::Batch batch, double time = 0.0,
+                      wire::Mode mode = wire::Mode::kAdvance, std::uint8_t session = 1) {
+  wire::Request request = ServiceHarness::step(sequence, std::move(batch), mode, session);
+  auto& step = std::get<wire::Downscale>(request.body);
+  step.time_s = time;
+  step.wanted = {Field::kShearStress, Field::kVelocityJumpNew, Field::kOutcome, Field::kClosure};
+  return request;
+}
+
+const wire::Upscale& upscale(const Answer& answer) {
+  return std::get<wire::Upscale>(answer.reply.body);
+}
+
+std::vector<double> closure_of(const Answer& answer, std::uint32_t component = 0) {
+  const auto column = std::as_const(answer.reply.batch).f64(Field::kClosure, component);
+  return {column.begin(), column.end()};
+}
+
+v1::Scene scene_of(std::uint32_t components) {
+  v1::Scene scene = support::force_scene();
+  scene.set_tangential_components(components);
+  return scene;
+}
+
+TEST(Closure, IsTheJumpOfTheRequestLessTheJumpAnsweredBefore) {
+  for (const std::uint32_t components : {1U, 2U})
+    for (const unsigned threads : {1U, 4U}) {
+      ServiceHarness harness(threads, {.nodes_per_task = 2});
+      ASSERT_TRUE(harness.ask(opening(scene_of(components), true)).reply.status.ok());
+      Host host{.components = components};
+      Answer answer = harness.ask(step_of(1, host.request(1)));
+      ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+      for (const double difference : closure_of(answer)) EXPECT_TRUE(std::isnan(difference));
+      EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
+      EXPECT_EQ(upscale(answer).closure_node, kNodes[0]);
+      EXPECT_EQ(upscale(answer).layer_time_s, kDt);
+      host.apply(answer);
+      answer = harness.ask(step_of(2, host.request(2)));
+      EXPECT_EQ(closure_of(answer), std::vector<double>(kNodes.size(), 0.0));
+      host.apply(answer);
+      host.jump[0][3] += 0.5;
+      host.jump[components - 1][7] -= 1.25;
+      answer = harness.ask(step_of(3, host.request(3)));
+      EXPECT_NEAR(closure_of(answer)[3], 0.5, 1e-12);
+      EXPECT_NEAR(closure_of(answer, components - 1)[7], -1.25, 1e-12);
+      EXPECT_NEAR(upscale(answer).largest_closure_m_per_s, 1.25, 1e-12);
+      EXPECT_EQ(upscale(answer).closure_node, kNodes[7]);
+      EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 3 * kDt);
+      EXPECT_THAT(upscale(answer).warnings, IsEmpty());
+    }
+}
+
+TEST(Closure, ComparesWithTheCommittedStep) {
+  ServiceHarness harness;
+  ASSERT_TRUE(harness.ask(opening(scene_of(1), true)).reply.status.ok());
+  Host host;
+  Answer first = harness.ask(step_of(1, host.request(1)));
+  host.apply(first);
+  ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Mark{.name = "here"}, 2)).reply.status.ok());
+  // A trial that is rolled back is not compared with.
+  harness.ask(step_of(3, host.request(5), 0.0, wire::Mode::kTrial));
+  harness.ask(ServiceHarness::in_session(wire::Rollback{}, 4));
+  Answer answer = harness.ask(step_of(5, host.request(2), 0.0, wire::Mode::kTrial));
+  EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
+  EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 2 * kDt);
+  // A step that commits the trial continues from it.
+  Host later = host;
+  later.apply(answer);
+  wire::Request next = step_of(6, later.request(3), 0.0, wire::Mode::kTrial);
+  std::get<wire::Downscale>(next.body).commit_previous = true;
+  answer = harness.ask(next);
+  EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
+  EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 3 * kDt);
+  // The mark has the answered jump of its time.
+  ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Rollback{.to_mark = "here"}, 7)).reply.status.ok());
+  answer = harness.ask(step_of(8, host.request(2)));
+  EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
+  EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 2 * kDt);
+}
+
+TEST(Closure, MovesWithItsNodeAndNeedsTheSameCheckOnBothSides) {
+  ServiceHarness harness;
+  const std::vector<std::uint64_t> four = support::node_ids(4), none;
+  ASSERT_TRUE(harness.ask(opening(scene_of(1), true, 1, four, "run")).reply.status.ok());
+  ASSERT_TRUE(harness.ask(opening(scene_of(1), true, 2, none, "run")).reply.status.ok());
+  ASSERT_TRUE(harness.ask(opening(scene_of(1), false, 3, none, "run")).reply.status.ok());
+  Host host{.nodes = four};
+  host.apply(harness.ask(step_of(1, host.request(1))));
+  wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{.transfer_id = ServiceHarness::id(9)}, 2);
+  offer.batch = wire::Batch::of(std::array{Field::kNodeId}, 1);
+  offer.batch.u64(Field::kNodeId)[0] = four[2];
+  ASSERT_TRUE(harness.ask(offer).reply.status.ok());
+  const auto accept = [&](std::uint8_t session) {
+    return harness.ask(ServiceHarness::in_session(wire::AcceptNodes{.transfer_id = ServiceHarness::id(9)}, 1, session));
+  };
+  const Answer refused = accept(3);
+  EXPECT_EQ(refused.code(), Code::kOtherScene);
+  EXPECT_THAT(refused.reply.status.text, HasSubstr("checks closure, and this session does not"));
+  ASSERT_TRUE(accept(2).reply.status.ok());
+  const std::vector<std::uint64_t> moved = {four[2]};
+  Host taker{.nodes = moved, .jump = {{host.jump[0][2] + 0.25}}};
+  const Answer answer = harness.ask(step_of(2, taker.request(2), 0.0, wire::Mode::kAdvance, 2));
+  EXPECT_NEAR(upscale(answer).largest_closure_m_per_s, 0.25, 1e-12);
+  EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 2 * kDt);
+}
+
+TEST(Closure, OpenAbsentNodesHaveNoAnsweredJump) {
+  ServiceHarness harness;
+  ASSERT_TRUE(harness.ask(opening(scene_of(1), true)).reply.status.ok());
+  Host host;
+  host.apply(harness.ask(step_of(1, host.request(1))));
+  const std::vector<std::uint64_t> first = {kNodes[0]};
+  Host one{.nodes = first, .jump = {{host.jump[0][0]}}};
+  wire::Request request = step_of(2, one.request(2, true));
+  std::get<wire::Downscale>(request.body).absent_nodes = wire::AbsentNodes::kOpen;
+  const Answer open = harness.ask(request);
+  EXPECT_EQ(closure_of(open), std::vector<double>{0.0});
+  const Answer answer = harness.ask(step_of(3, host.request(3)));
+  for (std::size_t row = 1; row < kNodes.size(); ++row) EXPECT_TRUE(std::isnan(closure_of(answer)[row]));
+  EXPECT_FALSE(std::isnan(closure_of(answer)[0]));
+  EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 3 * kDt) << "open layers go on in time";
+}
+
+TEST(Closure, CostsNothingWhereItIsNotChecked) {
+  ServiceHarness harness;
+  const auto bytes = [&](const v1::Scene& scene, bool check, std::uint8_t session) {
+    const Answer opened = harness.ask(opening(scene, check, session));
+    const auto& body = std::get<wire::SessionOpened>(opened.reply.body);
+    EXPECT_EQ(std::ranges::count(body.columns_on_request, Field::kClosure),
+              check && scene.strategy() == v1::STRATEGY_FORCE_DRIVEN);
+    return body.bytes_per_node;
+  };
+  const std::uint64_t off = bytes(scene_of(1), false, 1);
+  EXPECT_EQ(bytes(scene_of(1), true, 2), off + 2 * 3 * sizeof(double)) << "three states in two buffers";
+  EXPECT_EQ(bytes(support::velocity_scene(), true, 3), bytes(support::velocity_scene(), false, 4));
+  Host host;
+  const Answer refused = harness.ask(step_of(1, host.request(1)));
+  EXPECT_EQ(refused.code(), Code::kUnsupported);
+  EXPECT_THAT(refused.reply.status.remedy, HasSubstr("open_session.check_closure"));
+  // The answers are the same, to the bit.
+  for (std::uint64_t sequence = 1; sequence <= 4; ++sequence) {
+    std::vector<std::vector<std::byte>> payloads;
+    for (const std::uint8_t session : {1, 2}) {
+      const Answer answer = harness.ask(ServiceHarness::step(
+          sequence, support::step_columns(Strategy::kForceDriven, kNodes, static_cast<int>(sequence)),
+          wire::Mode::kAdvance, session));
+      ASSERT_TRUE(answer.reply.status.ok());
+      payloads.push_back(answer.payload());
+      EXPECT_EQ(upscale(answer).layer_time_s == 0.0, session == 1);
+    }
+    EXPECT_EQ(payloads[0], payloads[1]);
+  }
+}
+
+TEST(Closure, TheHostsTimeMustGrowByTheStep) {
+  ServiceHarness harness;
+  for (const std::uint8_t session : {1, 2, 3})
+    ASSERT_TRUE(harness.ask(opening(scene_of(1), true, session)).reply.status.ok());
+  // 1: right, at a large start time; 2: a Newmark host that sends gamma dt; 3: no times.
+  for (std::uint64_t sequence = 1; sequence <= 103; ++sequence) {
+    const double steps = static_cast<double>(sequence);
+    const double time[] = {1e-3 + steps * kDt, 2.0 * steps * kDt, 0.0};
+    for (const std::uint8_t session : {1, 2, 3}) {
+      Host host;
+      const Answer answer =
+          harness.ask(step_of(sequence, host.request(1), time[session - 1], wire::Mode::kAdvance, session));
+      ASSERT_TRUE(answer.reply.status.ok());
+      const bool warns = session == 2 && sequence > 1 && sequence <= 101;
+      ASSERT_EQ(upscale(answer).warnings.size(), warns ? 1U : 0U) << int(session) << ", step " << sequence;
+      if (warns) {
+        EXPECT_THAT(upscale(answer).warnings[0], StartsWith("time_s: the host's time grew by 2"));
+        EXPECT_THAT(upscale(answer).warnings[0], HasSubstr("dt_s is 1e-09 s"));
+      }
+    }
+  }
+}
+
+TEST(Closure, TheFirstStepWarnsOfUnits) {
+  struct Case {
+    const char* about;
+    std::function<void(wire::Request&)> change;
+  };
+  const Case cases[] = {
+      {"dt_s: ", [](wire::Request& r) { std::get<wire::Downscale>(r.body).dt_s = 1e-3; }},
+      {"pressure_pa: row 4 ", [](wire::Request& r) { r.batch.f64(Field::kPressure)[4] = 11.2; }},
+      {"mass_soft_kg_per_m2: ",
+       [](wire::Request& r) {
+         for (double& mass : r.batch.f64(Field::kMassSoft)) mass *= 1e-4;
+       }},
+  };
+  std::uint8_t session = 1;
+  for (const Case& units : cases) {
+    ServiceHarness harness;
+    ASSERT_TRUE(harness.ask(opening(scene_of(1), true, session)).reply.status.ok());
+    for (const std::uint64_t sequence : {1, 2}) {
+      Host host;
+      wire::Request request = step_of(sequence, host.request(1), 0.0, wire::Mode::kAdvance, session);
+      units.change(request);
+      if (std::string(units.about) == "dt_s: ")
+        for (const Field stress : {Field::kStressSoft, Field::kStressHard})
+          std::ranges::fill(request.batch.f64(stress), 0.0);
+      const Answer answer = harness.ask(request);
+      ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+      if (sequence == 1)
+        EXPECT_THAT(upscale(answer).warnings, ElementsAre(StartsWith(units.about)));
+      else
+        EXPECT_THAT(upscale(answer).warnings, Not(testing::Contains(StartsWith(units.about))));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::service
