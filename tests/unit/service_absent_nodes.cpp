@@ -71,11 +71,11 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
   for (const unsigned threads : {1U, 4U})
     for (const wire::Policy policy : {wire::Policy::kAccept, wire::Policy::kAllOrNothing}) {
       ServiceHarness harness(threads, {.nodes_per_task = 4});
-      for (const std::uint8_t session : {1, 2})
+      for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
         ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
       // Retire nodes, so that slots are not rows.
       std::vector<std::uint64_t> nodes = kNodes;
-      for (const std::uint8_t session : {1, 2}) {
+      for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
         wire::Request retire = ServiceHarness::in_session(wire::RetireNodes{}, 1, session);
         retire.batch = wire::Batch::of(std::vector{Field::kNodeId}, 2);
         retire.batch.u64(Field::kNodeId)[0] = kNodes[1];
@@ -106,7 +106,7 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
 
 TEST_P(AbsentNodes, KeepIsTheDefaultAndDoesNotCool) {
   ServiceHarness harness;
-  for (const std::uint8_t session : {1, 2}) {
+  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
     ASSERT_TRUE(
         harness
@@ -116,7 +116,7 @@ TEST_P(AbsentNodes, KeepIsTheDefaultAndDoesNotCool) {
   const std::vector<std::uint64_t> first = {kNodes[0]};
   for (std::uint64_t sequence = 2; sequence <= 5; ++sequence) {
     const wire::Batch batch = support::step_columns(GetParam(), first, 1, true);
-    for (const std::uint8_t session : {1, 2})
+    for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
       ASSERT_TRUE(harness
                       .ask(step_of(sequence, wire::Batch::over(batch.columns(), batch.bytes()), session,
                                    session == 1 ? wire::AbsentNodes::kKeep : wire::AbsentNodes::kOpen))
@@ -140,7 +140,7 @@ TEST_P(AbsentNodes, KeepIsTheDefaultAndDoesNotCool) {
 
 TEST_P(AbsentNodes, ATrialOfOpenNodesIsRolledBackWithTheOthers) {
   ServiceHarness harness;
-  for (const std::uint8_t session : {1, 2})
+  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
   const auto step = [&](std::uint64_t sequence, std::uint8_t session, int number, wire::Mode mode) {
     const Answer answer =
@@ -160,7 +160,7 @@ TEST_P(AbsentNodes, ATrialOfOpenNodesIsRolledBackWithTheOthers) {
 
 TEST_P(AbsentNodes, AStepWithoutRowsOpensAllNodes) {
   ServiceHarness harness;
-  for (const std::uint8_t session : {1, 2})
+  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
   const Answer none =
       harness.ask(step_of(1, support::step_columns(GetParam(), {}, 1, true), 1, wire::AbsentNodes::kOpen));

@@ -207,7 +207,7 @@ TEST(Closure, CostsNothingWhereItIsNotChecked) {
   // The answers are the same, to the bit.
   for (std::uint64_t sequence = 1; sequence <= 4; ++sequence) {
     std::vector<std::vector<std::byte>> payloads;
-    for (const std::uint8_t session : {1, 2}) {
+    for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
       const Answer answer = harness.ask(ServiceHarness::step(
           sequence, support::step_columns(Strategy::kForceDriven, kNodes, static_cast<int>(sequence)),
           wire::Mode::kAdvance, session));
@@ -221,13 +221,13 @@ TEST(Closure, CostsNothingWhereItIsNotChecked) {
 
 TEST(Closure, TheHostsTimeMustGrowByTheStep) {
   ServiceHarness harness;
-  for (const std::uint8_t session : {1, 2, 3})
+  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}})
     ASSERT_TRUE(harness.ask(opening(scene_of(1), true, session)).reply.status.ok());
   // 1: right, at a large start time; 2: a Newmark host that sends gamma dt; 3: no times.
   for (std::uint64_t sequence = 1; sequence <= 103; ++sequence) {
     const double steps = static_cast<double>(sequence);
     const double time[] = {1e-3 + steps * kDt, 2.0 * steps * kDt, 0.0};
-    for (const std::uint8_t session : {1, 2, 3}) {
+    for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}}) {
       Host host;
       const Answer answer =
           harness.ask(step_of(sequence, host.request(1), time[session - 1], wire::Mode::kAdvance, session));

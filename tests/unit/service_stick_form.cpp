@@ -66,7 +66,7 @@ TEST(StickForm, HasTheAnswersOfTheFarFieldForm) {
     for (const bool plastic_layer : {false, true}) {
       SCOPED_TRACE(std::to_string(components) + (plastic_layer ? " components, plastic layer" : " components"));
       ServiceHarness harness;
-      for (const std::uint8_t session : {1, 2}) {
+      for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
         const auto opening = ServiceHarness::opening(scene_of(components, plastic_layer), kNodes, session);
         ASSERT_TRUE(harness.ask(opening).reply.status.ok());
       }
@@ -97,7 +97,7 @@ TEST(StickForm, DtIsTheTimeOfTheLayerOnly) {
   // layer, so the jump changes by the same amount, and the layer is heated for another time.
   ServiceHarness harness;
   std::vector<double> jump_new, heat;
-  for (const std::uint8_t session : {1, 2}) {
+  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
     ASSERT_TRUE(harness.ask(ServiceHarness::opening(support::force_scene(), kNodes, session)).reply.status.ok());
     wire::Batch batch = wire::Batch::of(kStick, kNodes.size());
     std::ranges::fill(batch.f64(Field::kVelocityJump), 10.0);
