@@ -69,7 +69,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
                  .dumps = options.dumps,
                  .server = options.server.endpoint};
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
-  SubgridServer server{.address = options.server, .state_dir = {}};
+  SubgridServer server{.address = options.server, .state_dir = {}, .check_closure = false};
   server.address.endpoint = run.server;
   if (!options.check) {
     if (from == nullptr) make_room_for_dumps(run.out);

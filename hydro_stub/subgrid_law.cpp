@@ -12,15 +12,17 @@
 #include <optional>
 #include <sstream>
 
+#include "client/src/client.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
-#include "client/src/client.hpp"
 
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const wire::ServerAddress& address, const std::optional<server::Embedded>& embedded) {
+ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
+  const wire::ServerAddress& address = server.address;
   ClientOptions options;
+  options.check_closure = server.check_closure ? CheckClosure::kWarn : CheckClosure::kOff;
   options.name = "shearbus-hydro";
   options.endpoint = embedded ? embedded->endpoint() : address.endpoint;
   options.server_key = address.server_key;
@@ -100,7 +102,7 @@ void copy(std::span<const double> from, std::span<double> to) {
 struct SubgridLaw::Impl {
   Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
       : embedded(embed(where)),
-        client(client_options(where.address, embedded)),
+        client(client_options(where, embedded)),
         session(enter(client)),
         wants_soft_plastic_strain_rate(
             std::ranges::find(session.opened().optional_columns, Field::kSoftPlasticStrainRate) !=

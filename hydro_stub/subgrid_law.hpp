@@ -19,6 +19,9 @@ namespace shearbus::hydro {
 struct SubgridServer {
   wire::ServerAddress address;      // without an endpoint the server runs in this process
   std::filesystem::path state_dir;  // state directory of a server in this process; empty: none
+  // Compares the host's jumps with the answers. In two dimensions the interface turns, and neighbouring nodes share
+  // momentum, so the jump has other changes too.
+  bool check_closure = true;
 };
 
 // The scene in the form that the server reads.

@@ -9,7 +9,7 @@
 //
 // Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
 // kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
-// included: the step may or may not have run), kUnexpectedReply or kClosure (ClientOptions::check_closure). After
+// included: the step may or may not have run), kUnexpectedReply or kNotClosed (ClientOptions::check_closure). After
 // kUnknownOutcome the same call with the same values is the same request: if the request has run, the server does not
 // run it again and sends the kept reply. The server refuses a different call with kSequenceReused if the lost request
 // has run; the session then continues after the lost request.
@@ -46,7 +46,7 @@ using wire::TransferId;
 // The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump
 // that its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that
 // explains the difference; the server also warns of doubtful times and units. kError compares every step and throws
-// kClosure before it is sent. kOff is for hosts whose jump has other changes, too, as where an interface turns.
+// kNotClosed before it is sent. kOff is for hosts whose jump has other changes, too, as where an interface turns.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {

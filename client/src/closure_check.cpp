@@ -40,7 +40,7 @@ void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> 
   const std::string found = difference(last, request, node_ids, step.dt_s);
   if (found.empty()) return;
   if (mode_ == CheckClosure::kError)
-    throw Error({.code = Code::kClosure,
+    throw Error({.code = Code::kNotClosed,
                  .text = found,
                  .remedy = "The step was not sent. Correct the host, or set ClientOptions::check_closure to kWarn.",
                  .field = wire::name(Field::kVelocityJump)});

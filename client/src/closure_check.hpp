@@ -21,7 +21,7 @@ class ClosureCheck {
   ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log);
 
   // Compares the jumps of a request with the answers that it continues from. Called before the request is sent; throws
-  // Error{kClosure} in mode kError.
+  // Error{kNotClosed} in mode kError.
   void compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step);
   // Keeps a request and its answer, and passes on the server's warnings, one for each field that they are about. The
   // step has run, so nothing is thrown: without memory the check skips the next step.

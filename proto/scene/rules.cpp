@@ -10,7 +10,6 @@
 #include <cmath>
 
 #include "proto/wire/limits.hpp"
-#include "proto/wire/text.hpp"
 
 namespace shearbus::scene {
 namespace {
@@ -177,10 +176,7 @@ class Checker {
         break;
       }
       case FieldDescriptor::CPPTYPE_STRING: {
-        const std::string text = reflection.GetString(message, &field);
-        const std::size_t size = text.size();
-        if (wire::has_control_character(text))
-          findings_.add(name, fmt::format("{} has a control character, expected printable text of one line", name));
+        const std::size_t size = reflection.GetString(message, &field).size();
         if (size > wire::kMaxTextBytes)
           findings_.add(name, fmt::format("{} has {} bytes, expected at most {}", name, size, wire::kMaxTextBytes));
         break;

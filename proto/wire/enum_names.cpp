@@ -49,7 +49,7 @@ constexpr EnumValue kCodes[] = {
     {501, "UNKNOWN_OUTCOME"},
     {502, "UNEXPECTED_REPLY"},
     {503, "AUTH"},
-    {504, "CLOSURE"},
+    {504, "NOT_CLOSED"},
 };
 constexpr EnumValue kElements[] = {
     {0, "UNSPECIFIED"},

@@ -12,6 +12,7 @@
 #include "proto/scene/scene.hpp"
 #include "proto/scene/with_message.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
@@ -133,6 +134,8 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
 // Converts a checked scene whose defaults have been filled in. Also fills in the constants that the scene leaves to the
 // server.
 SceneModel convert(v1::Scene& scene) {
+  if (wire::has_control_character(scene.name()))
+    refuse("name", "name has a control character, expected printable text of one line", "Choose another name.");
   SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
   physics::ModelOptions& options = made.options;
   options.soft = material_of(scene.soft(), "soft");

@@ -431,7 +431,7 @@ static void closure(void) {
     OK(shearbus_step(session, &request, NULL, &status));
     const int told_before = lines_told;
     if (mode == SHEARBUS_CHECK_ERROR) {
-      REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_CLOSURE_FAULT, "jump");
+      REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_NOT_CLOSED, "jump");
       CHECK(last_sequence(session) == 1);
     } else {
       OK(shearbus_step(session, &request, &result, &status));

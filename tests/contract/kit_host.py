@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The host of client/examples/two_half_spaces.py on both problems of the conformity kit, and hosts and clients made
+"""The host of client/examples/host.py on both problems of the conformity kit, and hosts and clients made
 wrong on purpose.
 
 kit_host.py ENDPOINT PROBLEM [FAULT]"""
@@ -12,7 +12,7 @@ sys.path.insert(0, str(SOURCE / "client/python"))
 import numpy  # noqa: E402
 import shearbus  # noqa: E402
 
-spec = importlib.util.spec_from_file_location("two_half_spaces", SOURCE / "client/examples/two_half_spaces.py")
+spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
 example = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(example)
 
@@ -65,7 +65,7 @@ def run(endpoint, problem, fault=None):
         length = dt if step > 0 or fault == "whole_first_step" else dt / 2
         jump = (soft.velocity[:, 0] - hard.velocity[:, 0])[nodes]
         answer = bus.step(length, jump=-jump if fault == "sign_of_the_jump" else jump,
-                          pressure=1.0 if fault == "pressure_in_gpa" else example.PRESSURE,
+                          pressure=1.0 if fault == "pressure_in_gpa" else 1e9,
                           stress_soft=soft.stress[nodes, 0] * (-1 if fault == "sign_of_a_stress" else 1),
                           stress_hard=hard.stress[nodes, 0], mass_soft=masses[0], mass_hard=masses[1], step=step)
         first = answer.stress[0] if first is None else first

@@ -41,8 +41,8 @@ def drive(*jumps):
 
 def example():
     """Returns the module of the example, which is a host of its own."""
-    path = OPTIONS.source / "client/examples/two_half_spaces.py"
-    spec = importlib.util.spec_from_file_location("two_half_spaces", path)
+    path = OPTIONS.source / "client/examples/host.py"
+    spec = importlib.util.spec_from_file_location("host", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -187,7 +187,7 @@ class Steps(Live):
         self.assertGreater(self.open(initial_temperature=700).step(1e-9, **drive(1, 1, 1)).temperature.min(), 700)
 
     def test_a_scene_is_a_path_a_text_or_a_dict(self):
-        file = pathlib.Path(OPTIONS.source, "client/examples/two_half_spaces.toml")
+        file = pathlib.Path(OPTIONS.source, "client/examples/constant_friction.toml")
         nested = {
             "name": "python", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"}, "hard":
             {"material": "steel_dlp"}, "layer": {"thickness_m": numpy.float64(20e-6), "cells": 40, "grading": 1.1}
@@ -197,8 +197,93 @@ class Steps(Live):
         fault = self.assert_refused(shearbus.ContentError, "INVALID_SCENE",
                                     lambda: self.open(VELOCITY_DRIVEN.replace("cells", "cels")), "layer.cels")
         self.assertIn("scene:9:1: ", fault.text)
+        edited = shearbus.Scene(file)
+        edited["interface.friction_coefficient"] = 0.25
+        edited["layer.initial_temperature_k"] = edited["layer.cells"] * 10.0
+        scene = shearbus.Scene(self.open(edited).scene)
+        self.assertEqual((scene["interface.friction_coefficient"], scene["layer.initial_temperature_k"]), (0.25, 400.0))
+        self.assertEqual(self.open(scene).scene, self.open(edited).scene)
+        with self.assertRaises(KeyError):
+            scene["interface.mu"]
         for wrong in ("no_such_file.toml", 3, {"name": None}):
             self.assert_refused(shearbus.ContentError, "INVALID_SCENE", lambda: self.open(wrong))
+
+
+class Forms(Live):
+    """What a force-driven host may leave to the server."""
+
+    FAR = {"jump": numpy.array([100.0, 50, -80]), "pressure": 1e9, "stress_soft": 30e6,
+           "stress_hard": numpy.array([0.0, 1e7, -1e7]), "mass_soft": 0.0043, "mass_hard": 0.0123}
+
+    def setUp(self):
+        self.scene = OPTIONS.source / "client/examples/constant_friction.toml"
+
+    def stick(self, dt):
+        """Returns FAR in stick form."""
+        soft, hard = self.FAR["mass_soft"], self.FAR["mass_hard"]
+        z = 1 / (dt * (1 / soft + 1 / hard))
+        free = self.FAR["jump"] + dt * (self.FAR["stress_soft"] / soft + self.FAR["stress_hard"] / hard)
+        return {"jump": self.FAR["jump"], "pressure": 1e9, "stick_stress": z * free, "impedance": z}
+
+    def test_the_stick_form_has_the_answers_of_the_far_field_form(self):
+        far, stick = self.open(self.scene), self.open(self.scene)
+        for dt in (1e-9, 3e-9):
+            a, b = (bus.step(dt, **values) for bus, values in ((far, self.FAR), (stick, self.stick(dt))))
+            for name in ("stress", "jump_new", "temperature"):
+                numpy.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-12)
+            far._closure.forget()
+            stick._closure.forget()
+        both = {**self.FAR, **self.stick(1e-9)}
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **both), "stress_soft")
+        part = {name: value for name, value in self.stick(1e-9).items() if name != "impedance"}
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **part), "impedance", text="missing")
+
+    def test_a_wrong_host_in_stick_form_is_told_its_mistake(self):
+        for factor, text in ((-1, "wrong sign"), (0, "is not applied"), (.5, "to one side only"), (2, "half of that")):
+            bus = self.open(self.scene, closure="error")
+            sent = self.stick(1e-9)
+            answer = bus.step(1e-9, **sent)
+            sent["jump"] = (sent["stick_stress"] - factor * answer.stress) / sent["impedance"]
+            self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: bus.step(1e-9, **sent), "jump", text=text)
+
+    def test_absent_nodes_cool_where_the_host_says_so(self):
+        keep, opened, plain = (self.open(self.scene, closure="off") for _ in range(3))
+        one = {**self.FAR, "jump": 70.0, "stress_hard": 0.0}
+        for bus in (keep, opened, plain):
+            bus.step(1e-9, **self.FAR)
+        for _ in range(3):
+            keep.step(1e-9, nodes=[7], **one)
+            answer = opened.step(1e-9, nodes=[7], absent_nodes="open", **one)
+            named = {name: numpy.array([0.0, value, 0.0]) for name, value in one.items() if not name.startswith("mass")}
+            expected = plain.step(1e-9, **named, mass_soft=one["mass_soft"], mass_hard=one["mass_hard"])
+            self.assertEqual(answer.stress[0], expected.stress[1])
+        hot, cool, same = (bus.step(1e-12, **self.FAR).temperature for bus in (keep, opened, plain))
+        numpy.testing.assert_array_equal(cool, same)
+        self.assertTrue((cool[[0, 2]] < hot[[0, 2]]).all())
+        self.assert_refused(shearbus.MessageError, "SHAPE",
+                            lambda: opened.step(1e-9, nodes=[7], absent_nodes="cool", **one), "absent_nodes")
+
+    def test_the_server_tells_closure_times_and_units(self):
+        bus = self.open(self.scene, want="closure")
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            first = bus.step(2e-6, time=2e-6, **self.FAR)
+            second = bus.step(2e-6, time=7e-6, **self.FAR)
+        self.assertTrue(numpy.isnan(first.closure).all())
+        numpy.testing.assert_array_equal(second.closure, self.FAR["jump"] - first.jump_new)
+        worst = abs(second.closure).argmax()
+        self.assertEqual((second.largest_closure, second.closure_node), (abs(second.closure[worst]), NODES[worst]))
+        self.assertAlmostEqual(second.layer_time, 4e-6)
+        told = [str(w.message).split(":")[0] for w in caught if pathlib.Path(w.filename).name == "python_client.py"]
+        self.assertEqual(sorted(told), sorted(set(told)))
+        self.assertLessEqual({"dt_s", "time_s", "closure"}, set(told))
+
+    def test_a_server_that_lacks_a_capability_is_named(self):
+        bus = self.open(self.scene, idle_limit=3600)
+        bus.welcome.capabilities = ()
+        for call, field in ((lambda: bus.step(1e-9, **self.stick(1e-9)), "stick_stress"),
+                            (lambda: bus.step(1e-9, absent_nodes="open", **self.FAR), "absent_nodes")):
+            self.assert_refused(shearbus.MessageError, "UNSUPPORTED", call, field)
 
 
 class Decisions(Live):
@@ -480,14 +565,14 @@ class Hosts(Live):
     def test_two_half_spaces_slide_at_the_exact_jump(self):
         host = example()
         jump, exact, closure = host.run(OPTIONS.endpoint)
-        self.assertAlmostEqual(exact, 92.184, delta=5e-4)
+        self.assertAlmostEqual(exact[4], 92.184, delta=5e-4)
         self.assertLess(abs(jump - exact).max(), 1e-6)
         self.assertLess(closure, 1e-9)
 
     def test_a_wrong_host_is_told_its_mistake_before_the_step_is_sent(self):
         def host(soft=1, hard=1, to_soft=1, to_hard=1, mass_soft=1, mass_hard=1, swap=False, dt=1, sign=1):
             """Two masses under far stresses; the arguments are factors of what a right host has or sends."""
-            bus = self.open(OPTIONS.source / "client/examples/two_half_spaces.toml", closure="error")
+            bus = self.open(OPTIONS.source / "client/examples/constant_friction.toml", closure="error")
             v_soft, v_hard, m_soft, m_hard = numpy.array([100.0, 90, 80]), 0.0, 0.0043, 0.0123
             for length in (1e-9, 1.5e-9, 1e-9):
                 sent = {"stress_soft": soft * 30e6, "stress_hard": hard * 10e6}
@@ -513,7 +598,7 @@ class Hosts(Live):
                                                                                      2}, "both masses must be half"),
                               ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
                               ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
-            fault = self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: host(**mistake), "jump", text=text)
+            fault = self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: host(**mistake), "jump", text=text)
             self.assertLessEqual(str(fault).count("; or: "), 2, fault)
 
     def test_a_wrong_host_is_warned_once_and_only_where_it_asks_for_it(self):
@@ -528,7 +613,7 @@ class Hosts(Live):
                 warnings.simplefilter("always")
                 jump, exact, closure = host.run(OPTIONS.endpoint)
             self.assertEqual([w.category for w in caught], [shearbus.ClosureWarning])
-            self.assertEqual(pathlib.Path(caught[0].filename).name, "two_half_spaces.py")
+            self.assertEqual(pathlib.Path(caught[0].filename).name, "host.py")
             self.assertGreater(abs(jump - exact).max(), 1e-3)
             self.assertGreater(closure, 1e-3)
         with warnings.catch_warnings():
@@ -592,20 +677,27 @@ class Hosts(Live):
                             lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
 
     def test_the_environment_replaces_endpoint_and_scene(self):
-        scene = OPTIONS.source / "client/examples/two_half_spaces.toml"
+        scene = OPTIONS.source / "client/examples/constant_friction.toml"
         for name, value in (("SHEARBUS_ENDPOINT", OPTIONS.endpoint), ("SHEARBUS_SCENE", str(scene))):
             os.environ[name] = value
             self.addCleanup(os.environ.pop, name)
-        self.assertEqual(self.open(endpoint="ipc:///nowhere").name, "two_half_spaces")
+        self.assertEqual(self.open(endpoint="ipc:///nowhere").name, "constant_friction")
 
-    def test_the_example_runs_as_printed(self):
+    def test_the_examples_run_as_printed(self):
         done = subprocess.run([
-            sys.executable, "-B", OPTIONS.source / "client/examples/two_half_spaces.py", OPTIONS.endpoint
+            sys.executable, "-B", OPTIONS.source / "client/examples/host.py", OPTIONS.endpoint
         ],
                               text=True,
                               stdout=subprocess.PIPE,
                               env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
-        self.assertEqual((done.returncode, done.stdout[:32]), (0, "jump 92.183880 to 92.183880 m/s,"))
+        self.assertEqual(done.returncode, 0)
+        swept = subprocess.run([sys.executable, "-B", OPTIONS.source / "client/examples/sweep.py", OPTIONS.endpoint],
+                               text=True, stdout=subprocess.PIPE,
+                               env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+        hottest = [[float(word) for word in line.split()[1::2]] for line in swept.stdout.splitlines()[1:]]
+        self.assertEqual((swept.returncode, numpy.shape(hottest)), (0, (3, 3)))
+        self.assertTrue((numpy.diff(hottest, axis=0) > 0).all() and (numpy.diff(hottest, axis=1) > 0).all(), hottest)
+        self.assertIn("node  5  P   500 MPa  [V] 92.183880 m/s  exact 92.183880\n", done.stdout)
 
 
 class Keys(Live):

@@ -92,7 +92,7 @@ class Tables(unittest.TestCase):
             self.assertEqual(len(list(column_faults(others, OPTIONS.columns_text))), 1)
             wrong = (*others, column._replace(tangential=not column.tangential))
             self.assertEqual(len(list(column_faults(wrong, OPTIONS.columns_text))), 1)
-        more = OPTIONS.columns_text + 'OUTPUT(kNew, 99, new_pa, new, "Pa", Float64, Scalar, Reply, Reply, "a column (new)")\n'
+        more = OPTIONS.columns_text + 'OUTPUT(kNew, 99, new_pa, new, "Pa", Float64, Scalar, Reply, Reply, "added")\n'
         self.assertEqual(len(list(column_faults(shearbus.COLUMNS, more))), 1)
 
     def test_messages_are_those_of_the_contract(self):
@@ -103,7 +103,8 @@ class Tables(unittest.TestCase):
                 or downscale.message_types_by_name[name]
             self.assertEqual(list(message_faults(message, descriptor)), [])
             for field in message.fields:
-                wrong = header.Message(name, (field.name, field.number + 100, field.message or field.kind, field.repeated))
+                row = field.name, field.number + 100, field.message or field.kind, field.repeated
+                wrong = header.Message(name, row)
                 self.assertEqual(len(list(message_faults(wrong, descriptor))), 1)
 
     def test_numbers_are_those_of_the_contract(self):

@@ -300,7 +300,7 @@ TEST(ClientClosure, AnErrorIsThrownBeforeTheStepIsSent) {
     session.advance(request, {.dt_s = host.dt});
     FAIL() << "a jump of another cause went through";
   } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kClosure);
+    EXPECT_EQ(fault.status().code, Code::kNotClosed);
     EXPECT_THAT(fault.status().text, HasSubstr("node 101"));
     EXPECT_THAT(fault.status().text, HasSubstr("1 of 5 nodes differ, this one by -0.25 m/s"));
   }

@@ -21,6 +21,10 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   for (int scene = 0; scene < 80; ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
+    // The reference solver scans for slips of a flowing layer and inverts this law by bisection at every vertex of
+    // every scan point, so such scenes have few vertices and steps.
+    const bool costly = options.plastic_layer && options.soft.flow_law == FlowLaws::place<PrestonTonksWallace>();
+    if (costly) options.grid.cells = std::min(options.grid.cells, 5);
     // DLP (48) divides by the hardening coefficient.
     if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
     Rig rig(options);
@@ -30,6 +34,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
     for (int step = 0; step < 12; ++step) {
       random_inputs(draw, rig, false);
       const double dt = random_dt(draw, false);
+      if (costly && step >= 6) continue;  // the draws go on, so that other scenes do not depend on it
       std::vector<reference::NodeState> twin_states;
       std::vector<reference::NodeOutputs> twins;
       std::vector<std::vector<double>> strains;

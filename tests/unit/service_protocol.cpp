@@ -391,7 +391,9 @@ TEST(Service, LogLinesStayOneLine) {
   ServiceHarness harness;
   auto scene = support::velocity_scene();
   scene.set_name("first\nsecond\x1b[31m");
-  harness.ask(ServiceHarness::opening(scene, kNodes));
+  EXPECT_EQ(harness.ask(ServiceHarness::opening(scene, kNodes)).code(), Code::kInvalidScene);
+  scene.set_name("first second");
+  EXPECT_EQ(harness.ask(ServiceHarness::opening(scene, kNodes)).code(), Code::kOk);
   ASSERT_EQ(harness.log.size(), 1u);
   EXPECT_EQ(harness.log[0].find('\n'), std::string::npos);
   EXPECT_EQ(harness.log[0].find('\x1b'), std::string::npos);

@@ -88,7 +88,7 @@ enum {
   SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
   SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
   SHEARBUS_AUTH = 503,             /* the server does not admit this client */
-  SHEARBUS_CLOSURE_FAULT = 504,    /* the jump is not the one that the last step answered (check_closure) */
+  SHEARBUS_NOT_CLOSED = 504,       /* the host's jump is not the jump that its last step was answered with */
   SHEARBUS_NO_MEMORY = 510,
   SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
 };
@@ -192,7 +192,7 @@ typedef void (*shearbus_log_fn)(void* user, const char* line);
 enum {
   SHEARBUS_CHECK_WARN = 0,
   SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump has other changes, too, as where an interface turns */
-  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent: SHEARBUS_CLOSURE_FAULT */
+  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent: SHEARBUS_NOT_CLOSED */
 };
 
 typedef struct shearbus_options {

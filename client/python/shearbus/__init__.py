@@ -20,15 +20,15 @@ from .connection import Connection
 from .errors import (AuthError, ClosureError, Code, ContentError, Error, MessageError, ServerError, SessionError,
                      UnexpectedReply, UnknownOutcome, Unreachable)
 from .history import History
-from .scene import toml_of
+from .scene import Scene, toml_of
 from .server import Server
 from .session import Answer, Outcome, Regime, Session, Trial, named_nodes, node_ids
 
 __version__ = "0.1.0"
 __all__ = [
     "Answer", "AuthError", "COLUMNS", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "History",
-    "MessageError", "Outcome", "Regime", "Server", "ServerError", "Session", "SessionError", "Trial", "UnexpectedReply",
-    "UnknownOutcome", "Unreachable", "open", "resume"
+    "MessageError", "Outcome", "Regime", "Scene", "Server", "ServerError", "Session", "SessionError", "Trial",
+    "UnexpectedReply", "UnknownOutcome", "Unreachable", "open", "resume"
 ]
 
 _doubted = {}  # an opening whose outcome is unknown: its contents -> request id, session id, token

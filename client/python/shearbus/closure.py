@@ -53,8 +53,8 @@ FAR_FIELD = {
     "mass_hard must be twice that sent": (1, .5, 1, .5),
     "mass_hard must be half of that sent": (1, 2, 1, 2),
 }
-# The same for the balance in stick form, [V]now = (stick stress - s) / Z: factors of the stick stress, of the answer, and of
-# the old jump in addition.
+# The same for the balance in stick form, [V]now = (stick stress - s) / Z: factors of the stick stress, of the answer,
+# and of the old jump in addition.
 STICK = {
     "stick_stress has the wrong sign": (-1, 1, 0),
     "jump has the wrong sign: it is V_soft - V_hard": (-1, -1, 0),
@@ -152,13 +152,13 @@ class ClosureCheck:
         some = numpy.unique([row, *range(0, len(chosen), len(chosen) // 256 + 1)])
         found = mistakes(last, dt, chosen[some], now[some]) if "stress" in last.answer.columns else []
         text = (
-            f"the host brings a jump of {now[row, component]:.9g} m/s for node {nodes[after][row]}; its last step was "
-            f"answered with {answered[row, component]:.9g} m/s, and a host that applies the answered stress has that "
-            f"jump but for rounding ({(ratio > 1).any(axis=1).sum()} of {len(ratio)} nodes differ). " +
+            f"closure: the host brings a jump of {now[row, component]:.9g} m/s for node {nodes[after][row]}; its last "
+            f"step was answered with {answered[row, component]:.9g} m/s, and a host that applies the answered stress has "
+            f"that jump but for rounding ({(ratio > 1).any(axis=1).sum()} of {len(ratio)} nodes differ). " +
             (f"One change explains it: {'; or: '.join(found)}."
              if found else "No single mistake in signs, sides, masses or dt explains it."))
         if self.mode == "error":
-            raise ClosureError(Code.CLOSURE, text,
+            raise ClosureError(Code.NOT_CLOSED, text,
                                'The step was not sent. Correct the host, or open with closure="warn".', "jump",
                                [int(nodes[after][row])])
         self.mode = "off"

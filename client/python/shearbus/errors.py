@@ -41,7 +41,7 @@ class Code(enum.IntEnum):
     UNKNOWN_OUTCOME = 501
     UNEXPECTED_REPLY = 502
     AUTH = 503
-    CLOSURE = 504
+    NOT_CLOSED = 504
 
 
 class Error(Exception):

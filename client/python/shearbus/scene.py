@@ -1,5 +1,8 @@
-"""A scene as a dict, written as the TOML text that the server reads."""
+"""A scene as a dict: edited, and written as the TOML text that the server reads."""
+import copy
 import json
+import pathlib
+import tomllib
 
 import numpy
 
@@ -32,3 +35,32 @@ def toml_of(scene, path=""):
             table = f"{path}{_value('', str(key))}"
             lines += [f"[{table}]", toml_of(value, table + ".")]
     return "\n".join(lines) + "\n"
+
+
+class Scene(dict):
+    """A scene to be edited, as nested dicts; a key with dots names a value in a table:
+    scene["interface.friction_coefficient"] = 0.2. shearbus.open() takes it as it takes any dict.
+
+    scene: path of a TOML file, TOML text (anything with a line break), or a dict. Raises tomllib.TOMLDecodeError or
+    OSError; what the keys mean is checked by the server when the scene is opened."""
+
+    def __init__(self, scene):
+        if not isinstance(scene, dict):
+            text = scene if isinstance(scene, str) and "\n" in scene else pathlib.Path(scene).read_text()
+            scene = tomllib.loads(text)
+        super().__init__(copy.deepcopy(dict(scene)))
+
+    def _table(self, key, make):
+        *tables, last = key.split(".")
+        at = self
+        for table in tables:
+            at = dict.setdefault(at, table, {}) if make else dict.__getitem__(at, table)
+        return at, last
+
+    def __getitem__(self, key):
+        table, last = self._table(key, False)
+        return dict.__getitem__(table, last)
+
+    def __setitem__(self, key, value):
+        table, last = self._table(key, True)
+        dict.__setitem__(table, last, value)

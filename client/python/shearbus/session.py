@@ -158,8 +158,8 @@ class Answer:
 
     nodes: ids of the rows; state_version: number of commits so far; flagged_nodes: rows with an outcome other than
     success and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply;
-    largest_closure (m/s), closure_node, layer_time (s): the largest difference of a node's jump from the jump that it was
-    answered before, the node, and the time of its layer; 0 with closure="off"."""
+    largest_closure (m/s), closure_node, layer_time (s): the largest difference of a node's jump from the jump that it
+    was answered before, the node, and the time of its layer; 0 with closure="off"."""
 
     def __init__(self, reply, nodes):
         upscale, view = reply.header.upscale, reply.payload
@@ -432,7 +432,8 @@ class Session:
     def _require(self, capability, field):
         """Raises MessageError where the server lacks a capability that it may ignore without a word."""
         if capability not in self.welcome.capabilities:
-            raise MessageError(Code.UNSUPPORTED, f"the server (version {self.welcome.server_version}) has no {capability}",
+            raise MessageError(Code.UNSUPPORTED,
+                               f"the server (version {self.welcome.server_version}) has no {capability}",
                                "Use a newer server.", field)
 
     def _plan(self, named, names):
@@ -472,7 +473,8 @@ class Session:
                 "policy": ALL_OR_NOTHING if all_or_nothing else 0}
         if absent_nodes != "keep":
             if absent_nodes not in ABSENT_NODES:
-                raise MessageError(Code.SHAPE, f"absent_nodes is {absent_nodes!r}", 'Use "keep" or "open".', "absent_nodes")
+                raise MessageError(Code.SHAPE, f"absent_nodes is {absent_nodes!r}",
+                                   'Use "keep" or "open".', "absent_nodes")
             self._require("absent_nodes", "absent_nodes")
             body["absent_nodes"] = ABSENT_NODES[absent_nodes]
         watched = self._closure.mode != "off"
@@ -498,10 +500,10 @@ class Session:
 
         values: the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for
         all rows, or an array of float64 of shape (N,), or (N, 2) with two tangential components. nodes: ids of the
-        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session. absent_nodes:
-        "keep" keeps the states of nodes that are not named, "open" steps them with P = 0, so that they cool. time
-        (end of the step, s), step, attempt: the host's own, for records. all_or_nothing: where a node has no answer the
-        step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps its state and its row has
+        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session.
+        absent_nodes: "keep" keeps the states of nodes that are not named, "open" steps them with P = 0, so that they
+        cool. time (end of the step, s), step, attempt: the host's own, for records. all_or_nothing: where a node has no
+        answer the step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps its state and its row has
         Outcome.FAILED. want: names of more columns for this reply; "ledger" stands for the energy ledger."""
         return self._step(ADVANCE, dt, nodes, absent_nodes, time, step, attempt, False, all_or_nothing, want, values)
 

@@ -64,8 +64,9 @@ class Preston {
     if (!(tau_s > tau_y && d > 0)) return tau_s;
     if (p == 0) return tau_s - (tau_s - tau_y) * std::exp(-theta * ep / (tau_s - tau_y));
     const long double x = p * static_cast<long double>(tau_s - tau_y) / d;
-    const long double left = std::exp(-p * theta * ep / (d * (std::exp(x) - 1)));
-    return static_cast<double>(tau_s + d / p * std::log(1 - (1 - std::exp(-x)) * left));
+    const long double grown = std::exp(x);
+    const long double left = std::exp(-p * theta * ep / (d * (grown - 1)));
+    return static_cast<double>(tau_s + d / p * std::log(1 - (1 - 1 / grown) * left));
   }
 
   const Material& m_;
