@@ -93,8 +93,9 @@ int report(shearbus_status* to, int code, std::string_view text = {}, std::strin
   put(text, to->text);
   put(remedy, to->remedy);
   put(field, to->field);
-  to->n_nodes = static_cast<int>(std::min<std::size_t>(nodes.size(), SHEARBUS_NODES_NAMED));
-  std::copy_n(nodes.begin(), to->n_nodes, to->nodes);
+  to->n_nodes = 0;
+  for (const std::uint64_t node : nodes.first(std::min<std::size_t>(nodes.size(), SHEARBUS_NODES_NAMED)))
+    to->nodes[to->n_nodes++] = node;
   return code;
 }
 
