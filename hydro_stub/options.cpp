@@ -6,6 +6,7 @@
 #include <map>
 
 #include "hydro_stub/scene.hpp"
+#include "proto/wire/program.hpp"
 
 namespace shearbus::hydro {
 
