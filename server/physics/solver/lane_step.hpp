@@ -15,10 +15,10 @@ struct LaneStep {
   Regime regime;
   bool sticks;   // the interface does not slip at the end of the step
   bool unique;   // the step certainly has one answer (MODEL.md, "Force-driven step")
-  bool several;  // several answers satisfied the step
+  bool several;  // other answers satisfied the equations of the step too
 };
 
-// A step without heat and flow, and the bits of its outcome.
+// The answer of a step without heat and flow, and its outcome bits (kOutsideDomain, ..., tile.hpp).
 struct RestingStep {
   LaneStep step;
   std::uint8_t outcome = 0;
