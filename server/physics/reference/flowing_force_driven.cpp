@@ -38,10 +38,10 @@ struct FlowingStep {
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
   double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
-  double limit(double q) const {  // strength of the interface  [Pa]
+  double limit(double q) const {  // stress limit of the interface under the heat flux q, DLP (65)  [Pa]
     return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
-  double ceiling(double q) const {  // largest strength of the layer  [Pa]
+  double ceiling(double q) const {  // stress that the fully hardened layer carries under the heat flux q  [Pa]
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
     return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
   }
@@ -66,7 +66,7 @@ struct FlowingStep {
   double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
 };
 
-// The sticking solution: the stress under which the slip ends by the end of the step.
+// The sticking solution: the stress under which the interface no longer slips at the end of the step.
 Candidate stick_of(const FlowingStep& step, double beta_T) {
   const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
   const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
@@ -106,7 +106,7 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
   std::vector<Candidate> found;
   const auto add = [&](double q) {
-    if (stress(q) > a_stick) return;  // the interface would stick before the end of the step
+    if (stress(q) > a_stick) return;  // under a stress above the sticking stress slip would end within the step
     const double a = stress(q);
     found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
   };

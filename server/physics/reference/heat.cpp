@@ -40,8 +40,9 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 
 namespace {
 
-// State rows of a model without a temperature profile: the start temperature, one row per mode of HeatModes, and T0.
-// The response of T0 to the flux of the step is the exact integral of the heat kernel.
+// T_ad and B of a step with modes. Rows: the start temperature, each mode of HeatModes, T0. The response of T0 to the
+// flux of the step is the exact integral of the heat kernel. `early` > 0: the flux is linear in time through
+// `early_flux` at `early` dt and q at dt; else it is constant.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;

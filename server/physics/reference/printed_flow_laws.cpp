@@ -11,7 +11,7 @@
 namespace shearbus::physics::reference {
 namespace {
 
-constexpr double kLeastLog = -690.0, kMostLog = 230.0;  // ln of the least and the largest strain increment
+constexpr double kLeastLog = -690.0, kMostLog = 230.0;  // ln of the least and the largest strain increment searched
 constexpr double kMostStrain = 1e100;
 
 // The strain increment dep with Y(dep) = sqrt(3) a, for a flow stress Y that rises with dep.

@@ -46,13 +46,13 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   return {t - stiffness * lo, lo, rate / (rate + stiffness)};
 }
 
-// An iterate of the balance and, at the end, its solution.
+// An iterate of the layer's balance of momentum, at the end its solution: values per cell (velocity) or vertex.
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;
 };
 
-// Computes the stresses, the flow and the slopes of `at` from its velocities.
+// Computes stress, plastic strain growth and slope at every vertex, and the interface slip, from at.velocity.
 void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   for (int i = 0; i <= layer.cells(); ++i) {
     const double before = i == 0 ? 0.0 : at.velocity[i - 1];
@@ -79,7 +79,7 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   }
 }
 
-// Residual of rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
+// Residual of the balance of momentum in each cell c, rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
 Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
   Eigen::VectorXd r(layer.cells());
   for (int c = 0; c < layer.cells(); ++c) {

@@ -7,9 +7,9 @@
 
 namespace shearbus::physics {
 
-// Whatever the flow law, the layer yields at a vertex where its excess is positive (material/flow_law.hpp). The heat of
-// the step does not change the temperature of vertices beyond `num_heated` in any digit: there everything but the load
-// is known in advance.
+// A layer yields at a vertex where the excess that the flow law computes is positive (material/flow_law.hpp). The heat
+// of a step changes no digit of the temperature of vertices beyond `num_heated`: their yield condition is known before
+// the step, except for the load.
 
 // The load of each lane under a stress of magnitude a.
 struct FlowLoad {
@@ -21,7 +21,7 @@ struct FlowLoad {
 
 struct FlowSum {
   alignas(64) double slip[kLanes];   // integral of dep over the layer                  [m]
-  alignas(64) double slope[kLanes];  // derivative of the slip, a d slip / d a, heating by a included  [m]
+  alignas(64) double slope[kLanes];  // derivative of the slip by ln(a), a the stress; includes heating by a  [m]
   int num_yielding;                  // number of vertices from z = 0 to the last one at which any lane yields
 };
 
@@ -34,10 +34,10 @@ struct FlowProblem {
   const double* strain;    // plastic strain before the step
   int num_heated;          // number of vertices, from z = 0, that the heat of the step reaches
   double dt;               // [s]
-  const double* spread_response = nullptr;  // B_phi, used instead of B where heat is released in the layer
+  const double* spread_response = nullptr;  // response B_phi to heat released in the layer; if given, used for B
 };
 
-// Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
+// Number of vertices, from z = 0, that the heat of one step reaches: it warms the others by less than rounding.
 int num_heated_vertices(const Grid& grid, const double* response);
 
 // Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.

@@ -18,10 +18,10 @@ struct FlowingStart {
   double first_weight;    // length of z that the first vertex represents                                 [m]
   double first_strain;    // plastic strain of the first vertex
   Heated layer;           // temperatures of the layer
-  double heat_partition;  // share of the friction heat for the soft body, beta_T; 1 if the hard body conducts, too
+  double heat_partition;  // share of the friction heat that enters the grid: beta_T; 1 if both bodies are on the grid
   double dt;
   Forcing forcing;
-  LaneStep before;  // stress, jump_new and sticks of the last step
+  LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
 };
 
 class FlowingSlip {
@@ -70,7 +70,7 @@ class FlowingSlip {
   FrictionHeating stopping_{};  // heating of a lane that sticks at the end of the step
   FrictionHeating slipping_{};  // heating of a lane that slips at the end of the step
   LaneStep rigid_{};            // the answer of a layer that does not flow
-  double compliance_ = 0.0;     // stress that relieves integral(dep) = 1 m: sqrt(3) / (dt per_stress)   [Pa/m]
+  double compliance_ = 0.0;     // fall of the sticking stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
   RootSearch search_;
 
   Phase phase_ = Phase::kDone;
@@ -81,7 +81,7 @@ class FlowingSlip {
   bool high_is_ceiling_ = false;                     // the layer is at its ceiling under the flux `high_`
   bool at_ceiling_ = false;                          // the stress of the answer is the ceiling of the layer
   bool stick_was_searched_ = false;
-  bool several_ = false;  // the step has another answer
+  bool several_ = false;  // another answer satisfies the equations of the step too
 };
 
 }  // namespace shearbus::physics

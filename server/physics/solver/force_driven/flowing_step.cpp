@@ -75,7 +75,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   // 1. Conduction without friction: DLP (28-35).
   conduct(heat, n, T_old, T_all);
 
-  // 2. The start of each lane.
+  // 2. Start the search of each lane, with its first load.
   FlowingSlip lanes[kLanes];
   LaneStep before[kLanes];
   FlowLoad load;

@@ -15,14 +15,14 @@ namespace {
 using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
-constexpr double kConverged = 1e-11;        // longest last Newton step, relative to the unknowns; the next is rounding
-constexpr double kLocallyConverged = 1e-9;  // longest last step of the return to the yield stress at a vertex, relative
+constexpr double kConverged = 1e-11;        // Newton's steps end with one at most this long, relative to the unknowns
+constexpr double kLocallyConverged = 1e-9;  // largest last step in x of the return to the yield stress, over 1 + x
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
 // Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
-constexpr double kOvershoot = 0.5;      // largest accepted slope beyond the minimum
-constexpr double kUndershoot = 0.5;     // largest accepted slope before the minimum, of a shortened step
-constexpr double kLeastDescent = 0.25;  // twice the smallest accepted decrease of the energy
+constexpr double kOvershoot = 0.5;      // largest slope of the energy beyond its minimum, relative to that at the start
+constexpr double kUndershoot = 0.5;     // largest slope before the minimum, of a shortened step, relative to the start
+constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energy, relative to step times first slope
 constexpr int kLocalSteps = 60;         // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
@@ -114,7 +114,7 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
       const double limit = law.ceiling * g[l];
       const bool capped = hardened[l] >= limit;
       const double s = capped ? limit : hardened[l];
-      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // ds/d(dep) over sqrt(3) G0
+      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // slope ds/d(dep) over sqrt(3) G0
       const bool yields = over[l] > 0.0;
       const double size = yields ? s : std::abs(t[l]);
       stress[first + l] = t[l] < 0.0 ? -size : size;

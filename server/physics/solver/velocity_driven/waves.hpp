@@ -43,7 +43,7 @@ struct WaveAnswer {
   double flux = 0.0;            // heat flux q into the layer             [W/m2]
   double interface_slip = 0.0;  // slip velocity v[-1], signed            [m/s]
   int iterations = 0;           // number of Newton steps
-  bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
+  bool guarded = false;         // plain Newton did not converge, so q was bisected, with a line search in v
   bool found = true;            // false: the search stopped early, the fields mean nothing
 };
 
