@@ -252,7 +252,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const Profile &T_ad = heat.T_ad, &B = heat.B;
   const double beta_T = conducted_share(options);
 
-  // The jump without friction and its reduction per stress, DLP (61).
+  // The velocity jump after a step without friction, and its reduction by a unit stress, DLP (61).
   const double jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
   const double per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
   const double direction = jump_free < 0.0 ? -1.0 : 1.0;

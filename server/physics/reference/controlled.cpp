@@ -1,4 +1,4 @@
-// The step of the reference twin under a tolerance.
+// The step of the reference twin (advance_one.hpp) under a tolerance: substeps, each checked against its two halves.
 #include <algorithm>
 #include <cmath>
 

@@ -51,7 +51,7 @@ struct FlowingStep {
     for (int i = 0; i < grid.num_vertices(); ++i) {
       sum += grid.weight[i] * strain_increment(soft, a, in.pressure, T(i, q), old.plastic_strain[i], dt);
     }
-    return kSqrt3 * sum / dt;  // [m/s]
+    return kSqrt3 * sum / dt;  // velocity jump across the layer by its plastic flow  [m/s]
   }
   double slip(double a, double q) const { return std::max(0.0, jump_mid(a) + drive - flow(a, q)); }
   double stopping_slip(double a) const { return std::max(0.0, 0.5 * (direction * in.velocity_jump - jump_new(a))); }
@@ -91,7 +91,7 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
 // All sliding solutions, by rising heat flux. The flux gives T0 and T0 gives the stress; the work of that stress must
 // equal the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
-  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // the interface is molten
+  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // a molten interface: no stress
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
   std::vector<double> fluxes;
   scan_to_melting(step, 0, fluxes);
@@ -159,7 +159,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   const bool sticks = (can_stick && !molten && (state.sticking || !rigid_slip)) || slips.empty();
   const Candidate taken = sticks ? stick : slips.back();
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
-  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides if the layer flows
+  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the node sticks
 
   // 2. Strain by DLP (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
   const double a = taken.stress;

@@ -71,7 +71,7 @@ class Preston {
   const Material& m_;
   double T_hat_;
   double attempts_ = 0.0;  // attempt rate gamma xi           [1/s]
-  double two_G_ = 0.0;     // 2 G times the melting factor    [Pa]
+  double two_G_ = 0.0;     // 2 G exp(-0.001 T/(T_melt - T))  [Pa]
 };
 
 }  // namespace

@@ -39,7 +39,7 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
     (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
   }
-  // Slope of the strength after the return, from the law.
+  // Slope of Y/sqrt(3) over dep at the returned stress, by Steinberg's law; 0 at Y_max.
   const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
   const bool capped = m.yield_strength * std::pow(hardened, m.hardening_exponent) >= m.yield_strength_max;
   const double rate = capped ? 0.0 : yield(lo) * m.hardening_exponent * m.hardening_coefficient / hardened;
@@ -153,7 +153,7 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
     for (int i = 0; i <= n; ++i) T[i] = T_ad[i] + q * B[i];
     balance(layer, T, at);
     return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
-           q;  // heat released less the heat assumed
+           q;  // heat flux that the stress at z = 0 releases, less the flux q that was assumed
   };
   double flux = 0.0;
   double hi = std::max(0.0, (soft.melting_temperature - T_ad[0]) / B[0]);

@@ -10,7 +10,7 @@ namespace shearbus::physics {
 struct LaneStep {
   double stress;    // shear stress s, signed             [Pa]
   double slip;      // sliding velocity [v], signed       [m/s]
-  double jump_new;  // velocity jump [V] at n+1/2, signed [m/s]
+  double jump_new;  // velocity jump [V] after the step (at n+1/2), signed [m/s]
   double flux;      // heat flux q at z = 0               [W/m2]
   Regime regime;
   bool sticks;   // the interface does not slip at the end of the step

@@ -30,7 +30,7 @@ struct ModelOptions {
   GridOptions grid;
   std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: the body gets 1 - beta_T of the heat
   double initial_temperature = 300.0;    // [K]
-  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat equation
   std::optional<ModesOptions> modes;  // force-driven with one conducting body: heat by modes, which replace the cells
   Drive drive = Drive::kLayerShear;   // velocity-driven: what shears the layer
   std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P

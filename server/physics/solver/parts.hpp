@@ -46,7 +46,6 @@ enum class Property : std::uint8_t {
 };
 inline constexpr int kProperties = 23;
 
-// A set of properties.
 class Properties {
  public:
   constexpr Properties() = default;
@@ -70,7 +69,7 @@ class Properties {
 struct Part {
   Property property{};
   std::string_view key{};    // key of a scene, for example "layer.inertia"
-  std::string_view value{};  // value of the key that switches the property on, as a scene writes it: "true"
+  std::string_view value{};  // value of the key that switches the property on, as in a scene: for example "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
   // Switches the part on, with typical values if it needs values, or off. Null: no switch, such as for a strategy,
   // which every model has.

@@ -14,7 +14,7 @@
 
 namespace shearbus::physics::sdirk2 {
 
-inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma = 1 - 1/sqrt(2)
+inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma of SDIRK2, 1 - 1/sqrt(2)
 inline constexpr double kExtrapolation = 2.414213562373095;  // factor of the extrapolation, r = (1 - gamma) / gamma
 inline constexpr double kFirstWeight = 1.0 - kDiagonal;  // weight of stage 1 in the mean of a step; stage 2: kDiagonal
 

@@ -26,7 +26,7 @@ class StateList {
   static constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
 
   std::span<const State> states() const { return states_; }
-  std::size_t doubles = 0;  // doubles of a tile, a multiple of kLanes
+  std::size_t doubles = 0;  // number of doubles in a tile, a multiple of kLanes
 
  protected:
   // Adds a state behind the others and returns its offset. A width of 0 adds nothing and returns kAbsent: this model
@@ -65,7 +65,7 @@ class TileLayout : public StateList {
   std::size_t plastic_strain = add("plastic_strain", "1", num_strain_vertices);
   // Fraction phi of the work of the imposed jump that heats each vertex (MODEL.md, "Plastic-work heating").
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
-  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // signed
+  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // s, signed
   std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double

@@ -34,7 +34,7 @@ GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, b
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
-  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // last cell / first cell
+  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // width of last / first cell
   grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
   grid.grading = std::pow(ratio, 1.0 / grid.cells);
   grid.matched = true;

@@ -82,7 +82,7 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
   const ModelOptions& options = problem.options;
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
-                            : 0.0;  // the force-driven balance (64) has no elastic shear of the layer
+                            : 0.0;  // the force-driven balance, DLP (64), has no elastic shear of the layer
   const StoredHeat stored = stored_heat(problem, committed, trial, outputs.friction_heat);
   const LaneValues plastic_slips =
       layout.plastic_strain == TileLayout::kAbsent

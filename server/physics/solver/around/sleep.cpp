@@ -117,9 +117,9 @@ void count_rest(const Problem& problem, const RestRules& rest, const TileInputs&
   trial[layout.least_strain_at_rest + lane] = sleeps ? weakest.strain : 0.0;
 }
 
-// Heat of one lane above a uniform reference temperature.
+// Heat in the two bodies of one lane, relative to bodies at a uniform reference temperature.
 struct Held {
-  double soft, hard;  // [J/m2]
+  double soft, hard;  // heat in the soft and in the hard body, relative to a reference temperature  [J/m2]
 };
 Held held_heat(const Problem& problem, const double* tile, int lane, double reference) {
   const HeatGrid& grid = problem.heat_grid;

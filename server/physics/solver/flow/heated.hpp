@@ -13,7 +13,7 @@ namespace shearbus::physics {
 struct Heated {
   const double* T_ad = nullptr;  // T without the heat of the step; the lane's column of [vertex][lane]  [K]
   const double* B = nullptr;     // response B, [vertex] or the lane's column of [vertex][lane]  [K m2/W]
-  std::ptrdiff_t stride = 1;     // distance in B from one vertex to the next
+  std::ptrdiff_t stride = 1;     // distance in the array B from one vertex to the next: 1, or kLanes for [vertex][lane]
   int candidates = 1;            // number of vertices, from z = 0, that can be the hottest
 
   double response(int i) const { return B[i * stride]; }

@@ -13,8 +13,8 @@ namespace shearbus::physics {
 
 // The load of each lane under a stress of magnitude a.
 struct FlowLoad {
-  alignas(64) double load[kLanes];     // stress a as the flow law's load_of(a) gives it, or kNoLoad
-  alignas(64) double flux[kLanes];     // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
+  alignas(64) double load[kLanes];  // load_of(a) of the flow law, by which it measures the stress a; kNoLoad: no stress
+  alignas(64) double flux[kLanes];  // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
   alignas(64) double bracket[kLanes];  // part of g that depends on the lane's pressure, the flow law's bracket_at()
   alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure         [K]
 };
@@ -33,7 +33,7 @@ struct FlowProblem {
   const double* T_ad;      // temperature after the step without friction heat  [K]
   const double* strain;    // plastic strain before the step
   int num_heated;          // number of vertices, from z = 0, that the heat of the step reaches
-  double dt;               // [s]
+  double dt;               // length of the step  [s]
   const double* spread_response = nullptr;  // response B_phi to heat released in the layer; if given, used for B
 };
 

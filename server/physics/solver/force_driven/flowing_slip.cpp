@@ -223,8 +223,9 @@ void FlowingSlip::begin_slip() {
   ask_slip(Phase::kSlipLow, low_);
 }
 
-// The interface slips up to the flux at which the layer carries no more than the interface; from there on the layer
-// flows by the rest. Called if the layer carries less than the interface at `high_`.
+// Reduces `high_` to the smallest flux at which the layer carries less than the interface. At larger fluxes the
+// interface does not slip further, because the layer takes the rest of the slip by flow. Called if the layer carries
+// less than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
   high_is_ceiling_ = true;

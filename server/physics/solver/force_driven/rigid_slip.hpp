@@ -24,7 +24,8 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
 
-  double jump_new(double a) const { return jump_free - direction * a * per_stress; }  // signed
+  // The jump [V]new after the step under the stress magnitude a, signed  [m/s].
+  double jump_new(double a) const { return jump_free - direction * a * per_stress; }
 
   double jump_free;     // jump after the step without friction, signed               [m/s]
   double per_stress;    // reduction of the jump in the step per stress               [m/(s Pa)]

@@ -31,12 +31,12 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
   return rows[(num_rows - 1) * kLanes + lane] + flux * step.response < T_melt;
 }
 
-// One lane of a force-driven step, in magnitudes along its direction.
+// One lane of a second-order force-driven step. Stresses and velocities are positive along `direction`.
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
   double direction;  // sign of the jump; without a jump, of the acceleration
-  double jump_old;   // jump before the step, along the direction  [m/s]
+  double jump_old;   // jump before the step, along `direction`  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean stress of the step  [Pa]

@@ -36,13 +36,13 @@ struct Lane {
   double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
   double a = 0.0;                 // stress magnitude: the iterate, at the end the answer           [Pa]
-  Bound bound = Bound::kElastic;  // which bound `hi` is, as long as hi_seen is false
+  Bound bound = Bound::kElastic;  // kind of the bound `hi`; has no meaning once hi_seen is true
   int hottest = 0;                // vertex whose ceiling Y_max g(T) a rising stress reaches first
   bool loaded = false;            // the trial stress is not 0
   bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
   bool done = false;
   bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
-  bool at_bound = false;       // the answer is `hi`, held by `bound`
+  bool at_bound = false;       // the answer is the bound `hi`, of the kind `bound`
 };
 
 // The stress from which the step starts. With INTERFACE_SLIP the jump is slip of the interface: the stress starts at
@@ -54,7 +54,7 @@ double starting_stress(const Problem& problem, double s_old, double jump, double
   return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
 }
 
-// Trial stress, direction, heating and the bracket of one lane.
+// Finds trial stress, direction, heating and the bracket of the stress of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
              const Heated& heated, double s_start, const double* strain) {
   const double h = problem.options.grid.thickness;
@@ -337,7 +337,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
 
-  // 5. Temperature: T = T_ad + q B.
+  // 5. Add the heat of this step to the temperatures: T = T_ad + q B, or T_ad + q B_phi if the layer releases the heat.
   if (spreads) {
     add_spread(heat, operators.spread(), load.flux, B_spread, T_all);
     std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
@@ -365,7 +365,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
-    // Without a root the stress is NaN and the lane fails.
+    // If no root was found the stress is NaN, from which the caller concludes that the lane has failed (kFailed).
     const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
     const double s = lane.loaded ? lane.direction * found : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}

@@ -20,8 +20,8 @@ constexpr double kLocallyConverged = 1e-9;  // largest last step in x of the ret
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
 // Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
-constexpr double kOvershoot = 0.5;      // largest slope of the energy beyond its minimum, relative to that at the start
-constexpr double kUndershoot = 0.5;     // largest slope before the minimum, of a shortened step, relative to the start
+constexpr double kOvershoot = 0.5;   // largest slope of the energy beyond its minimum, over that at the start
+constexpr double kUndershoot = 0.5;  // largest slope before the minimum after a shortened step, over that at the start
 constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energy, relative to step times first slope
 constexpr int kLocalSteps = 60;         // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
@@ -43,14 +43,14 @@ struct ReturnLaw {
   double T_melt;    // melting temperature at P         [K]
 };
 
-// Inputs and results of the returns, one value per vertex.
+// Inputs and results of the returns to the yield stress, one value per vertex.
 struct ReturnRows {
   alignas(64) Row t;           // trial stress                                    [Pa]
   alignas(64) Row T;           // temperature                                     [K]
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
   alignas(64) Row compliance;  // growth of the hardening term x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
-  alignas(64) Row slope;       // slope of s over the trial stress t
-  alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
+  alignas(64) Row slope;       // slope of the stress s = R(t) over the trial stress t
+  alignas(64) Row softening;   // slope of the stress s = R(t) over the temperature  [Pa/K]
 };
 
 inline bool any_positive(const double (&value)[kPacket]) {

@@ -24,7 +24,7 @@ struct WaveStep {
   double dt;               // length of the step                           [s]
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
-  double heat_share;       // fraction of the friction power that enters the conducting bodies
+  double heat_share;       // share of the friction heat that enters the heat equation: beta_T, or 1 (problem.hpp)
   double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
 };
 
@@ -41,10 +41,10 @@ struct WaveFields {
 
 struct WaveAnswer {
   double flux = 0.0;            // heat flux q into the layer             [W/m2]
-  double interface_slip = 0.0;  // slip velocity v[-1], signed            [m/s]
+  double interface_slip = 0.0;  // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
   int iterations = 0;           // number of Newton steps
   bool guarded = false;         // plain Newton did not converge, so q was bisected, with a line search in v
-  bool found = true;            // false: the search stopped early, the fields mean nothing
+  bool found = true;            // false: the search hit its limit of evaluations, and the fields are meaningless
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
