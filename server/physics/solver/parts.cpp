@@ -392,7 +392,7 @@ constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exc
   return true;
 }
 
-// Whether every pair of rows is decided in exactly one way: listed by the later row, excluded, or unable to meet.
+// Whether every pair of rows is decided: listed by the later row or excluded, but not both, or else unable to meet.
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {

@@ -2,7 +2,7 @@
 //
 //   components > tolerance > sleep > the solver of the strategy
 //
-// This is the only file that asks which links a model has and which solver it uses.
+// Only pipeline.cpp asks which links a model has and which solver it uses.
 #pragma once
 
 #include "server/physics/solver/around/ledger.hpp"

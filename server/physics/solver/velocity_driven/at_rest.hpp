@@ -9,8 +9,8 @@
 
 namespace shearbus::physics {
 
-// The step of a sleeping lane: the stress is the elastic trial stress, under which nothing yields. Empty if the lane
-// heats, would exceed its Coulomb limit or starts from the yield stress.
+// The step of a sleeping lane, whose stress is the elastic trial stress; the caller checks that no vertex yields under
+// this stress. Empty if the lane heats, would exceed its Coulomb limit or may start from the yield stress.
 std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                         const TileInputs& inputs, const double* committed,
                                                         const Material& soft, double T0, int lane);

@@ -159,7 +159,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
       return;
     }
   }
-  // 3. Keep the next stress inside the bracket; try the bound itself when it could be the answer.
+  // 3. Keep the next stress inside the bracket. Try its upper end itself if this bound can be the answer.
   const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
   const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
   if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
@@ -294,7 +294,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Where the heat of the step is released: at z = 0, or distributed as the layer flowed in the last step with slip.
-  // Part 4 finds how much it is.
+  // Part 4 finds how much heat is released.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known

@@ -32,8 +32,8 @@ constexpr int kGuardedSteps = 400;      // largest number of Newton steps with l
 //
 // In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
 // length of the step. The stress of the vertex is s = R(t). Below the yield stress s = t; above it
-//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
-// R is odd and its slope lies in [0, 1].
+//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) <= ceiling g,   x = beta dep / (1 + beta ep)
+// where strength = Y0 (1 + beta ep)^n / sqrt(3) and ceiling = Y_max / sqrt(3). R is odd and its slope lies in [0, 1].
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
@@ -198,7 +198,8 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else that of the stress at z = 0.
+  // Evaluates stresses and slopes at the iterate, for the given heat flux q, or else for the heat flux that the stress
+  // at z = 0 releases.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);

@@ -8,12 +8,13 @@
 namespace shearbus::physics {
 
 // Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. One step of backward
-// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both against the
+// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both relative to the
 // hard body:
 //   weight[i] (s[i] - s_old[i]) = G0 (dt (v[i] - v[i-1]) - sqrt(3) weight[i] dep[i] sign(s[i]))         DLP (37)
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
-//   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3), dep[i] >= 0 and 0 below it                                    DLP (42-48)
-//   |s[0]| <= mu P, v[-1] along s[0] and 0 below it;   T = T_ad + q B,  q = share max(s[0] [V], 0)       DLP (18, 35)
+//   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
+//   |s[0]| <= mu P;   v[-1] is along s[0], and v[-1] = 0 where |s[0]| < mu P
+//   T = T_ad + q B,   q = share max(s[0] [V], 0)                                                         DLP (18, 35)
 // where share is WaveStep::heat_share.
 // Summed over the layer and for rho -> 0 these equations are the balance of a layer without inertia, weight for weight.
 
