@@ -60,8 +60,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     return out;
   }
 
-  // The stress from which the step starts: with INTERFACE_SLIP the yield stress, unless the old stress is along the
-  // jump.
+  // The stress from which the step starts: the old stress. With INTERFACE_SLIP it is the yield stress if there is a
+  // jump and the old stress is not along this jump.
   double s_old = state.shear_stress;
   if (!layer_shear && V != 0.0 && s_old * V <= 0.0) {
     s_old = std::copysign(flow_stress(soft, state.plastic_strain[0], in.pressure, state.temperature[0]) / kSqrt3, V);
@@ -80,7 +80,7 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
   const double compliance = kSqrt3 * soft.shear_modulus / h;
   const auto balance = [&](double a) { return a - std::abs(trial) + (a > 0.0 ? compliance * slip(a) : 0.0); };
 
-  // Three limits can hold the stress: the flow of the layer, Y_max at the hottest vertex, and mu P.
+  // The stress is the least of three limits: the flow of the layer, Y_max g / sqrt(3) at the hottest vertex, and mu P.
   const double flowing = bisect(balance, 0.0, std::abs(trial) * 2.0);
   const auto weakest_g = [&](double a) {
     double g = std::numeric_limits<double>::infinity();
@@ -162,8 +162,8 @@ struct InterfaceLaw {
   }
 };
 
-// SDIRK2 of a node that slips in one direction from the start to the end of the step; s1 and s2 are the stresses of its
-// stages. Returns false, with the state unchanged, for any other step.
+// SDIRK2 of a node whose contact is open, or which rests, or which slips in one direction from the start to the end of
+// the step; s1 and s2 are the stresses of its stages. Returns false, with the state unchanged, for any other step.
 bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
                          NodeOutputs& out) {
   const InterfaceLaw law{options, in.pressure};
@@ -184,7 +184,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
     const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
     const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
-    if (law.limit(T0(stick)) >= stick) {  // the node sticks, which is left to backward Euler
+    if (law.limit(T0(stick)) >= stick) {  // the node sticks: it rests, or it stops, which is left to backward Euler
       if (V != 0.0) return false;
       rests = true;
       mean = s1 = s2 = stick;
@@ -252,7 +252,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
   const Profile &T_ad = heat.T_ad, &B = heat.B;
   const double beta_T = conducted_share(options);
 
-  // The jump without friction and its reduction per stress, DLP (61).
+  // The velocity jump after a step without friction, and its reduction by a unit stress, DLP (61).
   const double jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
   const double per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
   const double direction = jump_free < 0.0 ? -1.0 : 1.0;
@@ -303,7 +303,8 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    if (slips.empty() && !can_stick) slips.push_back(end);  // only the limit itself solves the step, without heat
+    // Without a change of sign, and if the interface cannot stick, the answer is the upper end of the scanned stresses.
+    if (slips.empty() && !can_stick) slips.push_back(end);
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);
     const bool stick = can_stick && (rests || slips.empty());

@@ -1,6 +1,7 @@
 // The reference twin of the solvers: a scalar solver of the step of one node, slow and obvious, against which the fast
-// solvers are tested. It shares only the grid and the softening of the materials with the fast solvers; the laws are
-// written here as their papers print them. The heat equation is solved by Eigen's sparse LU, every root by bisection.
+// solvers are tested. The twin shares the grids, the heat modes, beta_T and the functions of material/strength.hpp with
+// the fast solvers. Strain increments and friction are written here as their papers print them. The heat equation is
+// solved by Eigen's sparse LU, every scalar root by bisection.
 #pragma once
 
 #include <vector>
@@ -19,7 +20,7 @@ struct NodeState {
   std::vector<double> layer_velocity;  // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
   double shear_stress = 0.0;           // [Pa]
   Regime regime = Regime::kOpen;
-  bool sticking = false;         // with a plastic layer: the last step ended without slip
+  bool sticking = false;         // with a plastic layer: the interface did not slip at the end of the last step
   double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
 };
 
@@ -42,10 +43,10 @@ struct NodeOutputs {
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
-  double error_estimate = 0.0;  // error estimate of a step with a tolerance
-  bool first_order = false;     // the options ask for SDIRK2, but the step left the range of SDIRK2
-  // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer only those answers
-  // count between which the rule of MODEL.md, "Plastic layer", does not choose.
+  double error_estimate = 0.0;  // with a tolerance: estimated error of T0, relative to T_melt less the initial T
+  bool first_order = false;     // the options ask for SDIRK2, but backward Euler solved the step
+  // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer: number of answers
+  // among which the rule of MODEL.md, "Plastic layer", leaves a choice; 1 if it leaves none.
   int answers = 1;
 };
 

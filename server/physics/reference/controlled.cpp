@@ -1,4 +1,4 @@
-// The step of the reference twin under a tolerance.
+// The step of the reference twin (advance_one.hpp) under a tolerance: substeps, each checked against its two halves.
 #include <algorithm>
 #include <cmath>
 
@@ -8,7 +8,8 @@ namespace shearbus::physics::reference {
 
 namespace {
 
-// Bound of the error of a jump that changes sign or seems to stop in a substep  [m/s] (solver/around/tolerance.cpp).
+// Error of the jump after a substep in which the jump changes sign or seems to stop  [m/s]; the reason is in
+// solver/around/tolerance.cpp. `before`, `after`: jump at the two ends; `s_before`, `s`: stress before and in it.
 double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
   const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
   const double acceleration = std::abs(in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
@@ -20,8 +21,8 @@ double turning_error(const NodeInputs& in, double dt, double before, double afte
 
 }  // namespace
 
-// Times are fractions of the step. A substep is accepted if its two halves change T0, heat and jump by little, else it
-// is halved; after a very small change the next substep is twice as long.
+// Times are fractions of the step. A substep is accepted if its two halves give nearly the same T0, heat and jump as
+// the substep in one piece, else it is halved. If the difference is very small the next substep is twice as long.
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool forced = options.strategy == Strategy::kForceDriven;
   const double T_melt = options.soft.melting_temperature;

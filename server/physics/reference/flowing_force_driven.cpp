@@ -38,10 +38,10 @@ struct FlowingStep {
   double jump_new(double a) const { return direction * jump_free - a * per_stress; }
   double jump_mid(double a) const { return 0.5 * (direction * in.velocity_jump + jump_new(a)); }
   double friction(double q) const { return friction_coefficient(options, in.pressure, T(0, q), 0.0) * in.pressure; }
-  double limit(double q) const {  // strength of the interface  [Pa]
+  double limit(double q) const {  // stress limit of the interface under the heat flux q, DLP (65)  [Pa]
     return std::min(friction(q), options.interface.yield_strength / kSqrt3 * softening(soft, in.pressure, T(0, q)).g);
   }
-  double ceiling(double q) const {  // largest strength of the layer  [Pa]
+  double ceiling(double q) const {  // stress that the fully hardened layer carries under the heat flux q  [Pa]
     const double g = softening(soft, in.pressure, T(hottest(q), q)).g;
     return g > 0.0 ? ceiling_strength / kSqrt3 * g : 0.0;
   }
@@ -51,7 +51,7 @@ struct FlowingStep {
     for (int i = 0; i < grid.num_vertices(); ++i) {
       sum += grid.weight[i] * strain_increment(soft, a, in.pressure, T(i, q), old.plastic_strain[i], dt);
     }
-    return kSqrt3 * sum / dt;  // [m/s]
+    return kSqrt3 * sum / dt;  // velocity jump across the layer by its plastic flow  [m/s]
   }
   double slip(double a, double q) const { return std::max(0.0, jump_mid(a) + drive - flow(a, q)); }
   double stopping_slip(double a) const { return std::max(0.0, 0.5 * (direction * in.velocity_jump - jump_new(a))); }
@@ -66,7 +66,7 @@ struct FlowingStep {
   double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
 };
 
-// The sticking solution: the stress under which the slip ends by the end of the step.
+// The sticking solution: the stress under which the interface no longer slips at the end of the step.
 Candidate stick_of(const FlowingStep& step, double beta_T) {
   const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
   const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
@@ -91,7 +91,7 @@ void scan_to_melting(const FlowingStep& step, int vertex, std::vector<double>& f
 // All sliding solutions, by rising heat flux. The flux gives T0 and T0 gives the stress; the work of that stress must
 // equal the flux.
 std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a_stick) {
-  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // the interface is molten
+  if (step.limit(0.0) <= 0.0) return {{0.0, 0.0, step.slip(0.0, 0.0), false}};  // a molten interface: no stress
   const double melts = (step.T_melt - step.T_ad[0]) / step.B[0];
   std::vector<double> fluxes;
   scan_to_melting(step, 0, fluxes);
@@ -106,7 +106,7 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
   std::vector<Candidate> found;
   const auto add = [&](double q) {
-    if (stress(q) > a_stick) return;  // the interface would stick before the end of the step
+    if (stress(q) > a_stick) return;  // under a stress above the sticking stress slip would end within the step
     const double a = stress(q);
     found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
   };
@@ -159,7 +159,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   const bool sticks = (can_stick && !molten && (state.sticking || !rigid_slip)) || slips.empty();
   const Candidate taken = sticks ? stick : slips.back();
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
-  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides if the layer flows
+  if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the node sticks
 
   // 2. Strain by DLP (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
   const double a = taken.stress;

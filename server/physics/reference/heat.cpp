@@ -40,16 +40,17 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 
 namespace {
 
-// State rows of a model without a temperature profile: the start temperature, one row per mode of HeatModes, and T0.
-// The response of T0 to the flux of the step is the exact integral of the heat kernel.
+// T_ad and B of a step with modes. Rows: the start temperature, each mode of HeatModes, T0. The response of T0 to the
+// flux of the step is the exact integral of the heat kernel. `early` > 0: the flux is linear in time through
+// `early_flux` at `early` dt and q at dt; else it is constant.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
   Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
   double T0 = old.rows[0];
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
-    // The integral of exp(-rate s) over the step weighs the flux: its part exp(-rate s) s / ((1 - early) dt) weighs
-    // q_early, the rest weighs q.
+    // The flux at a time s before the end of the step adds to the mode with the weight exp(-rate s). This flux is
+    // q + (q_early - q) s / ((1 - early) dt): `first` is the weight of q_early, `second` the weight of q.
     const long double x = static_cast<long double>(modes.rate[j]) * dt;
     const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
     const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;

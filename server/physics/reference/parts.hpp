@@ -8,12 +8,12 @@
 
 namespace shearbus::physics::reference {
 
-inline constexpr int kScan = 4000;  // points in the search for sign changes
+inline constexpr int kScan = 4000;  // number of points at which a search for all roots looks for changes of sign
 
 // The only zero of f in [lo, hi], where f rises from negative values. Bisects until no number lies between the ends.
 double bisect(const std::function<double(double)>& f, double lo, double hi);
 
-// A value for each row of the heat grid. The index counts vertices from z = 0 into the soft body.
+// A value for each row of the heat grid, or of HeatModes. operator[] counts vertices from z = 0 into the soft body.
 struct Profile {
   std::vector<double> rows;
   std::size_t interface = 0;
@@ -22,7 +22,7 @@ struct Profile {
 
 Profile profile_of(const NodeState& state);
 
-// Share of the friction power that heats the conducting bodies.
+// Share of the friction heat that enters the heat equation: beta_T; 1 if both bodies are on the grid.
 double conducted_share(const ModelOptions& options);
 
 // Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft
@@ -37,8 +37,9 @@ struct Heat {
   Profile T_ad, B;
 };
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old);
-// The second stage of SDIRK2, from the temperatures at the end of the first stage.
 inline constexpr double kGamma = 0.29289321881345254;  // coefficient gamma of SDIRK2, 1 - 1/sqrt(2)
+// T_ad and B of the second stage of SDIRK2. `old`: temperatures before the step; `early`, `early_flux`: state and heat
+// flux of the first stage.
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
 // Whether the temperatures of a second-order step stay between the coldest old temperature and melting.
@@ -54,14 +55,14 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 // coefficient of the Coulomb limit, or infinity if there is none.
 double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip);
 
-// The force-driven step with plastic strain.
+// The force-driven step of a node whose layer may flow and harden (MODEL.md, "Plastic layer").
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
 // The velocity-driven step of a layer with inertia.
 NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
-// advance_uncontrolled(): a step by the integrator of the options. advance_controlled(): a step in substeps whose error
-// is below the tolerance of the options.
+// advance_uncontrolled(): one undivided step by the integrator of the options. advance_controlled(): a step divided
+// into substeps, so that its estimated error is below the tolerance of the options.
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 

@@ -11,7 +11,7 @@
 namespace shearbus::physics::reference {
 namespace {
 
-constexpr double kLeastLog = -690.0, kMostLog = 230.0;  // ln of the least and the largest strain increment
+constexpr double kLeastLog = -690.0, kMostLog = 230.0;  // ln of the least and the largest strain increment searched
 constexpr double kMostStrain = 1e100;
 
 // The strain increment dep with Y(dep) = sqrt(3) a, for a flow stress Y that rises with dep.
@@ -72,7 +72,7 @@ class Preston {
   const Material& m_;
   double T_hat_;
   double attempts_ = 0.0;  // attempt rate gamma xi           [1/s]
-  double two_G_ = 0.0;     // 2 G times the melting factor    [Pa]
+  double two_G_ = 0.0;     // 2 G exp(-0.001 T/(T_melt - T))  [Pa]
 };
 
 }  // namespace

@@ -39,20 +39,20 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
     (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
   }
-  // Slope of the strength after the return, from the law.
+  // Slope of Y/sqrt(3) over dep at the returned stress, by Steinberg's law; 0 at Y_max.
   const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
   const bool capped = m.yield_strength * std::pow(hardened, m.hardening_exponent) >= m.yield_strength_max;
   const double rate = capped ? 0.0 : yield(lo) * m.hardening_exponent * m.hardening_coefficient / hardened;
   return {t - stiffness * lo, lo, rate / (rate + stiffness)};
 }
 
-// An iterate of the balance and, at the end, its solution.
+// An iterate of the layer's balance of momentum, at the end its solution: values per cell (velocity) or vertex.
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;
 };
 
-// Computes the stresses, the flow and the slopes of `at` from its velocities.
+// Computes stress, plastic strain growth and slope at every vertex, and the interface slip, from at.velocity.
 void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   for (int i = 0; i <= layer.cells(); ++i) {
     const double before = i == 0 ? 0.0 : at.velocity[i - 1];
@@ -79,7 +79,7 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   }
 }
 
-// Residual of rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
+// Residual of the balance of momentum in each cell c, rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
 Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
   Eigen::VectorXd r(layer.cells());
   for (int c = 0; c < layer.cells(); ++c) {
@@ -153,7 +153,7 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
     for (int i = 0; i <= n; ++i) T[i] = T_ad[i] + q * B[i];
     balance(layer, T, at);
     return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
-           q;  // heat released less the heat assumed
+           q;  // heat flux that the stress at z = 0 releases, less the flux q that was assumed
   };
   double flux = 0.0;
   double hi = std::max(0.0, (soft.melting_temperature - T_ad[0]) / B[0]);

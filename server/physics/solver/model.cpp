@@ -137,7 +137,7 @@ double Model::interface_temperature(const double* tile, int lane) const {
 
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
   const TileLayout& layout = impl_->layout;
-  std::fill_n(tile, layout.doubles, 0.0);  // no strain, no stress, Regime::kOpen
+  std::fill_n(tile, layout.doubles, 0.0);  // 0 means no strain, no stress, Regime::kOpen
   if (layout.heat_modes != TileLayout::kAbsent) {
     std::copy_n(temperature, kLanes, tile + layout.heat_modes);
     std::copy_n(temperature, kLanes, tile + layout.temperature);
@@ -147,7 +147,7 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
     std::copy_n(temperature, kLanes, tile + layout.first_temperature() + i * kLanes);
   }
   if (layout.heat_shape == TileLayout::kAbsent) return;
-  // Until the layer has flowed, the heat is spread evenly, as in a layer that flows uniformly.
+  // heat_shape before the first flow: the heat is spread evenly, as in a layer that flows uniformly.
   for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
     const double share = impl_->grid.weight[i] / impl_->grid.vertex.back();
     std::fill_n(tile + layout.heat_shape + i * kLanes, kLanes, *impl_->options.taylor_quinney_factor * share);

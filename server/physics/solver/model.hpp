@@ -31,18 +31,18 @@ class Model {
   // Warnings about this combination of options, one sentence each (hard side weaker than soft, ...).
   std::vector<std::string> warnings() const;
 
-  // Interface temperature T0 of one lane, asleep or awake  [K].
+  // Interface temperature T0 of the node in one lane, which may be asleep (ModelOptions::sleep)  [K].
   double interface_temperature(const double* tile, int lane) const;
 
-  // The initial states of a tile: uniform temperature, one value per lane, no stress, no strain.
+  // Writes the initial states of a tile: no stress, no strain, and each lane uniformly at its `temperature`  [K].
   void initialise(double* tile, const double (&temperature)[kLanes]) const;
 
   std::shared_ptr<const StepOperators> operators(double dt) const;
 
   // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
-  // active lanes of `outputs`. Inputs must be finite, dt and masses > 0; the service checks them. Lanes without an
-  // answer keep their state (kFailed). Allocates only in the first steps of a thread and throws only if that allocation
-  // fails.
+  // active lanes of `outputs`. Inputs must be finite, dt and masses > 0; the service checks them. A lane for which no
+  // answer is found keeps its state and has the outcome kFailed. Allocates only in the first steps of a thread and
+  // throws only if that allocation fails.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 

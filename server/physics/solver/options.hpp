@@ -16,11 +16,11 @@ enum class Strategy { kVelocityDriven, kForceDriven };
 enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
-inline constexpr double kShortestControlledStep = 1e-12;  // shortest step of the host with a tolerance  [s]
+inline constexpr double kShortestControlledStep = 1e-12;  // shortest dt of a host if the model has a tolerance  [s]
 inline constexpr int kMaxInertiaCells = 1000;  // most cells of a layer with inertia, whose step works on the stack
 inline constexpr int kMaxSleepCells = 900;     // most cells of both bodies together in a model with sleep
-// A half-space adds at most 49 vertices to the cells of its body: each cell is 1.3 times as wide as the last, up to
-// 1000 thicknesses.
+// A far boundary "half_space" adds at most 49 vertices to a body: each added cell is 1.3 times as wide as the cell
+// before it, down to a depth of 1000 layer thicknesses.
 static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
 
 struct ModelOptions {
@@ -30,12 +30,12 @@ struct ModelOptions {
   GridOptions grid;
   std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: the body gets 1 - beta_T of the heat
   double initial_temperature = 300.0;    // [K]
-  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat
+  TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat equation
   std::optional<ModesOptions> modes;  // force-driven with one conducting body: heat by modes, which replace the cells
   Drive drive = Drive::kLayerShear;   // velocity-driven: what shears the layer
   std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
   InterfaceOptions interface;                  // force-driven: law of the interface
-  bool plastic_layer = false;                  // force-driven: the layer flows and hardens too
+  bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: contact at junctions only
 
   // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
@@ -47,14 +47,16 @@ struct ModelOptions {
   // The layer has mass: its stress is a field (DLP 36). Velocity-driven with LAYER_SHEAR, at most kMaxInertiaCells.
   bool inertia = false;
 
-  // Nodes at rest are not solved (METHODS.md). At most kMaxSleepCells.
+  // Nodes at rest sleep: their temperatures follow from modes, and no step is solved (METHODS.md). Needs at most
+  // kMaxSleepCells cells.
   bool sleep = false;
   // Fraction of the plastic work that becomes heat, where the layer flows. Velocity-driven with LAYER_SHEAR and a
   // conducting hard body. Absent: all work heats z = 0.
   std::optional<double> taylor_quinney_factor;
 };
 
-// The options with the tolerance and with the grid, heat method and time integrator chosen for it (METHODS.md).
+// Returns the options with the given tolerance and with the grid, heat method and time integrator chosen for that
+// tolerance (METHODS.md).
 ModelOptions discretised(ModelOptions options, double tolerance);
 
 }  // namespace shearbus::physics

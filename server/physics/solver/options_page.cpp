@@ -37,7 +37,7 @@ std::string table_of_laws() {
   return text;
 }
 
-// An option as a scene writes it, or the property of a law.
+// The name of a part on the page: an option as a scene writes it, or what a law with the property is called.
 std::string name_of(const Part& part) {
   return part.law_with.empty() ? text_of('`', setting_of(part, {}), '`') : text_of("a ", part.law_with);
 }

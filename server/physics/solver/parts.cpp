@@ -40,8 +40,8 @@ constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// Properties that leave the balance of one step at a given temperature unchanged, and properties that every solver of
-// this balance handles. They go with each part that needs no more than this balance.
+// Properties that leave the layer's balance of one step at a given temperature unchanged, and properties that every
+// solver of this balance handles. A part that needs only this balance goes with all of them.
 constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
@@ -324,7 +324,7 @@ constexpr std::array kExclusions = {
               "the stress of a step has one direction, and that of waves turns across the layer"},
 };
 
-// A check of one option alone: says what is wrong with its value, or nothing.
+// A check of one option alone: returns what is wrong with its value, or nothing if the value is allowed.
 using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
 std::optional<Refusal> most_cells(std::string key, int most, int found) {
@@ -386,7 +386,7 @@ constexpr const Exclusion* exclusion_of(Property a, Property b, std::span<const 
   return nullptr;
 }
 
-// Whether each strategy excludes one of the two properties, so that they never meet.
+// Whether each strategy excludes at least one of the two properties, so that no allowed model has both.
 constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exclusions) {
   for (const Property strategy : {kVelocityDriven, kForceDriven})
     if (exclusion_of(a, strategy, exclusions) == nullptr && exclusion_of(b, strategy, exclusions) == nullptr)
@@ -394,7 +394,7 @@ constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exc
   return true;
 }
 
-// Whether every pair of rows is decided in exactly one way: listed by the later row, excluded, or unable to meet.
+// Whether every pair of rows is decided: listed by the later row or excluded, but not both, or else unable to meet.
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {

@@ -17,7 +17,8 @@
 
 namespace shearbus::physics {
 
-// A new property is added at the end, because its row decides about all rows before it.
+// The properties in the order of their rows in parts.cpp. A new property goes to the end, because its row must say with
+// which of all earlier properties it may be on together.
 enum class Property : std::uint8_t {
   kVelocityDriven,
   kForceDriven,
@@ -45,7 +46,6 @@ enum class Property : std::uint8_t {
 };
 inline constexpr int kProperties = 23;
 
-// A set of properties.
 class Properties {
  public:
   constexpr Properties() = default;
@@ -69,13 +69,14 @@ class Properties {
 struct Part {
   Property property{};
   std::string_view key{};    // key of a scene, for example "layer.inertia"
-  std::string_view value{};  // value of the key that switches the property on, as a scene writes it: "true"
+  std::string_view value{};  // value of the key that switches the property on, as in a scene: for example "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
-  // Switches the part on, with typical values if it needs values, or off. Null: a choice that cannot be switched off.
+  // Switches the part on, with typical values if it needs values, or off. Null: no switch, such as for a strategy,
+  // which every model has.
   void (*set)(ModelOptions&, bool on) = nullptr;
   Properties goes_with{};       // properties of earlier rows with which this property may be on together
   std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
-  // Texts of the row on the options page; empty where that page has no row.
+  // Texts of the property's row on the options page (OPTIONS.md); empty if that page has no row of the property.
   std::string_view equation{};
   std::string_view adds{};
   std::string_view when{};
@@ -94,7 +95,7 @@ struct Exclusion {
 };
 std::span<const Exclusion> exclusions();
 
-// Why a model cannot be made.
+// One reason why a model with the options of a scene cannot be made.
 struct Refusal {
   std::string key;     // key of a scene, for example "layer.inertia"
   std::string text;    // one sentence that begins with the key
@@ -103,22 +104,22 @@ struct Refusal {
 
 // All reasons why a model with these options cannot be made; empty: it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
-// Returns the same reasons under other rows and exclusions, for tests.
+// For tests: all reasons why a model cannot be made, under the given rows and exclusions instead of those of parts.cpp.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 
-// Whether two properties may be on together: no exclusion names them and one of the rows lists the other.
+// Whether two properties may be on together: no exclusion names both, and the later row's goes_with has the earlier.
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
 
 Properties properties_of(const ModelOptions& options);
 
-// Whether a property may be on together with all properties of the options, which may or may not contain it.
+// Whether `property` may be on together with every other property of `options`; `options` may have it already.
 bool goes_with(Property property, const ModelOptions& options);
 
-// The options with a part switched on or off, and the discretisation that a tolerance then asks for.
+// Returns the options with a part switched on or off. Options with a tolerance get grid and methods chosen anew for it.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
 
-// Thrown by Model's constructor.
+// Thrown by Model's constructor; what() is the text of all refusals, one per line.
 class RefusedOptions : public std::invalid_argument {
  public:
   explicit RefusedOptions(std::vector<Refusal> found);

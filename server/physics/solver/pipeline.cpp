@@ -37,7 +37,8 @@ bool all_finite(const TileOutputs& outputs, int lane) {
          std::isfinite(outputs.friction_heat[lane]);
 }
 
-// Links 3 and 4 of the chain: sleep, which steps the sleeping lanes by their modes, and the solver for all other lanes.
+// Links 3 and 4 of the chain in pipeline.hpp: sleep, which steps the sleeping lanes by their modes, and the solver for
+// all other lanes.
 void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs) {
   const AdvanceTile solve = solver_of(problem.options);
@@ -57,7 +58,7 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   }
 }
 
-// Link 2 of the chain: substeps until the error is below the tolerance.
+// Link 2 of the chain in pipeline.hpp: divides the step until the estimated error of T0 is below the tolerance.
 void advance_accurately(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                         const double* committed, double* trial, TileOutputs& outputs) {
   if (problem.options.tolerance) {

@@ -2,7 +2,7 @@
 //
 //   components > tolerance > sleep > the solver of the strategy
 //
-// This is the only file that asks which links a model has and which solver it uses.
+// Only pipeline.cpp asks which links a model has and which solver it uses.
 #pragma once
 
 #include "server/physics/solver/around/ledger.hpp"
@@ -11,11 +11,12 @@
 
 namespace shearbus::physics {
 
-// A step of the active lanes from `committed` to `trial`; writes `outputs` of the active lanes.
+// Type of each link of the chain: a step of the active lanes from `committed` to `trial`, with their `outputs`.
 using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                              double* trial, TileOutputs& outputs);
 
-// The whole chain: writes the whole of `trial`; inactive lanes and lanes without an answer (kFailed) keep their state.
+// One step through the chain components > tolerance > sleep > solver. Writes the whole of `trial`; inactive lanes and
+// lanes without an answer (outcome kFailed) keep their state.
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 
@@ -26,7 +27,8 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
 // Interface temperature T0 of a lane, awake or asleep  [K].
 double interface_temperature(const Problem& problem, const double* tile, int lane);
 
-// Growth of the heat in the bodies over a step, of lanes awake or asleep. `entered`: friction heat, [lane]  [J/m2].
+// Growth of the heat stored in the bodies over a step, whether a lane sleeps or not. `entered`: friction heat of the
+// step, [lane]  [J/m2].
 StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered);
 
 }  // namespace shearbus::physics

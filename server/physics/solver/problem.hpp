@@ -31,12 +31,14 @@ struct Problem {
   InterfaceOptions interface;  // interface law; velocity-driven: only the Coulomb limit, if the options give one
   Grid grid;
   HeatGrid heat_grid;
-  std::optional<HeatModes> modes;  // modes in place of a temperature profile
+  std::optional<HeatModes> modes;  // modes that replace the temperature profile, if the scene has heat = "modes"
   TileLayout layout;
   std::optional<HeatBasis> basis;  // modes of heat conduction, for sleeping nodes
   int steps_before_sleep = 0;      // number of steps at rest before a node sleeps
   int heat_rows;                   // rows of temperature or modes in a tile, from layout.first_temperature() on
-  double heat_partition;  // share of the friction power that enters the conducting bodies: beta_T, or 1 if both conduct
+  // Share of the friction heat that enters the heat equation: beta_T; 1 if both bodies are on the grid, where
+  // conduction divides the heat between them.
+  double heat_partition;
 };
 
 inline constexpr double kOutsideDomainShare = 0.1;  // a step with a larger |slip - jump| / |jump| is kOutsideDomain
@@ -45,7 +47,7 @@ inline std::uint8_t outside_domain(double slip, double jump) {
   return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
 }
 
-// The stress from which the step of a lane starts  [Pa].
+// The shear stress of a lane before the step: `inputs.stress_before` if given, else that of the committed state  [Pa].
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
   return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
 }

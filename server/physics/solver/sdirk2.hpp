@@ -14,12 +14,13 @@
 
 namespace shearbus::physics::sdirk2 {
 
-inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma = 1 - 1/sqrt(2)
+inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma of SDIRK2, 1 - 1/sqrt(2)
 inline constexpr double kExtrapolation = 2.414213562373095;  // factor of the extrapolation, r = (1 - gamma) / gamma
-inline constexpr double kFirstWeight = 1.0 - kDiagonal;      // weight of the first stage in a mean; second: kDiagonal
+inline constexpr double kFirstWeight = 1.0 - kDiagonal;  // weight of stage 1 in the mean of a step; stage 2: kDiagonal
 
-// Starting temperatures of the second stage, all lanes: T_old + r (T1 - T_old), then conduction. `T`: T1 on
-// entry. With modes: conduction over the whole step from the old state, plus the response to the early flux.
+// Temperatures of the second stage without its own flux, all lanes: T_old + r (T1 - T_old), then conduction. `T` holds
+// T1 on entry and the result on return. With modes: conduction over the whole step from the old state, plus the
+// response to `early_flux`, the heat flux of the first stage.
 void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,
                         const double (&early_flux)[kLanes], double* T);
 void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],

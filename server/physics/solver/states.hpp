@@ -1,5 +1,5 @@
-// The states of a node. Each state is one row of the list below, with name, unit and width. Offsets in a tile,
-// checkpoint columns and bytes per node follow from the list.
+// The states of a node. Each state is one row of the list TileLayout, with name, unit and width. Offsets in a tile,
+// checkpoint columns and bytes per node follow from this list.
 #pragma once
 
 #include <cstddef>
@@ -26,13 +26,14 @@ class StateList {
   static constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
 
   std::span<const State> states() const { return states_; }
-  std::size_t doubles = 0;  // doubles of a tile, a multiple of kLanes
+  std::size_t doubles = 0;  // number of doubles in a tile, a multiple of kLanes
 
  protected:
-  // Adds a row behind the others and returns its offset, or kAbsent if the width is 0: this model does not have the
-  // state.
+  // Adds a state behind the others and returns its offset. A width of 0 adds nothing and returns kAbsent: this model
+  // does not have the state.
   std::size_t add(const char* name, const char* unit, std::size_t width);
-  // Adds a row for each state that a law declares, with one value per node; returns the offset of the first.
+  // Adds a row for each state that a law declares, with one value per node. Returns the offset of the first row, or
+  // kAbsent if the law declares none.
   std::size_t add(std::span<const StateVariable> of_law);
 
  private:
@@ -43,34 +44,35 @@ class StateList {
 // offset of the state in a tile. Members are initialised in the order of their declaration, which is the order in the
 // tile.
 class TileLayout : public StateList {
-  const ModelOptions* options_;  // null after the construction
+  const ModelOptions* options_;  // for the initialisers of the members only; null after the construction
 
  public:
   // `modes` is null in a model with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
   std::size_t num_hard_vertices;    // vertices of the hard body except z = 0; 0 if the hard body does not conduct
-  std::size_t num_heat_modes;       // rows instead of a profile: start temperature, each mode's share of T0
+  std::size_t num_heat_modes;       // with modes: rows of the start temperature and each mode's share of T0; else 0
   std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes 1, that of T0
   std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
-  std::size_t num_stress_vertices;  // z = 0, or all of the layer with inertia
-  std::size_t num_velocity_cells;   // cells of a layer with inertia
+  std::size_t num_stress_vertices;  // vertices that have a stress: with inertia all of the layer, else only z = 0
+  std::size_t num_velocity_cells;   // cells of a layer with inertia, else 0
 
-  // The first three states are contiguous: they are the rows of HeatGrid or of HeatModes. While a node is asleep they
-  // hold the amplitudes of HeatBasis.
+  // hard_temperature, heat_modes and temperature are contiguous: they are the rows of HeatGrid or of HeatModes. While a
+  // node is asleep they hold the amplitudes of HeatBasis.
   std::size_t hard_temperature = add("hard_temperature_k", "K", num_hard_vertices);  // the outermost vertex first
   std::size_t heat_modes = add("heat_modes_k", "K", num_heat_modes);
   std::size_t temperature = add("temperature_k", "K", num_vertices);
   std::size_t plastic_strain = add("plastic_strain", "1", num_strain_vertices);
-  // Fraction of the work that heats each vertex.
+  // Fraction phi of the work of the imposed jump that heats each vertex (MODEL.md, "Plastic-work heating").
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
-  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // signed
+  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // s, signed
   std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
-  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);  // steps at rest; live modes (0: awake)
+  // Two values: the number of steps at rest, and the number of modes that have not decayed (0: the node is awake).
+  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);
   // For a sleeping node whose layer can flow: the temperature of the hottest vertex, and the plastic strain of the
   // least strained vertex.
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);

@@ -19,9 +19,10 @@ namespace shearbus::physics {
 
 class StepOperators {
  public:
-  // Operators with a temperature profile. The operators of dt/2, dt/4, ..., `halvings` of them, are made when a step
-  // first needs them. Grids and materials belong to the model and must outlive this object. `spread`: also for heat
-  // sources across the layer. `stages`: also for the stages of SDIRK2. `basis`: modes for sleeping nodes, or null.
+  // Operators of a model with a temperature profile. The operators of dt/2, dt/4, ..., `halvings` of them, are made
+  // when a step first needs them. Grids and materials belong to the model and must outlive this object. `spread`: also
+  // makes the operator of heat released across the layer. `stages`: also makes that of the stages of SDIRK2. `basis`:
+  // modes for sleeping nodes, or null.
   StepOperators(const Grid& layer, const HeatGrid& grid, const Material& soft, const Material& hard, double dt,
                 int halvings, bool spread, bool stages, const HeatBasis* basis)
       : dt_(dt), bodies_({&grid, &soft, &hard}), heat_(std::in_place, grid, soft, hard, dt) {
@@ -54,7 +55,8 @@ class StepOperators {
     std::call_once(shorter.made, [&] { shorter.heat.fill(*all_modes_); });
     return shorter.heat;
   }
-  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }  // one list is empty
+  // Number of operators for dt/2, dt/4, ...: of HeatOperators with a profile, of ModeOperators with modes.
+  int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }
 
   // For a tolerance: the StepOperators of dt/2, dt/4, ... Each is made when a step first needs it; thread-safe.
   using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;
@@ -71,7 +73,7 @@ class StepOperators {
   int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   double dt() const { return dt_; }
-  const double* decay() const { return decay_.data(); }  // factor of a step on each mode of sleeping nodes
+  const double* decay() const { return decay_.data(); }  // factor of a step on each mode of a sleeping node
   const SpreadHeat& spread() const { return *spread_; }
   int num_heated() const { return num_heated_; }  // number of vertices, from z = 0, that the heat of one step reaches
 

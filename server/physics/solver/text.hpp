@@ -1,4 +1,4 @@
-// Sentences with numbers in them.
+// Puts sentences with numbers together, for warnings and refusals.
 #pragma once
 
 #include <sstream>

@@ -8,7 +8,7 @@
 
 namespace shearbus::physics {
 
-// Returns the description for the user, as one sentence. `modes`: number of modes.
+// Returns the description for the user, as one sentence. `modes`: number of heat modes, 0 with a temperature profile.
 std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 
 }  // namespace shearbus::physics

@@ -31,7 +31,8 @@ double working_velocity(const Problem& problem, double jump, double jump_new) {
   return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
 }
 
-// Slip velocity by the host's own shear: along the stress or, in a velocity-driven model, with its own sign  [m/s].
+// Velocity by which the host's own shear of the soft body adds to the work of the stress  [m/s]. Force-driven it is
+// along the stress, velocity-driven it has the sign of the host's shear rate.
 double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
   if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
@@ -81,17 +82,17 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
   const ModelOptions& options = problem.options;
   const double spring = options.strategy == Strategy::kVelocityDriven
                             ? 0.5 * options.grid.thickness / options.soft.shear_modulus
-                            : 0.0;  // the force-driven balance (64) has no elastic shear of the layer
+                            : 0.0;  // the force-driven balance, DLP (64), has no elastic shear of the layer
   const StoredHeat stored = stored_heat(problem, committed, trial, outputs.friction_heat);
   const LaneValues plastic_slips =
       layout.plastic_strain == TileLayout::kAbsent
           ? LaneValues{}
           : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
   for (const int lane : lanes_of(inputs.active)) {
-    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // a failed lane keeps its state
+    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // a failed lane keeps its state: no work is done
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];
-    double size = s;  // magnitude of the stress; signed with one component
+    double size = s;  // with two tangential components the magnitude of the stress, with one the signed stress
     double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
     double elastic = spring * (s - s_old) * (s + s_old);
     if (options.tangential_components == 2) {

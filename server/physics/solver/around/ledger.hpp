@@ -10,12 +10,12 @@ namespace shearbus::physics {
 
 using LaneValues = std::array<double, kLanes>;
 
-// Growth of the heat in the bodies over a step  [J/m2].
+// Growth of the heat stored in each body over a step, [lane]  [J/m2].
 struct StoredHeat {
   LaneValues soft{}, hard{};
 };
-// The growth of the heat computed from rows of temperature or modes, [row][lane], of lanes that are awake. `entered`:
-// friction heat, [lane].
+// Growth of the heat stored in the bodies, from their rows of temperatures or modes before and after a step,
+// [row][lane]. For lanes that are awake. `entered`: friction heat of the step, [lane]  [J/m2].
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered);
 
 // Writes the active lanes of `ledger` and leaves the others alone. Terms in [J/m2].

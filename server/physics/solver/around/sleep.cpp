@@ -13,8 +13,8 @@ namespace shearbus::physics {
 namespace {
 
 constexpr int kLeastStepsBeforeSleep = 16;
-constexpr double kTemperatureMargin = 1e-6;     // added to temperatures; far above the rounding of the modes  [K]
-constexpr double kStrengthMargin = 1.0 - 1e-9;  // factor on the flow stress; far above rounding, too
+constexpr double kTemperatureMargin = 1e-6;     // added to the hottest temperature; far above rounding of modes  [K]
+constexpr double kStrengthMargin = 1.0 - 1e-9;  // factor on the flow stress; 1 less a margin far above rounding
 
 int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
@@ -117,16 +117,16 @@ void count_rest(const Problem& problem, const RestRules& rest, const TileInputs&
   trial[layout.least_strain_at_rest + lane] = sleeps ? weakest.strain : 0.0;
 }
 
-// Heat of one lane above a uniform reference temperature.
+// Heat in the two bodies of one lane, relative to bodies at a uniform reference temperature.
 struct Held {
-  double soft, hard;  // [J/m2]
+  double soft, hard;  // heat in the soft and in the hard body, relative to a reference temperature  [J/m2]
 };
 Held held_heat(const Problem& problem, const double* tile, int lane, double reference) {
   const HeatGrid& grid = problem.heat_grid;
   const double* rows = tile + problem.layout.first_temperature() + lane;
   Held held{};
   if (asleep(problem.layout, tile, lane)) {
-    const HeatBasis& basis = *problem.basis;  // modes after the first have no net heat
+    const HeatBasis& basis = *problem.basis;  // modes after the first hold no net heat, both bodies together
     if (!problem.options.hard_grid) return {basis.heat * (rows[0] - reference), 0.0};
     held.soft = basis.soft_heat[0] * (rows[0] - reference);
     for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
@@ -186,7 +186,7 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
   for (int l = 0; l < kLanes; ++l) {
     if (!slept[l] && !sleeps[l]) continue;
     stored.soft[l] = stored.hard[l] = 0.0;
-    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // no heat enters or leaves
+    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // asleep: no heat enters or leaves the body
     // Heat is measured from the mean temperature of the sleeping state, so that the differences cancel little.
     const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
     const Held before = held_heat(problem, committed, l, reference);
@@ -205,7 +205,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   const double* rows = committed + layout.first_temperature();
   double* rows_new = trial + layout.first_temperature();
 
-  // 1. The sleeping lanes, and their interface temperatures at the end of the step.
+  // 1. Find the sleeping lanes, and their interface temperatures at the end of the step.
   std::uint32_t sleeping = 0;
   int num_live = 0;
   for (const int l : lanes_of(inputs.active)) {
@@ -216,7 +216,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   double T0[kLanes];
   if (sleeping != 0) interface_later(basis, decay, num_live, rows, T0);
 
-  // 2. The lanes that stay asleep.
+  // 2. Find the sleeping lanes that stay asleep (`resting`), and their steps.
   RestingStep at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
@@ -227,7 +227,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     resting |= 1u << l;
   }
 
-  // 3. Solve the lanes that are awake.
+  // 3. Solve the lanes that are awake or wake in this step.
   const std::uint32_t solved = inputs.active & ~resting;
   if (solved != 0) {
     TileInputs others = inputs;
@@ -240,7 +240,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   }
   if (resting == 0) return;
 
-  // 4. Decay the modes of the sleeping lanes; their other states stay.
+  // 4. Step the lanes that stay asleep: the modes decay, stress, regime and counts are set, the other states stay.
   if (solved == 0) {
     const auto behind = static_cast<std::ptrdiff_t>(layout.temperature + layout.num_vertices * kLanes);
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);

@@ -28,7 +28,7 @@ double interface_temperature_with_sleep(const Problem& problem, const double* ti
 StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
                                   const double* entered);
 
-// The temperatures of a lane, asleep or not, as [vertex][lane].
+// Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
 
 // How a strategy steps a lane at rest.
@@ -38,7 +38,7 @@ struct RestRules {
   // without friction  [K].
   std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                                      const Material& soft, double T0, int lane);
-  // Whether a stuck step under these inputs may count as rest. Null: always.
+  // Whether a step of a stuck lane may count as rest under the given inputs. Null: it always may.
   bool (*may_rest)(const Problem&, const TileInputs&, int lane) = nullptr;
 };
 struct SleepingSolver {
@@ -46,7 +46,7 @@ struct SleepingSolver {
   RestRules rest;     // the strategy's rules for lanes at rest
 };
 
-// One step of the active lanes; the rest of `trial` is left for the caller.
+// One step of the active lanes, asleep or awake; the caller fills the other lanes of `trial`.
 void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 

@@ -13,14 +13,14 @@ namespace {
 
 // Error budget of a step, as a fraction of the tolerance.
 constexpr double kStepShare = 0.25;
-// A substep may use a share of the remaining error budget, the largest of three: (its length) / (remaining time) and
-// the following two.
-constexpr double kEarlyShare = 0.05;    // factor on length / (time from step start to its end): steps start suddenly
-constexpr double kRefinedShare = 0.25;  // least share of a shortened substep: a later change may be sudden, too
+// A substep may use this share of the remaining error budget: the largest of (its length) / (remaining time),
+// kEarlyShare (its length) / (time from the step's start to its end) and, if it was shortened, kRefinedShare.
+constexpr double kEarlyShare = 0.05;    // share of the error budget of a first substep, since steps start suddenly
+constexpr double kRefinedShare = 0.25;  // share of the error budget of a substep that was shortened for its error
 // The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // time in which an error of the jump goes on heating  [s]
+constexpr double kJumpTime = 1e-6;    // time for which an error of the velocity jump is assumed to heat  [s]
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
 constexpr int kMostAttempts = 1024;   // substeps tried in one step of a lane; then the rest is accepted unchecked
@@ -63,8 +63,8 @@ struct Progress {
   bool coarse_known = true;
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
-  double left = 0.0;      // remaining error budget, relative to the same range as the tolerance
-  double estimate = 0.0;  // estimated error of the accepted substeps
+  double left = 0.0;      // remaining error budget of T0, relative to T_melt less the initial temperature
+  double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
 };
 
 // Error of the jump after a substep in which the jump reverses or stops; `before` and `after` are the jump at the two
@@ -125,11 +125,11 @@ class ControlledStep {
   }
 
  private:
-  // Solves the whole step in one piece, all lanes.
+  // Solves the whole step of all active lanes in one piece.
   void begin() {
     const std::size_t stress = problem_.layout.shear_stress;
     advance_(problem_, operators_, inputs_, committed_, trial_, outputs_);
-    now_.stress_before = nullptr;  // substeps start from the stress of their state
+    now_.stress_before = nullptr;  // each substep starts from the stress of the accepted state
     std::copy_n(committed_, problem_.layout.doubles, accepted_);
     for (const int l : lanes_of(open_)) {
       lanes_[l].coarse = answer_of(outputs_, l);
@@ -138,7 +138,7 @@ class ControlledStep {
     }
   }
 
-  // Solves the next substep of some lanes in one piece, unless that answer is known, and in two halves.
+  // Solves the next substep of the lanes `together` in one piece, unless that answer is known, and in two halves.
   void solve(int level, std::uint32_t together) {
     now_.active = 0;
     for (const int l : lanes_of(together)) {
@@ -186,7 +186,7 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // An error above the allowed error raises the remaining budget to the error.
+    // If an error above the allowed error is accepted, the remaining budget is at least this error.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -242,7 +242,7 @@ class ControlledStep {
   }
 
   TileInputs now_;                  // inputs of the next substep
-  TileOutputs first_{}, second_{};  // answers of the two halves
+  TileOutputs first_{}, second_{};  // answers of the two halves of the next substep
   const Problem& problem_;
   const StepOperators& operators_;
   const AdvanceTile advance_;  // solves one substep
@@ -251,7 +251,7 @@ class ControlledStep {
   double* trial_;
   TileOutputs& outputs_;
   const std::int64_t end_;  // end of the step, in units of its shortest substep
-  const double response_;   // B0 of the whole step
+  const double response_;   // response B0 of T0 to a unit flux over the whole step  [K m2/W]
   double* const accepted_;  // state after the substeps accepted so far
   double* const half_;      // state after the first half of the next substep
   double* const fine_;      // state after both halves of the next substep

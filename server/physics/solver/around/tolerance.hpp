@@ -1,4 +1,4 @@
-// Step control: substeps until the estimated error is below the tolerance (METHODS.md).
+// Step control: divides a step into substeps until the estimated error of T0 is below the tolerance (METHODS.md).
 #pragma once
 
 #include "server/physics/solver/pipeline.hpp"

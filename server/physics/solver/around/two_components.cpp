@@ -40,8 +40,8 @@ LaneVectors vectors_of(const TileLayout& layout, const TileInputs& inputs, const
           {committed[layout.shear_stress + l], committed[layout.second_stress + l]}};
 }
 
-// The trial vector, which gives the direction. Velocity-driven: the stress of an elastic layer, DLP (37). Force-driven:
-// the jump of an interface without friction, DLP (61).
+// The trial vector, along which the scalar step is solved. Velocity-driven: the stress of an elastic layer, DLP (37).
+// Force-driven: the jump of an interface without friction, DLP (61).
 Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const TileInputs& inputs, double dt, int l) {
   if (options.strategy == Strategy::kForceDriven) {
     return lane.jump +
@@ -96,11 +96,11 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
     Vector stress = outputs.shear_stress[l] * e;
     Vector slip = outputs.sliding_velocity[l] * e;
     Vector jump_new = forced ? outputs.velocity_jump_new[l] * e : lane.jump;
-    if (outputs.outcome[l] == kFailed) {  // the old state stays
+    if (outputs.outcome[l] == kFailed) {  // a lane without an answer keeps its old stress and jump
       stress = lane.stress_old;
       jump_new = lane.jump;
     } else if (outputs.regime[l] == Regime::kOpen) {
-      slip = 0.5 * (lane.jump + jump_new);  // an open contact has the mean jump, in any direction
+      slip = 0.5 * (lane.jump + jump_new);  // an open contact slips by the mean jump, a vector of any direction
     } else if (!forced) {
       const double apart = length(slip + -1.0 * lane.jump);
       outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);

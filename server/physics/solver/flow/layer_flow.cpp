@@ -16,8 +16,9 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-// Computes the temperatures that the flow needs. A law that couples rate and temperature needs them at every vertex. A
-// separable law needs them at the heated vertices alone, since the thresholds contain those of the others.
+// Computes the temperatures of vertex i under the heat of the step, for a flow law that couples rate and temperature.
+// Such a law needs them at every vertex. A separable law needs them only where the heat reaches: the yield thresholds
+// of all other vertices contain their temperatures.
 template <class Law, bool kSpread>
 [[gnu::always_inline]] inline void load_vertices(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t i,
                                                  LoadedVertices<kLanes>& vertices) {
@@ -126,7 +127,7 @@ SHEARBUS_WIDE void thresholds(const FlowProblem& problem, const FlowLoad& load, 
 }  // namespace
 
 int num_heated_vertices(const Grid& grid, const double* response) {
-  // A vertex whose response is a smaller fraction of that at z = 0 is heated by less than its last digit.
+  // A vertex with a response below this fraction of the response at z = 0 warms by less than the last digit of T.
   constexpr double kLost = 1e-17;
   int n = grid.num_vertices();
   while (n > 1 && response[n - 1] < kLost * response[0]) --n;

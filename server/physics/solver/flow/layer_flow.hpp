@@ -7,21 +7,21 @@
 
 namespace shearbus::physics {
 
-// Whatever the flow law, the layer yields at a vertex where its excess is positive (material/flow_law.hpp). The heat of
-// the step does not change the temperature of vertices beyond `num_heated` in any digit: there everything but the load
-// is known in advance.
+// A layer yields at a vertex where the excess that the flow law computes is positive (material/flow_law.hpp). The heat
+// of a step changes no digit of the temperature of vertices beyond `num_heated`: their yield condition is known before
+// the step, except for the load.
 
 // The load of each lane under a stress of magnitude a.
 struct FlowLoad {
-  alignas(64) double load[kLanes];     // stress a as the flow law's load_of(a) gives it, or kNoLoad
-  alignas(64) double flux[kLanes];     // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
+  alignas(64) double load[kLanes];  // load_of(a) of the flow law, by which it measures the stress a; kNoLoad: no stress
+  alignas(64) double flux[kLanes];  // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
   alignas(64) double bracket[kLanes];  // part of g that depends on the lane's pressure, the flow law's bracket_at()
   alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure         [K]
 };
 
 struct FlowSum {
   alignas(64) double slip[kLanes];   // integral of dep over the layer                  [m]
-  alignas(64) double slope[kLanes];  // derivative of the slip, a d slip / d a, heating by a included  [m]
+  alignas(64) double slope[kLanes];  // derivative of the slip by ln(a), a the stress; includes heating by a  [m]
   int num_yielding;                  // number of vertices from z = 0 to the last one at which any lane yields
 };
 
@@ -33,11 +33,11 @@ struct FlowProblem {
   const double* T_ad;      // temperature after the step without friction heat  [K]
   const double* strain;    // plastic strain before the step
   int num_heated;          // number of vertices, from z = 0, that the heat of the step reaches
-  double dt;               // [s]
-  const double* spread_response = nullptr;  // B_phi, used instead of B where heat is released in the layer
+  double dt;               // length of the step  [s]
+  const double* spread_response = nullptr;  // response B_phi to heat released in the layer; if given, used for B
 };
 
-// Number of vertices, from the interface, that the heat of one step can reach: the others' share is below rounding.
+// Number of vertices, from z = 0, that the heat of one step reaches: it warms the others by less than rounding.
 int num_heated_vertices(const Grid& grid, const double* response);
 
 // Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kAtCeiling = 1e-11;  // relative distance from the ceiling up to which a stress counts as equal to it
 constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search, in ulps
-constexpr double kBeyond = 1e-10;     // relative margin of a bound that is not itself an answer
+constexpr double kBeyond = 1e-10;     // relative margin that keeps a bound of the stress above the answer
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
 // stress may melt the layer. The answer is then reduced until the layer stays below melting.
@@ -45,7 +45,8 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   //    An interface that was stuck begins to slip only if it cannot stick while the layer flows.
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
-  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {  // stress 0: molten, and unable to stick
+  //    At stress 0 the interface is molten and cannot stick.
+  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
@@ -222,8 +223,9 @@ void FlowingSlip::begin_slip() {
   ask_slip(Phase::kSlipLow, low_);
 }
 
-// The interface slips up to the flux at which the layer carries no more than the interface; from there on the layer
-// flows by the rest. Called if the layer carries less than the interface at `high_`.
+// Reduces `high_` to the smallest flux at which the layer carries less than the interface. At larger fluxes the
+// interface does not slip further, because the layer takes the rest of the slip by flow. Called if the layer carries
+// less than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
   high_is_ceiling_ = true;

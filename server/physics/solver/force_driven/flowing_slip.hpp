@@ -12,16 +12,16 @@ namespace shearbus::physics {
 
 // A lane with a closed contact at the start of a step.
 struct FlowingStart {
-  StressLimit limit;      // strength of the interface
+  StressLimit limit;      // stress limit s_lim(T0) of the interface
   double ceiling;         // stress at which hardening of the layer ends, for g = 1; infinity: never           [Pa]
   bool hardens;           // false: the layer flows only at its ceiling
   double first_weight;    // length of z that the first vertex represents                                 [m]
-  double first_strain;    // plastic strain of the first vertex
-  Heated layer;           // temperatures of the layer
-  double heat_partition;  // share of the friction heat for the soft body, beta_T; 1 if the hard body conducts, too
+  double first_strain;    // plastic strain at z = 0 before the step
+  Heated layer;           // temperatures of the layer as functions of the heat flux
+  double heat_partition;  // share of the friction heat that enters the grid: beta_T; 1 if both bodies are on the grid
   double dt;
   Forcing forcing;
-  LaneStep before;  // stress, jump_new and sticks of the last step
+  LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
 };
 
 class FlowingSlip {
@@ -69,8 +69,8 @@ class FlowingSlip {
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
   FrictionHeating stopping_{};  // heating of a lane that sticks at the end of the step
   FrictionHeating slipping_{};  // heating of a lane that slips at the end of the step
-  LaneStep rigid_{};            // the answer of a layer that does not flow
-  double compliance_ = 0.0;     // stress that relieves integral(dep) = 1 m: sqrt(3) / (dt per_stress)   [Pa/m]
+  LaneStep rigid_{};            // the answer of the step if the layer does not flow
+  double compliance_ = 0.0;     // fall of the sticking stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
   RootSearch search_;
 
   Phase phase_ = Phase::kDone;
@@ -78,10 +78,10 @@ class FlowingSlip {
   double a_ = 0.0, q_ = 0.0;                         // the load to evaluate next: stress [Pa], heat flux [W/m2]
   double a_stick_ = 0.0;                             // sticking stress of the flowing layer  [Pa]
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // ends of the bracket of the flux; slip_balance() at the lower end
-  bool high_is_ceiling_ = false;                     // the layer is at its ceiling under the flux `high_`
+  bool high_is_ceiling_ = false;                     // at the upper end of the bracket the layer is at its ceiling
   bool at_ceiling_ = false;                          // the stress of the answer is the ceiling of the layer
   bool stick_was_searched_ = false;
-  bool several_ = false;  // the step has another answer
+  bool several_ = false;  // another answer satisfies the equations of the step too
 };
 
 }  // namespace shearbus::physics

@@ -75,7 +75,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   // 1. Conduction without friction: DLP (28-35).
   conduct(heat, n, T_old, T_all);
 
-  // 2. The start of each lane.
+  // 2. Start the search of each lane, with its first load.
   FlowingSlip lanes[kLanes];
   LaneStep before[kLanes];
   FlowLoad load;
@@ -91,7 +91,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     set_load(soft_at(l), pressure, lanes[l].stress(), lanes[l].flux(), l, load);
   }
 
-  // 3. Stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
+  // 3. Find stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
   FlowSum sum{};
   const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
   if (may_flow) flow_thresholds(flow, load, strain_new);
@@ -135,7 +135,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
   }
 
-  // 5. The friction heat of this step: T = T_ad + q B.
+  // 5. Add the friction heat of this step to the temperatures: T = T_ad + q B.
   add_flux(heat, n, flux, T_all);
   for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
 }

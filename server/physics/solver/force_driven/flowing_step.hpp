@@ -7,7 +7,7 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes; the rest of `trial` is left for the caller.
+// One step of the active lanes; the caller restores the states of the other lanes of `trial`.
 void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                   const double* committed, double* trial, TileOutputs& outputs);
 

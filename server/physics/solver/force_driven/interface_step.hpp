@@ -10,7 +10,7 @@
 
 namespace shearbus::physics {
 
-// The forces of a lane, with the host's plastic shear where the layer may flow, DLP (64).
+// The forces of the host on one lane, with the host's plastic shear if the model has a plastic layer, DLP (64).
 inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
   Forcing forcing = forcing_of(inputs, lane);
   if (problem.options.plastic_layer)
@@ -27,7 +27,7 @@ class InterfaceStep {
         strength_(interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort)),
         forcing_(forcing_of(problem, inputs, lane)) {}
 
-  // The state of the lane before the step.
+  // The state of a lane before the step: its stress, jump, regime, and whether it sticks.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
     const Regime previous = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
     return {
@@ -53,7 +53,7 @@ class InterfaceStep {
     return step;
   }
 
-  double junction_strain;  // strain of the junctions before the step; from() updates it
+  double junction_strain;  // plastic strain ep_a of the junctions before the next step or substep; from() updates it
 
  private:
   const Problem& problem_;

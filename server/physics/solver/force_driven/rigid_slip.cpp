@@ -61,7 +61,7 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
     const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
     const bool returns = friction_returns && spare_strength(yield(), heating, by_slip->exceeds_again) > 0.0;
     several = slip.several || (slip.found && (can_stick || returns));
-    const bool rests = friction_returns && trial.jump_old == 0.0;  // an interface at rest sticks if it can
+    const bool rests = friction_returns && trial.jump_old == 0.0;  // an interface without a jump sticks if it can
     stick = can_stick && (stuck || rests || !slip.found);
     if (!stick) a = slip.stress;
   }

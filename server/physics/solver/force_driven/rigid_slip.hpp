@@ -24,13 +24,14 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
 
-  double jump_new(double a) const { return jump_free - direction * a * per_stress; }  // signed
+  // The jump [V]new after the step under the stress magnitude a, signed  [m/s].
+  double jump_new(double a) const { return jump_free - direction * a * per_stress; }
 
   double jump_free;     // jump after the step without friction, signed               [m/s]
-  double per_stress;    // reduction of the jump per stress                           [m/(s Pa)]
+  double per_stress;    // reduction of the jump in the step per stress               [m/(s Pa)]
   double direction;     // the trial direction, +1 or -1
-  double jump_old;      // jump before the step, along the direction                   [m/s]
-  double drive;         // plastic_drive, along the direction                         [m/s]
+  double jump_old;      // jump before the step, along the trial direction             [m/s]
+  double drive;         // slip velocity by the host's plastic shear, sqrt(3) h Ep_dot, along the direction  [m/s]
   double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 
   // Heating of an interface that slips by [v] = [V]mid + drive = c - b a under the stress a.

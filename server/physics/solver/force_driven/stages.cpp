@@ -18,7 +18,7 @@ using sdirk2::kDiagonal;
 using sdirk2::kFirstWeight;
 using sdirk2::lanes_out_of_range;
 
-constexpr double kMet = 1e-9;  // largest accepted distance of a slipping interface's stress from its limit, relative
+constexpr double kMet = 1e-9;  // largest accepted |stress of a slipping interface - its limit|, relative to the stress
 
 // Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
 bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
@@ -31,12 +31,12 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
   return rows[(num_rows - 1) * kLanes + lane] + flux * step.response < T_melt;
 }
 
-// One lane of a force-driven step, in magnitudes along its direction.
+// One lane of a second-order force-driven step. Stresses and velocities are positive along `direction`.
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
   double direction;  // sign of the jump; without a jump, of the acceleration
-  double jump_old;   // jump before the step, along the direction  [m/s]
+  double jump_old;   // jump before the step, along `direction`  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean stress of the step  [Pa]
@@ -144,7 +144,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
 
   add_flux(second, n, flux, T);
 
-  // 3. Backward Euler for the other lanes.
+  // 3. Backward Euler for the active lanes to which SDIRK2 does not apply.
   if (const std::uint32_t fallen_back = inputs.active & ~solved; fallen_back != 0) {
     TileInputs theirs = inputs;
     theirs.active = fallen_back;
@@ -152,7 +152,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
     for (const int l : lanes_of(fallen_back)) {
       copy_lane(fallback, trial, layout.doubles, l);
-      // For a node that stops or rests the order in time does not matter.
+      // A node that sticks at the end of the step is not reported: the order in time of its step does not matter.
       if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }
   }

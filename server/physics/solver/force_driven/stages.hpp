@@ -6,8 +6,9 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes; the rest of `trial` is left for the caller. Lanes whose slip stops or reverses in the
-// step take a backward Euler step and report it (kFirstOrder).
+// One step of the active lanes; the caller restores the states of the other lanes of `trial`. A lane to which SDIRK2
+// does not apply, for instance because its slip stops or reverses, takes a backward Euler step. If it does not stick at
+// the end of that step it reports kFirstOrder.
 void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                  const double* committed, double* trial, TileOutputs& outputs);
 

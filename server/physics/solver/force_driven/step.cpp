@@ -23,7 +23,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   // 1. Conduction without friction, all lanes: DLP (28-35).
   conduct(heat_of(0), n, T_old, T);
 
-  // 2. Stress and slip, lane by lane: DLP (61), (65).
+  // 2. Find stress and slip, lane by lane: DLP (61), (65).
   double flux[kLanes] = {};
   const LaneMaterials soft_at(problem.options.soft, inputs);
   for (const int lane : lanes_of(inputs.active)) {
@@ -44,7 +44,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
   }
 
-  // 4. The friction heat of this step: T = T_ad + q B.
+  // 4. Add the friction heat of this step to the temperatures: T = T_ad + q B.
   add_flux(heat_of(0), n, flux, T);
   for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
 }

@@ -11,13 +11,13 @@
 
 namespace shearbus::physics {
 
-// Steps the active lanes by backward Euler, or by the exact decay of the modes. A step with several answers is divided
-// into substeps. The rest of `trial` is left to the caller.
+// Steps the active lanes by backward Euler, or by the exact decay of the modes. A step that may have several answers is
+// divided into substeps. The caller restores the states of the other lanes of `trial`.
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 
-// The step of a sleeping lane, by the same function as the step of a lane that is awake. Empty where slip, heat or
-// several answers wake the lane.
+// The step of a sleeping lane, by the same function as the step of a lane that is awake. Empty if slip, heat or a step
+// that may have several answers wakes the lane.
 std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                      const TileInputs& inputs, const double* committed,
                                                      const Material& soft, double T0, int lane);

@@ -17,7 +17,7 @@ namespace shearbus::physics {
 struct LaneResult {
   LaneStep step{};
   double heat = 0.0;  // friction heat of the step                                                   [J/m2]
-  double flux = 0.0;  // flux still to be added to the temperatures; 0 after substeps  [W/m2]
+  double flux = 0.0;  // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
   std::uint8_t outcome = 0;
 };
 
@@ -36,7 +36,7 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 // One lane at the start of a step.
 struct LaneStart {
   int lane;
-  LaneStep before;      // stress, jump_new and sticks of the last step
+  LaneStep before;      // the state before the step: stress, jump_new and sticks
   int num_rows;         // number of rows of temperatures or modes, [row][lane]
   const double* T_old;  // temperatures or modes before the step
   double* T;            // temperatures or modes after conduction over the whole step, or after the substeps

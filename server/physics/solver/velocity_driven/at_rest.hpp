@@ -9,14 +9,14 @@
 
 namespace shearbus::physics {
 
-// The elastic trial, which is the answer of the velocity-driven step where nothing yields under it. Empty if the lane
-// heats, is at its Coulomb limit or starts from the yield stress.
+// The step of a sleeping lane, whose stress is the elastic trial stress; the caller checks that no vertex yields under
+// this stress. Empty if the lane heats, would exceed its Coulomb limit or may start from the yield stress.
 std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                         const TileInputs& inputs, const double* committed,
                                                         const Material& soft, double T0, int lane);
 
-// Whether a lane may rest. INTERFACE_SLIP under a jump starts from the stress of a layer at yield: such a step is never
-// rest.
+// Whether a lane may rest. With INTERFACE_SLIP a step under a jump never counts as rest, because it may start from the
+// yield stress.
 bool velocity_driven_may_rest(const Problem& problem, const TileInputs& inputs, int lane);
 
 }  // namespace shearbus::physics

@@ -15,16 +15,17 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kConverged = 1e-10;  // longest last Newton step, relative to the stress: a further one is rounding
+constexpr double kConverged = 1e-10;  // Newton's steps end with one at most this long, relative to the stress
 // Largest residual before the last Newton step, relative to the trial stress; the last step squares it.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;     // largest residual of an answer, relative to the stress that the flow relieves
-constexpr double kFarAbove = 100.0;    // ratio of the flow to the trial stress above which Newton works on logarithms
+constexpr double kFarAbove = 100.0;    // Newton works on logarithms if the flow relieves more than this x trial stress
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
-constexpr int kNewtonIterations = 16;  // Newton iterations, more than usual; afterwards every second step bisects
+constexpr int kNewtonIterations = 16;  // more iterations than Newton usually needs; then every second step bisects
 constexpr int kMaxIterations = 300;    // limit of iterations; bisection alone, from 1e300 to rounding, needs fewer
 
-// The bound that limits the stress where the balance alone would allow more.
+// The bound at the upper end of the bracket of the stress. The stress of a step may be the bound itself, except
+// kNotAnAnswer, which only limits the bracket.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 
 // The balance of one lane in magnitudes along the trial direction:
@@ -34,14 +35,14 @@ struct Lane {
   double a_trial = 0.0;           // magnitude of the elastic trial stress, |s_old + G0 dt w / h|  [Pa]
   double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
-  double a = 0.0;                 // iterate, then answer                                       [Pa]
-  Bound bound = Bound::kElastic;  // which bound `hi` is, as long as hi_seen is false
-  int hottest = 0;                // vertex that reaches Y_max first
+  double a = 0.0;                 // stress magnitude: the iterate, at the end the answer           [Pa]
+  Bound bound = Bound::kElastic;  // kind of the bound `hi`; has no meaning once hi_seen is true
+  int hottest = 0;                // vertex whose ceiling Y_max g(T) a rising stress reaches first
   bool loaded = false;            // the trial stress is not 0
   bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
   bool done = false;
   bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
-  bool at_bound = false;       // the answer is `hi`, held by `bound`
+  bool at_bound = false;       // the answer is the bound `hi`, of the kind `bound`
 };
 
 // The stress from which the step starts. With INTERFACE_SLIP the jump is slip of the interface: the stress starts at
@@ -53,7 +54,7 @@ double starting_stress(const Problem& problem, double s_old, double jump, double
   return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
 }
 
-// Trial stress, direction, heating and the bracket of one lane.
+// Finds trial stress, direction, heating and the bracket of the stress of one lane.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
              const Heated& heated, double s_start, const double* strain) {
   const double h = problem.options.grid.thickness;
@@ -66,7 +67,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.a_trial = std::abs(trial.stress);
   state.heating = trial.heating;
 
-  // The upper end of the bracket is the smallest of several bounds. Elastic: nothing yields.
+  // The upper end of the bracket is the smallest of several bounds. The first is the elastic trial stress.
   state.hi = state.a_trial;
   // Ceiling: a = Y_max g(T0(a)) / sqrt(3) with the heating by a; with g = 0 the layer carries no stress.
   StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
@@ -137,7 +138,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     }
   }
   if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
-    // The bracket closed at a bound that has not been evaluated: the bound itself comes next.
+    // If the bracket closed at an upper bound that has not been evaluated, this bound is evaluated next.
     const bool unseen_bound = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
     if (unseen_bound) lane.a = lane.hi;
     lane.done = !unseen_bound;
@@ -150,7 +151,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
     if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
-    // Very near melting a small step in stress may be a large one in the flow.
+    // Very near melting a small step in stress may be a large step in the flow, so the residual must be small, too.
     const double open = lane.check_balance ? kBalanced * left : kFlowConverged * lane.a_trial;
     if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
@@ -158,7 +159,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
       return;
     }
   }
-  // 3. Keep the next stress inside the bracket; try the bound itself when it could be the answer.
+  // 3. Keep the next stress inside the bracket. Try its upper end itself if this bound can be the answer.
   const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
   const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
   if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
@@ -168,8 +169,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   }
 }
 
-// Finds the roots of all lanes together. On return `sum` and `strain_new` hold flow and strain under the answers;
-// before, strain_new holds the yield thresholds.
+// Finds the roots of the balances of all lanes together. On return `sum` and `strain_new` hold flow and strain under
+// the answers; during the search strain_new holds the yield thresholds.
 void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
                 Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
   flow_thresholds(flow, load, strain_new);
@@ -188,7 +189,8 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // Every lane was evaluated above its answer: vertices that did not yield there are left out from here on.
+    // Every lane was evaluated at a stress above its answer: vertices that did not yield under it are left out from now
+    // on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
@@ -211,7 +213,7 @@ bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLan
   return any;
 }
 
-// Fraction of the work that becomes heat: the sum of the heat shape over the vertices.
+// Fraction of the work of the imposed jump that becomes heat: the sum of the heat shape phi over the vertices.
 double heated_share(const Grid& grid, const double* shape) {
   double sum = 0.0;
   for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
@@ -248,7 +250,7 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
   double slip = lane.direction * (kSqrt3 * layer_slip / dt + interface_slip / dt);
   bool slips = flows;
   if (problem.options.drive == Drive::kInterfaceSlip) {
-    // Slip at z = 0: DLP (64), corrected. The slip is along the jump or 0, and never against the stress.
+    // Slip at z = 0: DLP (64) with its signs corrected. The slip is along the jump or 0, and never against the stress.
     const double along = jump < 0.0 ? -1.0 : 1.0;
     const double at_interface = along * (jump + drive) - along * lane.direction * kSqrt3 * layer_slip / dt;
     slip = lane.direction * along < 0.0 || jump == 0.0 ? 0.0 : along * std::max(0.0, at_interface);
@@ -275,7 +277,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double* B = heat.layer_response();
   const double dt = stage.dt;
   const double h = problem.options.grid.thickness;
-  const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress per integral of strain  [Pa/m]
+  const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress relieved per integral(dep)  [Pa/m]
   const bool layer_hardens = hardens(soft);
   bool loaded = false;  // at least one lane is loaded; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
@@ -292,7 +294,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
 
   // 2. Where the heat of the step is released: at z = 0, or distributed as the layer flowed in the last step with slip.
-  // Part 4 finds how much it is.
+  // Part 4 finds how much heat is released.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
   double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
@@ -335,7 +337,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
 
-  // 5. Temperature: T = T_ad + q B.
+  // 5. Add the heat of this step to the temperatures: T = T_ad + q B, or T_ad + q B_phi if the layer releases the heat.
   if (spreads) {
     add_spread(heat, operators.spread(), load.flux, B_spread, T_all);
     std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
@@ -363,7 +365,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
-    // Without a root the stress is NaN and the lane fails.
+    // If no root was found the stress is NaN, from which the caller concludes that the lane has failed (kFailed).
     const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
     const double s = lane.loaded ? lane.direction * found : 0.0;
     const Answer answer = open ? Answer{jump, Regime::kOpen}

@@ -10,13 +10,14 @@ namespace shearbus::physics {
 // One solution of the balance with a given heat operator: a backward Euler step, or a stage of SDIRK2.
 struct BalanceStage {
   const HeatOperator* heat;
-  double dt;                           // time over which the jump acts  [s]
-  const double* early_flux = nullptr;  // flux of the first stage, [lane]  [W/m2]; if set, `trial` already holds T_ad
+  double dt;  // time over which the jump acts  [s]
+  // Second stage of SDIRK2: heat flux of the first stage, [lane]  [W/m2]; `trial` then holds T_ad on entry. Else null.
+  const double* early_flux = nullptr;
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 
-// One backward Euler step of the active lanes; the rest of `trial` is left for the caller.
+// One backward Euler step of the active lanes; the caller restores the states of the other lanes of `trial`.
 void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                              const double* committed, double* trial, TileOutputs& outputs);
 

@@ -9,8 +9,8 @@
 namespace shearbus::physics {
 
 struct ElasticTrial {
-  double stress;     // s_old + G0 dt w / h, signed                        [Pa]
-  double direction;  // sign of the stress; of the jump if the stress is 0
+  double stress;     // elastic trial stress s_old + G0 dt w / h, signed  [Pa]
+  double direction;  // sign of the trial stress; if that is 0, sign of the jump
   double heating;    // heat flux per stress magnitude: beta_T max([V] direction, 0)  [m/s]
 
   bool heats() const { return stress != 0.0 && heating > 0.0; }

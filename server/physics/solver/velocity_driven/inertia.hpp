@@ -8,7 +8,7 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes; the rest of `trial` is left for the caller.
+// One step of the active lanes; the caller restores the states of the other lanes of `trial`.
 void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 

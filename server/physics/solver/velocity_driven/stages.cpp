@@ -20,12 +20,12 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   const double* T_old = committed + problem.layout.first_temperature();
   double* T = trial + problem.layout.first_temperature();
 
-  // 1. The step up to gamma dt.
+  // 1. First stage of SDIRK2: the step up to gamma dt, for its heat flux.
   solve_balance(problem, operators, {&stage, stage.dt}, inputs, committed, trial, outputs);
   double early_flux[kLanes] = {};
   for (const int l : lanes_of(inputs.active)) early_flux[l] = outputs.friction_heat[l] / stage.dt;
 
-  // 2. The whole step, from temperatures extrapolated from the first stage.
+  // 2. Second stage of SDIRK2: the whole step, from temperatures extrapolated from the first stage.
   begin_second_stage(stage, n, T_old, early_flux, T);
   const std::uint32_t fallen_back = lanes_out_of_range(problem, inputs, T_old, T);
   TileInputs theirs = inputs;

@@ -6,8 +6,9 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes; the rest of `trial` is left for the caller. Lanes whose second stage leaves the range
-// of temperatures take a backward Euler step and report it (kFirstOrder).
+// One step of the active lanes; the caller restores the states of the other lanes of `trial`. A lane whose extrapolated
+// temperatures fall below the coldest old temperature or reach melting takes a backward Euler step and reports
+// kFirstOrder.
 void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                     const double* committed, double* trial, TileOutputs& outputs);
 

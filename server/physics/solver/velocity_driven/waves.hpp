@@ -8,12 +8,13 @@
 namespace shearbus::physics {
 
 // Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. One step of backward
-// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both against the
+// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both relative to the
 // hard body:
 //   weight[i] (s[i] - s_old[i]) = G0 (dt (v[i] - v[i-1]) - sqrt(3) weight[i] dep[i] sign(s[i]))         DLP (37)
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
-//   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3), dep[i] >= 0 and 0 below it                                    DLP (42-48)
-//   |s[0]| <= mu P, v[-1] along s[0] and 0 below it;   T = T_ad + q B,  q = share max(s[0] [V], 0)       DLP (18, 35)
+//   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
+//   |s[0]| <= mu P;   v[-1] is along s[0], and v[-1] = 0 where |s[0]| < mu P
+//   T = T_ad + q B,   q = share max(s[0] [V], 0)                                                         DLP (18, 35)
 // where share is WaveStep::heat_share.
 // Summed over the layer and for rho -> 0 these equations are the balance of a layer without inertia, weight for weight.
 
@@ -24,7 +25,7 @@ struct WaveStep {
   double dt;               // length of the step                           [s]
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
-  double heat_share;       // fraction of the friction power that enters the conducting bodies
+  double heat_share;       // share of the friction heat that enters the heat equation: beta_T, or 1 (problem.hpp)
   double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
 };
 
@@ -41,10 +42,10 @@ struct WaveFields {
 
 struct WaveAnswer {
   double flux = 0.0;            // heat flux q into the layer             [W/m2]
-  double interface_slip = 0.0;  // slip velocity v[-1], signed            [m/s]
+  double interface_slip = 0.0;  // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
   int iterations = 0;           // number of Newton steps
-  bool guarded = false;         // plain Newton did not converge: bisection in q, line search in v
-  bool found = true;            // false: the guarded search ended without balance, and the fields mean nothing
+  bool guarded = false;         // plain Newton did not converge, so q was bisected, with a line search in v
+  bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
