@@ -22,7 +22,7 @@ inline constexpr double kNotGiven = std::numeric_limits<double>::quiet_NaN();
 struct Material {
   double density = 0.0;                                                 // rho   [kg/m3]
   double shear_modulus = 0.0;                                           // G0    [Pa]
-  double yield_strength = 0.0;                                          // Y0 or A [Pa]
+  double yield_strength = 0.0;                                          // Y0, Johnson-Cook: A  [Pa]
   double yield_strength_max = std::numeric_limits<double>::infinity();  // Y_max [Pa]; infinity: no cap (DLP 40)
   double hardening_coefficient = 0.0;                                   // beta  [1]
   double hardening_exponent = 0.0;                                      // n     [1]
