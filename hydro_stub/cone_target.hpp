@@ -21,7 +21,7 @@ struct ConeTarget {
   double end_time = 0.0;  // [s]
   Metal soft, hard;
 
-  // Indices of the blocks of the mesh.
+  // Indices of the three bodies among the blocks of the mesh.
   static constexpr int kCone = 0;
   static constexpr int kConfinement = 1;
   static constexpr int kFlyer = 2;
@@ -30,7 +30,8 @@ struct ConeTarget {
 // Throws wire::Error{kInvalidScene} that names the field at fault.
 ConeTarget make_cone_target(const guest::HydroScene& scene);
 
-// Makes mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
+// Makes mesh, materials, walls and slide lines. The interface law acts on the cone's flank; the flyer's faces slip
+// freely.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
 // Makes the problem with its bodies and histories, ready to run.

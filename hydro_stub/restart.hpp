@@ -16,8 +16,8 @@
 namespace shearbus::hydro {
 
 struct DumpSchedule {
-  std::uint64_t every_steps = 0;  // 0: dumps do not depend on steps
-  double interval_s = 0.0;        // wall-clock interval  [s]; 0: dumps do not depend on time
+  std::uint64_t every_steps = 0;  // steps between dumps; 0: no dumps by number of steps
+  double interval_s = 0.0;        // wall-clock time between dumps  [s]; 0: no dumps by time
   bool wanted() const { return every_steps > 0 || interval_s > 0.0; }
 };
 

@@ -150,7 +150,7 @@ class Run {
   void dump() {
     dumps_.write(cycle_.steps(), [&](const std::string& name, wire::DumpWriter& to) {
       to.text("kept", law_.keep(name));
-      to.text("scene", scene::to_toml(file_.scene));  // contains the law chosen on the command line
+      to.text("scene", scene::to_toml(file_.scene));  // with the interface law that the command line chose
       to.text("server", options_.server);
       const lagrange::Memory memory = cycle_.memory();
       for (const auto& [what, values] : memory.numbers) to.numbers(std::string("cycle/") + what, values);

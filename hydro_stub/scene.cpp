@@ -13,13 +13,13 @@ namespace {
 
 const std::string kColumn = "hydro.shear_column.";
 
-// Rules between the keys of [hydro], and between [hydro] and the scene. A rule is skipped if a value that it needs is
-// faulty.
+// Rules between several keys of [hydro], and between [hydro] and the rest of the scene. A rule is skipped if a value
+// that it needs is itself faulty.
 class CrossChecks {
  public:
   CrossChecks(const guest::HydroScene& scene, scene::Findings& findings) : scene_(scene), findings_(findings) {}
 
-  // Checks that [hydro] names one problem and that the scene has the bodies it needs.
+  // Checks that [hydro] names exactly one problem and that the scene has the bodies which this problem needs.
   void hydro() {
     const guest::Hydro& hydro = scene_.hydro();
     const auto needs = [&](const char* problem, bool present, const char* key) {
