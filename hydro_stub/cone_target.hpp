@@ -27,14 +27,14 @@ struct ConeTarget {
   static constexpr int kFlyer = 2;
 };
 
-// Throws wire::Error{kInvalidScene} that names the field at fault.
+// Reads the problem `cone_target` of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
 ConeTarget make_cone_target(const guest::HydroScene& scene);
 
 // Makes mesh, materials, walls and slide lines. The interface law acts on the cone's flank; the flyer's faces slip
 // freely.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
-// Makes the problem with its bodies and histories, ready to run.
+// Makes the two-dimensional problem of a cone target, with its bodies and histories, ready to run.
 Problem2d make_problem2d(const ConeTarget& problem);
 
 }  // namespace shearbus::hydro

@@ -41,7 +41,7 @@ struct InterfaceInputs {
   std::vector<double> soft_plastic_strain_rate;  // rate of plastic shear along the interface, not negative  [1/s]
 };
 
-// Answers of the law, one value per node.
+// Answers of the interface law for one step, one value per node.
 struct InterfaceAnswer {
   explicit InterfaceAnswer(std::size_t nodes)
       : shear_stress(nodes),

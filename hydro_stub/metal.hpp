@@ -1,4 +1,4 @@
-// A metal of the hydrocode: the strength model of the shear layer and an equation of state.
+// A metal of the hydrocode: the strength constants that the shear layer uses too, and an equation of state.
 #pragma once
 
 #include <string>

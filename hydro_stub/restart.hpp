@@ -34,7 +34,7 @@ std::filesystem::path server_directory(const std::filesystem::path& run);
 // Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
 wire::DumpReader newest_dump(const std::filesystem::path& run);
 
-// Prepares a new run. Throws wire::Error if it would overwrite the dumps of another run.
+// Prepares the directory of a new run for its dumps. Throws wire::Error if they would overwrite those of another run.
 void make_room_for_dumps(const std::filesystem::path& run);
 
 class RestartDumps {

@@ -101,7 +101,7 @@ class Run {
   }
 
   void to_the_end() {
-    // the bar shows simulated time, because the number of steps is not known in advance
+    // the progress bar shows simulated time, because the number of steps is not known in advance
     constexpr double kBarParts = 10'000;
     const double begun_at = cycle_.state().time;
     const auto part = [&](double time) { return static_cast<std::size_t>(kBarParts * (time - begun_at) / end_time_); };

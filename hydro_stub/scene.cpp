@@ -89,7 +89,7 @@ class CrossChecks {
 
   void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
     const std::size_t columns =
-        // each factor is at most 2e5, so the product does not overflow
+        // each of the three factors is at most 2e5, so that their product does not overflow
         jumps * std::max<std::size_t>(1, temperatures) * pressures;
     if (columns > wire::kMaxNodesPerSession)
       add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns,
@@ -104,7 +104,7 @@ void check_hydro_scene(const google::protobuf::Message& root, scene::Findings& f
   const auto& scene = static_cast<const guest::HydroScene&>(root);
   scene::check_scene(scene.scene(), findings);
   if (!scene.has_hydro()) return;
-  // A problem without a shear layer needs no strategy and possibly no bodies, but always a name.
+  // A scene whose [hydro] problem has no shear layer needs no strategy and possibly no bodies, but always a name.
   if (scene.scene().name().empty() && findings.sound("name"))
     findings.add("", "name is missing (what the scene is called in files and logs)");
   CrossChecks checks(scene, findings);

@@ -7,8 +7,8 @@
 
 namespace shearbus::lagrange {
 
-// Constrains nodes to v . normal = speed. Speed 0 is a plane of symmetry, otherwise a piston. Walls that share nodes
-// must be at right angles.
+// A wall constrains its nodes to v . normal = speed. With speed 0 it is a plane of symmetry, otherwise a piston. Walls
+// that share nodes must be at right angles.
 struct Wall {
   std::vector<int> nodes;
   Vec2 normal;         // unit vector

@@ -143,8 +143,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // The mean over the node's area smooths the scatter that the nodal pressures p_i have where the zones of the two
-    // bodies differ in width.
+    // The mean pressure over the node's area smooths the scatter that the nodal pressures p_i have where the zones of
+    // the two bodies differ in width.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
     inputs_.mass_soft[i] = state.node_mass[node] / area;

@@ -44,8 +44,7 @@ class Contact {
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
                 std::vector<Vec2>& velocity_new);
 
-  // Called for an accepted step: adds the heat of friction and of closing gaps to the zones' energies and to the
-  // totals.
+  // Adds the heat of friction and of closing gaps in an accepted step to the zones' energies and to the totals.
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
                     std::vector<double>& energy);
 

@@ -67,8 +67,8 @@ struct Memory {
 
 class Cycle {
  public:
-  // `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws std::invalid_argument for
-  // inconsistent bodies.
+  // The interface law `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws
+  // std::invalid_argument for inconsistent bodies.
   explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
   // Advances by one step, at most to `end_time`. A step that is too long (it inverts a zone, or changes the volume of a

@@ -44,7 +44,7 @@ struct Gradient {
 
 void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geometry);
 
-// Computes volumes only. If a step was too long, some of them are not positive.
+// Computes only the volumes of the zones. If a step was too long, some volumes are not positive.
 void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::vector<double>& volume);
 
 Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone);

@@ -21,7 +21,8 @@ Compression strongest_compression(const Gradient& d) {
   const double shear = 0.5 * (d.xy + d.yx);
   const double radius = std::sqrt(difference * difference + shear * shear);
   if (radius == 0.0) return {mean, {1.0, 0.0}};
-  // Eigenvector to the eigenvalue mean - radius, from the row of the matrix in which nothing cancels.
+  // Eigenvector of the strain rate for its lower eigenvalue, mean - radius, from the row of the matrix in which nothing
+  // cancels.
   const Vec2 v = difference > 0.0 ? Vec2{-shear, difference + radius} : Vec2{radius - difference, -shear};
   return {mean - radius, (1.0 / norm(v)) * v};
 }

@@ -76,7 +76,7 @@ std::vector<Comparison> compare(const NohProblem& p, const Cycle& cycle) {
           {"mean error of the density", "1", 0.0, error / reference}};
 }
 
-// The point blast of L. I. Sedov. With gamma = 1.4, density 1 and this energy the shock is at r = 1 at t = 1.
+// The point blast of L. I. Sedov. With gamma = 1.4, density 1 and the energy set here the shock is at r = 1 at t = 1.
 Bodies make_bodies(const SedovProblem& p) {
   Bodies bodies = quarter(p.symmetry, p.zones, 1.2, 1.4);
   // Energy of the blast in the modelled part: a quarter of the plane per depth, or the upper half of space per radian.

@@ -51,8 +51,8 @@ Bodies make_bodies(const PlatesProblem& p) {
   return bodies;
 }
 
-// Compares at the middle of the slide line. The velocity of the soft plate's face falls by 2 s/Z, with friction stress
-// s and shear impedance Z, each time the wave returns from the free back of the plate.
+// Compares the face of the soft plate at the middle of the slide line. The velocity of the face falls by 2 s/Z, with
+// friction stress s and shear impedance Z, each time the wave returns from the free back of the plate.
 std::vector<Comparison> compare(const PlatesProblem& p, const Cycle& cycle, double limit) {
   const int middle = cycle.contact().size() / 2;
   const double time = cycle.state().time;

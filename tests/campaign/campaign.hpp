@@ -86,8 +86,8 @@ struct Row {
 };
 std::vector<Row> all_rows();
 
-// kNotMet: all invariants held, but the row did not reach the regime for which it is meant. kNotAsked: the row does not
-// apply to the physics.
+// The verdict on a row that ran on a physics. kNotMet: all invariants held, but the row did not reach the regime for
+// which it is meant. kNotAsked: the row does not apply to the physics.
 enum class Verdict { kHeld, kNotMet, kBroken, kNotAsked };
 
 // The result of running a row on a physics.

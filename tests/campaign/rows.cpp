@@ -55,7 +55,7 @@ Scenes thicknesses(const Physics& p) {
 constexpr double kFourierStep = 1.3e-7;  // step length of the row "fourier_number"  [s]
 Scenes fine_grid(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (o.modes || o.tolerance) return {};  // with modes or a tolerance a scene has no cells to set
+  if (o.modes || o.tolerance) return {};  // with modes or a tolerance no scene sets the cells
   const int cells = o.inertia ? 100 : 400;
   ModelOptions scene = with_thickness(o, cells * 1e-4 * std::sqrt(o.soft.diffusivity * kFourierStep));
   scene.grid.cells = cells;

@@ -82,7 +82,8 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 }
 
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
-  // The first bound is the limit before friction heats, at the largest slip, which is that of a = 0.
+  // The first upper bound of the stress is the limit before friction heats, at the largest slip, which is that of a =
+  // 0.
   double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;

@@ -87,8 +87,8 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   const std::size_t n = grid.weight.size();
   const std::size_t first = static_cast<std::size_t>(interface);
 
-  // `kept` is 1 - outward. The pivot of the elimination, 1 + a + c - c outward, is computed without the difference, as
-  // 1 + a + kept c.
+  // `kept_outside` is 1 - outward at the outer neighbour. With the coefficients `inner` and `outer` of a vertex the
+  // pivot of the elimination, 1 + inner + outer - outer * outward, is computed without the difference.
   const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
     const double own = 1.0 + outer * kept_outside;
     const double pivot = own + inner;
@@ -179,7 +179,7 @@ namespace {
 
 // The vertices of one body, without z = 0.
 struct Arm {
-  std::ptrdiff_t heated;     // outermost vertex above the far temperature in any lane; z = 0 if there is none
+  std::ptrdiff_t heated;     // outermost vertex that any lane has warmer than its colder end; z = 0 if none
   std::ptrdiff_t outermost;  // outermost vertex of the body
   std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };

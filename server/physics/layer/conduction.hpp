@@ -49,7 +49,7 @@ struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
       : HeatOperator(one_sided, soft, soft, step) {}
-  // Allocates; factorise() computes the values.
+  // This constructor only allocates the coefficients; factorise() computes them.
   HeatOperator(const HeatGrid& grid, double step);
   void factorise(const HeatGrid& grid, const Material& soft, const Material& hard);
 

@@ -48,7 +48,7 @@ struct HeatModes {
   std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured largest relative error of K
 
-  // Rows of a tile: the start temperature, then each mode's share of T0, then T0 itself.
+  // Number of rows of a tile without a profile: the start temperature, then each mode's share of T0, then T0 itself.
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
 };
 
@@ -59,7 +59,7 @@ struct HeatModes {
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
   ModeOperator(const HeatModes& modes, double step, double early);
-  // Allocates; fill() computes the values.
+  // This constructor only allocates the coefficients; fill() computes them.
   ModeOperator(int num_rows, double step);
   void fill(const HeatModes& modes);
 

@@ -303,7 +303,7 @@ class PrestonTonksWallace {
     double tau_s, tau_y;
     double s_rate, y_rate;
     double s_T, y_T;
-    double branch;   // as Reduced::branch
+    double branch;   // code of the branches that form tau_s and tau_y, as in Reduced
     double hardens;  // largest hardening left by the two branches, tau_s - tau_y, at most d
     double d;        // scale of the hardening in Voce's law, s0 - tau_y
     double share;    // (tau_s - tau_y) / d, at most 1
