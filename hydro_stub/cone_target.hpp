@@ -21,19 +21,20 @@ struct ConeTarget {
   double end_time = 0.0;  // [s]
   Metal soft, hard;
 
-  // Indices of the blocks of the mesh.
+  // Indices of the three bodies among the blocks of the mesh.
   static constexpr int kCone = 0;
   static constexpr int kConfinement = 1;
   static constexpr int kFlyer = 2;
 };
 
-// Throws wire::Error{kInvalidScene} that names the field at fault.
+// Reads the problem `cone_target` of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
 ConeTarget make_cone_target(const guest::HydroScene& scene);
 
-// Makes mesh, materials, walls and slide lines. The law acts on the flank; the flyer's faces slip freely.
+// Makes mesh, materials, walls and slide lines. The interface law acts on the cone's flank; the flyer's faces slip
+// freely.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
-// Makes the problem with its bodies and histories, ready to run.
+// Makes the two-dimensional problem of a cone target, with its bodies and histories, ready to run.
 Problem2d make_problem2d(const ConeTarget& problem);
 
 }  // namespace shearbus::hydro

@@ -20,7 +20,7 @@ enum Row : std::size_t {
   kVelocityJump,
 };
 
-// The recorded quantities, in the order of Row.
+// The quantities that history.h5 records, in the order of the enum Row.
 std::vector<wire::Quantity> rows() {
   return {
       wire::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),

@@ -13,7 +13,7 @@ namespace shearbus::hydro {
 
 class History {
  public:
-  // `scene` is the effective scene as TOML, `law` the name of the interface law.
+  // Opens the file. `scene` is the scene with all constants filled in, as TOML, `law` the name of the interface law.
   History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
           const std::string& scene, const std::string& law);
 

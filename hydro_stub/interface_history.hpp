@@ -12,12 +12,12 @@
 
 namespace shearbus::hydro {
 
-// Histories of the interface nodes and their totals for the summary.
+// Histories of the interface nodes, and the totals over nodes and steps that the summary prints.
 class InterfaceHistory {
  public:
   explicit InterfaceHistory(std::size_t nodes);
 
-  void observe(const lagrange::Cycle& cycle);  // adds a step to the totals
+  void observe(const lagrange::Cycle& cycle);  // adds the last step to the totals
   void record(const lagrange::Cycle& cycle);   // adds a row to the history
 
   void save(wire::DumpWriter& dump) const;
@@ -25,7 +25,7 @@ class InterfaceHistory {
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
 
   std::size_t nodes() const { return slip_.size(); }
-  double share(wire::Regime regime) const;  // share of all node-steps in this regime
+  double share(wire::Regime regime) const;  // share of all node-steps so far that are in this regime
   const wire::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
@@ -36,7 +36,7 @@ class InterfaceHistory {
   enum Peak : std::size_t { kTemperature, kPressure };
 
   HistoryRows rows_;
-  std::vector<double> slip_;         // integral of |[v]| while closed  [m]
+  std::vector<double> slip_;         // of each node: integral of |[v]| dt while the contact is closed  [m]
   std::array<double, 5> regimes_{};  // number of node-steps in each regime
   std::array<double, 2> peaks_{};    // largest temperature [K] and pressure [Pa] so far
   wire::EnergyTotals energy_;

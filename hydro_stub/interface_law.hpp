@@ -28,7 +28,7 @@ struct InterfaceInputs {
 
   std::uint64_t step = 0;
   double time = 0.0;                  // time of the velocities after the step, t(n+1/2)  [s]
-  double dt = 0.0;                    // [s]
+  double dt = 0.0;                    // step length  [s]
   std::vector<double> velocity_jump;  // velocity jump [V] at n-1/2  [m/s]
   std::vector<double> pressure;       // pressure at n, compression positive  [Pa]
   std::vector<double> stress_soft;    // shear stress at n in the soft zone next to the interface  [Pa]
@@ -41,7 +41,7 @@ struct InterfaceInputs {
   std::vector<double> soft_plastic_strain_rate;  // rate of plastic shear along the interface, not negative  [1/s]
 };
 
-// Answers of the law, one value per node.
+// Answers of the interface law for one step, one value per node.
 struct InterfaceAnswer {
   explicit InterfaceAnswer(std::size_t nodes)
       : shear_stress(nodes),
@@ -56,24 +56,24 @@ struct InterfaceAnswer {
   std::vector<double> sliding_velocity;       // slip [v] at the interface  [m/s]
   std::vector<double> interface_temperature;  // temperature T0 of the interface at n+1/2  [K]
   std::vector<double> friction_heat;          // heat that entered the soft body in the step  [J/m2]
-  std::vector<std::uint8_t> regime;           // wire::Regime
+  std::vector<std::uint8_t> regime;           // wire::Regime of the node: open, stick, Coulomb, Tresca or melting
   wire::EnergyTotals energy;                  // energies of the layers in the step; empty for laws without layers
   std::uint64_t flagged = 0;  // number of nodes whose answer has a flag (substepped, several roots, failed)
 };
 
-// Run time of a law by cause. A law that computes in place spends all of it in the solver.
+// Run time of a law by cause. A law that computes in the hydrocode's own thread spends all its time in the solver.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
-  // time in the server: in the solver, and for reading, checking and answering requests
+  // time of requests in the server: in the solver, and for reading, checking and answering them
   std::chrono::nanoseconds service{0};
-  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in the solver
-  std::chrono::nanoseconds waited{0};  // time in which the host was blocked
+  std::chrono::nanoseconds bus{0};     // time of the round trips to the server, less the time in its solver
+  std::chrono::nanoseconds waited{0};  // time in which the host waited for answers and did no other work
   std::chrono::nanoseconds cpu{0};     // CPU time of the host's thread spent on requests
 };
 
 // Optional physics that the run left out, and the memory that it would have needed. Empty for laws without options.
 struct OmittedCost {
-  std::vector<std::pair<std::string, std::string>> lines;  // lines of the summary: label and text
+  std::vector<std::pair<std::string, std::string>> lines;  // lines that the summary prints: label and text
   std::vector<std::string> parts;
   std::uint64_t bytes_per_node = 0;                  // bytes per node of this run
   std::uint64_t bytes_per_node_with_everything = 0;  // bytes per node with every option that the scene allows
@@ -104,7 +104,7 @@ class InterfaceLaw {
   virtual std::string cannot_keep() const { return {}; }
   // Ends the run: saved states may be deleted.
   virtual void close() {}
-  // May be called only after close().
+  // Returns what the options that the run left out would have cost. May be called only after close().
   virtual OmittedCost omitted_cost() const { return {}; }
 };
 

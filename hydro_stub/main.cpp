@@ -48,7 +48,8 @@ guest::HydroScene effective_scene(guest::HydroScene scene) {
   return scene;
 }
 
-// Makes the law of a two-dimensional problem. A problem without sliding nodes gets free slip and opens no session.
+// Makes the interface law of a two-dimensional problem. A problem without nodes that slide under a law gets free slip,
+// and no session is opened.
 std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem, const SubgridServer& server,
                                           const std::string& kept) {
   const std::vector<double> temperature(interface_nodes(problem.bodies),

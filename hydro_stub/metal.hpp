@@ -1,4 +1,4 @@
-// A metal of the hydrocode: the strength model of the shear layer and an equation of state.
+// A metal of the hydrocode: the strength constants that the shear layer uses too, and an equation of state.
 #pragma once
 
 #include <string>
@@ -14,15 +14,15 @@ struct Metal {
   physics::Material strength;
 };
 
-// Makes the metal of a body, whose table in the scene is [table]. Its equation of state has the constants that `other`
-// gives and, for the rest, those of the body's material. Throws if constants are missing.
+// Makes the metal of a body, whose table in the scene is [table]. The equation of state has the constants that `other`
+// gives; all others are those of the body's material. Throws if constants are missing.
 Metal make_metal(const v1::Body& body, const std::string& table, const guest::MieGrueneisen& other = {});
 
 inline lagrange::BodyMaterial body_material(const Metal& metal) {
   return {.eos = lagrange::Eos(metal.eos), .strength = metal.strength};
 }
 
-// Sets a uniform state in a block.
+// Gives all zones and nodes of a block the same density, energy and velocity.
 void fill(lagrange::Bodies& bodies, const lagrange::Block& block, double density, double energy,
           lagrange::Vec2 velocity);
 

@@ -17,7 +17,7 @@ class PressureHistory {
 
  private:
   std::vector<double> times_;   // times of the table  [s]; empty if values_ holds one value per column
-  std::vector<double> values_;  // [Pa]
+  std::vector<double> values_;  // pressures at times_; without a table one per column  [Pa]
 };
 
 }  // namespace shearbus::hydro

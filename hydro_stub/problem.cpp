@@ -28,12 +28,12 @@ physics::Material resolve(const v1::Body& body, const std::string& table) {
 
 namespace {
 
-// The lists of the scene, each spread to one value per column.
+// The lists of values in [hydro.shear_column], each spread to one value per column.
 struct Columns {
   std::size_t count = 1;
-  std::vector<double> jump;         // [m/s]
-  std::vector<double> temperature;  // [K]
-  std::vector<double> pressure;     // [Pa]; empty if the pressure follows a table in time
+  std::vector<double> jump;         // initial velocity jump of each column  [m/s]
+  std::vector<double> temperature;  // initial temperature of each column  [K]
+  std::vector<double> pressure;     // pressure of each column  [Pa]; empty if it follows a table in time
 };
 
 using Values = google::protobuf::RepeatedField<double>;
@@ -53,8 +53,8 @@ Columns columns_of(const guest::ShearColumn& column, double layer_temperature) {
   Columns columns;
   columns.count = combined ? jumps.size() * temperatures.size() * pressures.size()
                            : std::max({jumps.size(), temperatures.size(), pressures.size()});
-  // Combined lists: a list advances to its next value after all lists before it have run through. Paired lists: all
-  // lists with more than one value advance together.
+  // From column to column: of combined lists, one advances to its next value after all lists before it have run
+  // through; of paired lists, all with more than one value advance together.
   std::size_t stride = 1;
   const auto spread = [&](const std::vector<double>& values_of_list) {
     std::vector<double> values(columns.count);

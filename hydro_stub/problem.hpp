@@ -21,21 +21,22 @@ struct ColumnProblem {
   physics::Material hard_material;
   BodyMesh soft;
   BodyMesh hard;
-  double dt = 0.0;          // [s]
+  double dt = 0.0;          // step length  [s]
   std::string dt_reason;    // the condition that limits dt
-  std::uint64_t steps = 0;  // number of steps; the first is half a step, which brings velocities from 0 to dt/2
-  std::vector<double> initial_jump;         // V0 per column; the hard body is at rest  [m/s]
-  std::vector<double> initial_temperature;  // [K]
+  std::uint64_t steps = 0;  // number of steps; the first is half a step, from t = 0 to the velocities' time dt/2
+  std::vector<double> initial_jump;         // V0 of each column; the hard body starts at rest  [m/s]
+  std::vector<double> initial_temperature;  // initial temperature of each column  [K]
   PressureHistory pressure;
 };
 
-// Throws wire::Error{kInvalidScene} for a field of the scene.
+// Refuses a scene: throws wire::Error{kInvalidScene} with the field at fault, the reason and the remedy.
 [[noreturn]] void refuse(std::string field, std::string text, std::string remedy);
 
-// Makes the material of [table]. Throws for an unknown name and for inconsistent constants.
+// Makes the material of a body, whose table in the scene is [table]. Throws for an unknown name and for inconsistent
+// constants.
 physics::Material resolve(const v1::Body& body, const std::string& table);
 
-// Throws wire::Error{kInvalidScene} that names the field at fault.
+// Makes the problem `shear_column` of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
 ColumnProblem make_problem(const guest::HydroScene& scene);
 
 }  // namespace shearbus::hydro

@@ -12,7 +12,7 @@
 
 namespace shearbus::hydro {
 
-// A value of a run, compared with its exact value.
+// A value that a run found, and the exact or published value it should have.
 struct Comparison {
   std::string what;
   std::string units;

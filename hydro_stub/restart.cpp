@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kKept = 2;
 
-// Lists the dumps, newest first; the numbers in their names have a fixed width.
+// Lists the dumps of a run, newest first: their names end in the step, with a fixed number of digits.
 std::vector<fs::path> dumps_of(const fs::path& run) {
   std::vector<fs::path> found;
   std::error_code none;

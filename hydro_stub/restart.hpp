@@ -16,8 +16,8 @@
 namespace shearbus::hydro {
 
 struct DumpSchedule {
-  std::uint64_t every_steps = 0;  // 0: dumps do not depend on steps
-  double interval_s = 0.0;        // wall-clock interval  [s]; 0: dumps do not depend on time
+  std::uint64_t every_steps = 0;  // steps between dumps; 0: no dumps by number of steps
+  double interval_s = 0.0;        // wall-clock time between dumps  [s]; 0: no dumps by time
   bool wanted() const { return every_steps > 0 || interval_s > 0.0; }
 };
 
@@ -34,7 +34,7 @@ std::filesystem::path server_directory(const std::filesystem::path& run);
 // Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
 wire::DumpReader newest_dump(const std::filesystem::path& run);
 
-// Prepares a new run. Throws wire::Error if it would overwrite the dumps of another run.
+// Prepares the directory of a new run for its dumps. Throws wire::Error if they would overwrite those of another run.
 void make_room_for_dumps(const std::filesystem::path& run);
 
 class RestartDumps {

@@ -94,7 +94,7 @@ class Run {
   }
 
   void to_the_end() {
-    // the bar shows simulated time, because the number of steps is not known in advance
+    // the progress bar shows simulated time, because the number of steps is not known in advance
     constexpr double kBarParts = 10'000;
     const double begun_at = cycle_.state().time;
     const auto part = [&](double time) { return static_cast<std::size_t>(kBarParts * (time - begun_at) / end_time_); };
@@ -143,7 +143,7 @@ class Run {
   void dump() {
     dumps_.write(cycle_.steps(), [&](const std::string& name, wire::DumpWriter& to) {
       to.text("kept", law_.keep(name));
-      to.text("scene", scene::to_toml(file_.scene));  // contains the law chosen on the command line
+      to.text("scene", scene::to_toml(file_.scene));  // with the interface law that the command line chose
       to.text("server", options_.server);
       const lagrange::Memory memory = cycle_.memory();
       for (const auto& [what, values] : memory.numbers) to.numbers(std::string("cycle/") + what, values);

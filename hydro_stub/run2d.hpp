@@ -16,7 +16,7 @@ struct RunOptions {
   std::filesystem::path out;
   bool progress = true;
   DumpSchedule dumps;
-  std::string server;  // endpoint of the server, stored in restart dumps
+  std::string server;  // endpoint of the subgrid server, stored in restart dumps for --restart
 };
 
 // Writes interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and

@@ -13,13 +13,13 @@ namespace {
 
 const std::string kColumn = "hydro.shear_column.";
 
-// Rules between the keys of [hydro], and between [hydro] and the scene. A rule is skipped if a value that it needs is
-// faulty.
+// Rules between several keys of [hydro], and between [hydro] and the rest of the scene. A rule is skipped if a value
+// that it needs is itself faulty.
 class CrossChecks {
  public:
   CrossChecks(const guest::HydroScene& scene, scene::Findings& findings) : scene_(scene), findings_(findings) {}
 
-  // Checks that [hydro] names one problem and that the scene has the bodies it needs.
+  // Checks that [hydro] names exactly one problem and that the scene has the bodies which this problem needs.
   void hydro() {
     const guest::Hydro& hydro = scene_.hydro();
     const auto needs = [&](const char* problem, bool present, const char* key) {
@@ -89,7 +89,7 @@ class CrossChecks {
 
   void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
     const std::size_t columns =
-        // each factor is at most 2e5, so the product does not overflow
+        // each of the three factors is at most 2e5, so that their product does not overflow
         jumps * std::max<std::size_t>(1, temperatures) * pressures;
     if (columns > wire::kMaxNodesPerSession)
       add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns,
@@ -104,7 +104,7 @@ void check_hydro_scene(const google::protobuf::Message& root, scene::Findings& f
   const auto& scene = static_cast<const guest::HydroScene&>(root);
   scene::check_scene(scene.scene(), findings);
   if (!scene.has_hydro()) return;
-  // A problem without a shear layer needs no strategy and possibly no bodies, but always a name.
+  // A scene whose [hydro] problem has no shear layer needs no strategy and possibly no bodies, but always a name.
   if (scene.scene().name().empty() && findings.sound("name"))
     findings.add("", "name is missing (what the scene is called in files and logs)");
   CrossChecks checks(scene, findings);

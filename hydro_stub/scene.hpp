@@ -18,11 +18,11 @@ struct SceneFile {
   std::string server_text() const;
 };
 
-// Throw wire::Error{kInvalidScene} that lists every fault.
+// Read a scene from its text or its file. Throw wire::Error{kInvalidScene} that lists every fault of the scene.
 SceneFile parse_scene(std::string text, std::string file);
 SceneFile load_scene(const std::filesystem::path& path);
 
-// Returns the reference of every key, as Markdown.
+// Returns the reference of every key of a scene, as Markdown.
 std::string reference();
 
 }  // namespace shearbus::hydro

@@ -5,7 +5,7 @@
 namespace shearbus::hydro {
 namespace {
 
-// Advances the outer node of a free end: half a zone whose outer face carries no stress.
+// Advances the outer node of a free end, which has the mass of half a zone and no stress on its outer side.
 void accelerate_free_end(ShearBody& body, double dt) {
   const double scale = dt / body.mesh.half_zone_mass();
   double* end = body.velocity_at(body.mesh.zones);

@@ -31,7 +31,7 @@ struct BodyMesh {
   double wave_speed() const;                                            // [m/s]
   double impedance() const;                                             // shear impedance rho c  [Pa s/m]
   double transit_time() const { return zone_width / wave_speed(); }     // wave transit time of one zone  [s]
-  double half_zone_mass() const { return 0.5 * density * zone_width; }  // mass per area  [kg/m2]
+  double half_zone_mass() const { return 0.5 * density * zone_width; }  // mass of half a zone per area  [kg/m2]
 };
 
 struct ShearBody {
@@ -53,8 +53,8 @@ struct ShearBody {
 // Advances the velocities of all nodes except the interface node by dt, with the stresses of level n.
 void accelerate(ShearBody& body, double dt);
 
-// Advances the velocity of the interface node. Its mass is half a zone; the stress of the zone pulls it outward,
-// `traction` pulls it inward.
+// Advances the velocity of the interface node, whose mass is half a zone's. The first zone's stress tau pulls the node
+// outward, away from the interface; `traction`, in the sign of tau, pulls it the other way.
 void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction);
 
 // Advances the stresses from n to n+1 with the velocities of n+1/2. The bulk is elastic.

@@ -37,16 +37,16 @@ void ShearColumn::advance(InterfaceLaw& law) {
       energy_start_[i] = energy(soft_, i, 0.0) + energy(hard_, i, 0.0);
     }
   }
-  //   1. inputs of the interface law: stresses of the adjoining zones, jump, pressure                    DLP (58)-(60)
+  //   1. inputs of the interface law: stresses of the zones next to it, velocity jump, pressure          DLP (58)-(60)
   gather_inputs();
   //   2. interface law: shear stress of the step and the new jump                                        DLP (61)
   law.advance(inputs_, answer_);
   check_answer();
-  //   3. momentum: all other nodes, then both sides of the interface, with equal and opposite tractions
+  //   3. momentum: first all nodes except those of the interface, then its two sides, with equal and opposite tractions
   accelerate(soft_, inputs_.dt);
   accelerate(hard_, inputs_.dt);
   apply_answer();
-  // 4. elastic stress                                                                                  DLP (62)
+  // 4. elastic stresses of both bodies from the new velocities                                         DLP (62)
   strain(soft_, dt_);
   strain(hard_, dt_);
 }
@@ -62,11 +62,11 @@ void ShearColumn::gather_inputs() {
     inputs_.velocity_jump[i] = soft_.velocity_at(0)[i] - hard_.velocity_at(0)[i];
     inputs_.pressure[i] = pressure_.at(level, i);
     inputs_.stress_soft[i] = soft_stress[i];
-    inputs_.stress_hard[i] = -hard_stress[i];  // outward stress of the body at z < 0 is -sigma_xz
+    inputs_.stress_hard[i] = -hard_stress[i];  // tau of the hard body is -sigma_xz, as zeta = -z
   }
 }
 
-// Refuses answers that are not finite, which would otherwise be noticed only some steps later.
+// Refuses answers of the interface law that are not finite, which would otherwise be noticed only some steps later.
 void ShearColumn::check_answer() const {
   constexpr auto kLastRegime = static_cast<std::uint8_t>(wire::Regime::kMelting);
   for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {
@@ -97,8 +97,8 @@ void ShearColumn::apply_answer() {
   double* soft_velocity = soft_.velocity_at(0);
   double* hard_velocity = hard_.velocity_at(0);
   for (std::size_t i = 0; i < s.size(); ++i) {
-    // Bodies that stick get the same velocity to the last bit: with two momentum equations, rounding errors would leave
-    // a jump.
+    // Bodies that stick get the same velocity to the last bit: each by its own momentum equation, they would keep a
+    // jump of rounding errors.
     if (answer_.velocity_jump_new[i] == 0.0) {
       const double common = (mass_soft * soft_velocity[i] + mass_hard * hard_velocity[i]) / (mass_soft + mass_hard);
       soft_velocity[i] = common;

@@ -52,10 +52,10 @@ class ShearColumn {
   ShearBody hard_;
   InterfaceInputs inputs_;
   InterfaceAnswer answer_;
-  std::vector<double> friction_work_;   // [J/m2]
-  std::vector<double> momentum_start_;  // [Pa s]
-  std::vector<double> energy_start_;    // [J/m2]
-  std::vector<double> traction_hard_;   // -s, the traction on the hard body  [Pa]
+  std::vector<double> friction_work_;   // work against friction since the start, per column  [J/m2]
+  std::vector<double> momentum_start_;  // momentum of each column before its first step  [Pa s]
+  std::vector<double> energy_start_;    // energy of each column before its first step  [J/m2]
+  std::vector<double> traction_hard_;   // tau of the hard body at z = 0: -s, because zeta = -z (shear_body.hpp)
 };
 
 }  // namespace shearbus::hydro

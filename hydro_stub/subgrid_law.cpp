@@ -38,7 +38,7 @@ std::optional<server::Embedded> embed(const SubgridServer& server) {
   return std::optional<server::Embedded>(std::in_place, options);
 }
 
-// Adds the time between construction and destruction, spent on the host's thread, to the law's run time.
+// Adds the time from its construction to its destruction, spent on the host's thread, to the law's LawTime.
 class Stopwatch {
  public:
   explicit Stopwatch(LawTime& time) : time_(time) {}
@@ -121,16 +121,16 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_soft_plastic_strain_rate;  // the session accepts this optional column, and `request` does not have it yet
-  Batch request;                        // columns of a step
+  bool wants_soft_plastic_strain_rate;  // the session takes this optional column, which `request` lacks yet
+  Batch request;                        // columns that are sent in each step
   std::string server;
   bool outlives_process;
   LawTime time;
-  const InterfaceInputs* asked = nullptr;  // inputs of the present step
+  const InterfaceInputs* asked = nullptr;  // inputs of the step that was sent last
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
-  wire::SessionClosed totals;  // set by close()
+  wire::SessionClosed totals;  // what the server reported when close() ended the session
 };
 
 std::string explain(const SceneText& scene, std::size_t nodes) {
@@ -143,8 +143,8 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
         return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
-// Marks the restored state again. It is then the newest of the two marks that the server keeps, so the next mark does
-// not replace it.
+// Restores the saved state of the layers and marks it again: it is then the newest of the two marks that the server
+// keeps, so that the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });

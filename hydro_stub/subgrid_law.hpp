@@ -1,5 +1,5 @@
-// The interface law of the subgrid service. Only this file pair of the hydrocode includes the client. Without an
-// endpoint the server runs in this process.
+// The interface law that asks the subgrid service. Of the hydrocode only subgrid_law.hpp and .cpp include the client.
+// Without an endpoint the server runs in this process.
 #pragma once
 
 #include <cstdint>
@@ -38,14 +38,14 @@ class SubgridLaw : public InterfaceLaw {
   // Opens a session for the nodes. Throws wire::Error with the server's refusal.
   SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
              std::span<const double> initial_temperature, const SubgridServer& server = {});
-  // Restores the state that another process saved.
+  // Resumes the session of another process and restores the state `kept` that keep() saved there.
   SubgridLaw(const std::string& kept, const SubgridServer& server);
   ~SubgridLaw() override;  // a session that has a saved state and was not closed stays open
 
   // A step stays a trial until the next advance(), which commits it in the same round trip, or until close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
   void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends the request
-  void finish() override;                                                       // waits for the reply
+  void finish() override;                                                       // waits for the answer
   void take_back() override;
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;
@@ -53,7 +53,7 @@ class SubgridLaw : public InterfaceLaw {
   void close() override;  // throws if the session cannot be closed
   OmittedCost omitted_cost() const override;
 
-  const std::string& server() const;                 // address of the server, for messages
+  const std::string& server() const;                 // address of the subgrid server, for messages
   const std::vector<std::string>& warnings() const;  // warnings of the server about the scene
 
  private:

@@ -16,9 +16,9 @@ namespace shearbus::hydro {
 
 struct RunTime {
   std::chrono::nanoseconds total{0};
-  std::chrono::nanoseconds solver{0};  // time in the solver of the law
-  std::chrono::nanoseconds bus{0};     // round trips without the solver
-  std::chrono::nanoseconds output{0};  // writing of histories
+  std::chrono::nanoseconds solver{0};  // time in the solver of the interface law
+  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in its solver
+  std::chrono::nanoseconds output{0};  // time spent writing histories
   std::chrono::nanoseconds hydro() const { return total - solver - bus - output; }
 };
 
@@ -28,7 +28,7 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // call it after InterfaceLaw::close()
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // only known after InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;
@@ -56,17 +56,17 @@ class Summary {
   physics::Material soft_;
   double heat_share_;  // share of the friction heat that enters the soft body, beta_T
   Peak peak_;
-  std::vector<double> melting_time_;  // first time at or above the melting threshold, negative: not reached  [s]
-  std::vector<double> slip_;          // integral of |[v]|  [m]
+  std::vector<double> melting_time_;  // per node: first time with T0 above melting_threshold(); negative: none  [s]
+  std::vector<double> slip_;          // slip of each node since the start, the integral of |[v]| dt  [m]
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
   wire::EnergyTotals energy_;
   OmittedCost omitted_;
   std::uint64_t flagged_ = 0;
 
-  double friction_work_ = 0.0;      // sum over nodes  [J/m2]
-  double momentum_residual_ = 0.0;  // largest of all nodes, relative to the momenta of the balance
-  double energy_residual_ = 0.0;    // largest of all nodes, relative to the energies of the balance
+  double friction_work_ = 0.0;      // work against friction, sum over nodes  [J/m2]
+  double momentum_residual_ = 0.0;  // residual of the momentum balance, largest of all nodes, relative to its terms
+  double energy_residual_ = 0.0;    // residual of the energy balance, largest of all nodes, relative to its terms
   RunTime time_;
 };
 

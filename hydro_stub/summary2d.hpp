@@ -29,7 +29,7 @@ struct Summary2d {
   const InterfaceHistory& interface;
   std::vector<Comparison> comparisons;
   RunTime2d time;
-  OmittedCost omitted = {};  // set after InterfaceLaw::close()
+  OmittedCost omitted = {};  // empty until InterfaceLaw::close() has been called
 
   std::string text() const;
   std::string json() const;

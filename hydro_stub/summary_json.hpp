@@ -7,7 +7,7 @@
 
 namespace shearbus::hydro {
 
-nlohmann::ordered_json as_json(const wire::EnergyTotals& energy);  // mean over the nodes  [J/m2]
+nlohmann::ordered_json as_json(const wire::EnergyTotals& energy);  // energies as means over the nodes  [J/m2]
 nlohmann::ordered_json as_json(const OmittedCost& omitted);
 
 }  // namespace shearbus::hydro

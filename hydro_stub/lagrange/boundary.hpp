@@ -7,12 +7,12 @@
 
 namespace shearbus::lagrange {
 
-// Constrains nodes to v . normal = speed. Speed 0 is a plane of symmetry, otherwise a piston. Walls that share nodes
-// must be at right angles.
+// A wall constrains its nodes to v . normal = speed. With speed 0 it is a plane of symmetry, otherwise a piston. Walls
+// that share nodes must be at right angles.
 struct Wall {
   std::vector<int> nodes;
   Vec2 normal;         // unit vector
-  double speed = 0.0;  // along the normal  [m/s]
+  double speed = 0.0;  // velocity of the wall along `normal`  [m/s]
 };
 
 // A given pressure on a polyline of boundary nodes with the body on its left.
@@ -27,7 +27,7 @@ struct Given {
   double work = 0.0;  // [J per metre of depth, or per radian]
 };
 
-// Returns the load's force on each of its nodes.
+// Returns the force of the pressure load on each of the load's nodes.
 std::vector<Vec2> pressure_forces(const Mesh& mesh, const PressureLoad& load, const std::vector<Vec2>& position);
 
 // Projects vectors of nodes onto the directions that the walls leave free.

@@ -12,9 +12,9 @@ namespace {
 
 // Smallest covered share of a node's area for which the law is asked: a stress over a smaller area is not meaningful.
 constexpr double kLeastCovered = 0.05;
-// A node under a smaller pressure counts as open: such pressures come from rounding or from the foot of a smeared
-// shock.
-constexpr double kLeastPressure = 1e4;  // [Pa]
+// A node under a smaller pressure counts as open: pressures below 1e4 Pa come from rounding or from the foot of a
+// smeared shock.
+constexpr double kLeastPressure = 1e4;  // smallest pressure of a closed node  [Pa]
 
 // Returns the share of a zone's plastic strain rate that is shear along a surface with tangent t. By the flow rule it
 // is sqrt(3) |s_tn| / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
@@ -126,7 +126,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
-    // Any positive mass will do for the nodes skipped below: at pressure 0 nothing depends on the masses.
+    // Nodes that the hard surface hardly covers keep these masses. At their pressure of 0 nothing depends on the value.
     inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
@@ -143,8 +143,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // The mean over the node's area smooths the scatter that the nodal pressures p_i have where the zones of the two
-    // bodies differ in width.
+    // The mean pressure over the node's area smooths the scatter that the nodal pressures p_i have where the zones of
+    // the two bodies differ in width.
     for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
     if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
     inputs_.mass_soft[i] = state.node_mass[node] / area;

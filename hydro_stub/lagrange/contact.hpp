@@ -27,8 +27,8 @@ struct ContactOptions {
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
   // Shares of the gap that are corrected in one step, so that curved surfaces which slide along each other stay
   // together (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
-  double push_out = 0.2;  // share for bodies that overlap
-  double approach = 0.5;  // share for bodies that would touch within the step
+  double push_out = 0.2;  // share of the gap corrected in a step where the bodies overlap
+  double approach = 0.5;  // share of the gap closed in a step where the bodies would touch within it
 };
 
 class Contact {
@@ -44,11 +44,11 @@ class Contact {
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
                 std::vector<Vec2>& velocity_new);
 
-  // Called for an accepted step: adds the dissipated energy to the zones and to the totals.
+  // Adds the heat of friction and of closing gaps in an accepted step to the zones' energies and to the totals.
   void deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, const std::vector<double>& mass,
                     std::vector<double>& energy);
 
-  // number of interface nodes on lines with friction, for which the law is asked; in weights() they come first
+  // number of interface nodes on slide lines with friction, for which the law is asked; weights() has these nodes first
   int size() const { return weights_.rubbing(); }
   const InterfaceWeights& weights() const { return weights_; }
   const std::vector<Vec2>& impulse() const { return impulse_; }     // impulse of the step, per mesh node  [kg m/s]
@@ -57,7 +57,7 @@ class Contact {
   double friction_heat() const { return heat_[kFriction]; }  // friction heat since the start  [J]
   double closing_heat() const { return heat_[kClosing]; }
 
-  // State that is carried from one step to the next.
+  // The contact's state that is carried from one step to the next, for restart dumps (Cycle::memory).
   std::span<double> heat() { return heat_; }
   std::span<double> plastic_strain() { return inputs_.zone_plastic_strain; }
   std::span<double> soft_plastic_strain_rate() { return inputs_.soft_plastic_strain_rate; }
@@ -79,7 +79,7 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // pressure impulse p_i dt of each interface node in the step  [Pa s]
   std::vector<Vec2> impulse_;
-  double plastic_time_ = 0.0;  // time to which the plastic strains in inputs_ belong  [s]
+  double plastic_time_ = 0.0;  // time at which the plastic strains in inputs_ were taken  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};
 };

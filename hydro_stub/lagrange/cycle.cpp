@@ -69,7 +69,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
   middle_density_ = state_.density;
   middle_pressure_ = state_.pressure;
   find_gradients();
-  find_forces();  // the viscous rates found with the forces limit the first step
+  find_forces();  // for the viscous rates, which limit the first step
 }
 
 void Cycle::run_to(double end_time) {
@@ -96,31 +96,33 @@ void Cycle::advance(double end_time) {
 
 // The scheme of one step. Returns false, with the state unchanged, if the step is too long.
 bool Cycle::try_step(double dt) {
-  // 1. positions, volumes and weights after half a step with the old velocities
+  // 1. moves the nodes for half a step with the old velocities; positions, volumes and weights at mid-step
   if (!go_to_middle(dt)) return false;
   find_gradients();
-  // 2. state at mid-step: density, energy from the old stresses, deviators, pressure
+  // 2. predicts the state at mid-step: density, energy (by the work of the old stresses), deviators, pressure
   predict_state(dt);
-  // 3. corner forces of stress, viscosity and hourglass control; their sums on the nodes; given pressures
+  // 3. computes the corner forces of stress, viscosity and hourglass control, their sums on the nodes, and the
+  //    forces of the pressure loads
   find_forces();
-  // 4. velocities by the momentum balance, constrained by the walls
+  // 4. advances the velocities by the momentum balance, constrained by the walls
   accelerate(dt);
-  // 5. slide lines: bodies press and rub on each other; while the law runs, the deviators of the zones away from
-  //    the lines are advanced
+  // 5. lets the bodies press and rub on each other along the slide lines; while the interface law computes, the
+  //    deviators of the zones away from the slide lines are advanced
   contact_.ask(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
   find_mean_velocities();
   advance_stress(dt, Reach::kInner);
   contact_.answered(state_, guides_, dt, law_, velocity_new_);
-  // 6. positions at the end of the step
+  // 6. moves the nodes to the end of the step with the mean velocities
   if (!go_to_end(dt)) {
     if (law_ != nullptr) law_->take_back();
     return false;
   }
-  // 7. energy: the work of each force with the mean velocity, heat of the slide lines, work of walls and loads
+  // 7. adds to the zones' energy the work of each force with the mean velocity and the heat of the slide lines; books
+  //    the work of walls and loads
   do_work(dt);
   contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
   book_boundaries(dt);
-  // 8. deviators of the zones on slide lines; density, pressure, sound speed, temperature
+  // 8. advances the deviators of the zones on slide lines; updates density, pressure, sound speed and temperature
   advance_stress(dt, Reach::kRim);
   state_.deviator_xx.swap(xx_new_);
   state_.deviator_yy.swap(yy_new_);
@@ -252,7 +254,7 @@ void Cycle::find_mean_velocities() {
 
 bool Cycle::go_to_end(double dt) {
   const int nodes = bodies_.mesh.num_nodes();
-  find_mean_velocities();  // slide lines have changed the velocities of their nodes
+  find_mean_velocities();  // again: the slide lines have changed velocity_new_
 #pragma omp parallel for schedule(static) if (nodes >= kFewestForThreads)
   for (int n = 0; n < nodes; ++n) position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
   measure_volumes(bodies_.mesh, position_new_, volume_new_);

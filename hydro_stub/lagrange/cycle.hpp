@@ -67,19 +67,19 @@ struct Memory {
 
 class Cycle {
  public:
-  // `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws std::invalid_argument for
-  // inconsistent bodies.
+  // The interface law `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws
+  // std::invalid_argument for inconsistent bodies.
   explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
   // Advances by one step, at most to `end_time`. A step that is too long (it inverts a zone, or changes the volume of a
   // zone by more than twice the limit volume_change) is rejected and repeated with a quarter of its length. Throws
-  // std::runtime_error with the zone if that does not help.
+  // std::runtime_error that names the zone if shorter and shorter steps do not help.
   void advance(double end_time);
   void run_to(double end_time);
 
   const Mesh& mesh() const { return bodies_.mesh; }
   const State& state() const { return state_; }
-  const TimeStep& time_step() const { return step_; }  // the last accepted step
+  const TimeStep& time_step() const { return step_; }  // length and limit of the last accepted step
   std::uint64_t steps() const { return steps_; }
   std::uint64_t rejected_steps() const { return rejected_; }
   const Contact& contact() const { return contact_; }
@@ -117,7 +117,7 @@ class Cycle {
   Vec2 impulse_given_;
   double work_given_ = 0.0;
 
-  // Work arrays of the present step.
+  // Work arrays of the step that is being made.
   Geometry middle_;  // geometry at mid-step, n+1/2
   std::vector<Vec2> middle_position_;
   std::vector<double> middle_density_;
@@ -126,8 +126,8 @@ class Cycle {
   std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // stress deviators at mid-step  [Pa]
   std::vector<double> sound_squared_;
   std::vector<Vec2> corner_force_;
-  std::vector<Vec2> node_force_;               // sum of the zones' corner forces
-  std::vector<std::vector<Vec2>> load_force_;  // forces of each load
+  std::vector<Vec2> node_force_;               // force of the zones on each node, the sum of its corners' forces
+  std::vector<std::vector<Vec2>> load_force_;  // forces of each pressure load on its nodes
   std::vector<Vec2> position_new_;
   std::vector<Vec2> velocity_new_;
   // mean of the velocities at the start and end of the step; it moves the nodes, and forces do their work with it

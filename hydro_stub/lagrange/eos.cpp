@@ -108,7 +108,8 @@ void Eos::tabulate_isentrope() {
   }
 }
 
-// Interpolates with the cubic through values and slopes; beyond the table the energy is linear with the last slope.
+// Interpolates the energy on the isentrope by the cubic through tabulated values and slopes; beyond the table the
+// energy is linear with the last slope.
 double Eos::isentrope_energy(double compression) const {
   const double last = static_cast<double>(isentrope_energy_.size() - 1);
   const double at = (compression - first_compression_) / compression_step_;

@@ -44,7 +44,7 @@ class Eos {
   explicit Eos(const IdealGas& gas);
   explicit Eos(const MieGrueneisen& metal);
 
-  // Evaluates the zones [first, last).
+  // Computes pressure and squared sound speed of the zones [first, last).
   void evaluate(const std::vector<double>& density, const std::vector<double>& energy, int first, int last,
                 std::vector<double>& pressure, std::vector<double>& sound_speed_squared) const;
 
@@ -65,7 +65,8 @@ class Eos {
   bool is_gas_;
   IdealGas gas_;
   MieGrueneisen metal_;
-  // Energy and its slope on the reference isentrope, over the compression 1 - rho0/rho.
+  // Table of the energy and its slope on the isentrope through the reference state, at equal steps of the compression
+  // 1 - rho0/rho.
   double first_compression_ = 0.0;
   double compression_step_ = 0.0;
   std::vector<double> isentrope_energy_;

@@ -57,7 +57,7 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
       h[k] = shape[k];
       b[k] = {-shape[k], 0.0};
     }
-    for (int k = 0; k < 4; ++k) {  // the radius r is linear along an edge
+    for (int k = 0; k < 4; ++k) {  // edge k, along which the radius r is linear
       const int next = (k + 1) % 4;
       const Vec2 normal = right_of(x[next] - x[k]);
       b[k] += ((2.0 * x[k].x + x[next].x) / 6.0) * normal;
@@ -96,7 +96,7 @@ Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std
 
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position) {
   const bool axisymmetric = mesh.symmetry() == Symmetry::kAxisymmetric;
-  // abscissa of the two Gauss points per direction, which integrate N_i r dA exactly
+  // Abscissa +-1/sqrt(3) of the Gauss rule with two points in each direction, which integrates N_i r dA exactly.
   constexpr double kGauss = 0.57735026918962576;
   constexpr std::array<Vec2, 4> kReference = {Vec2{-1, -1}, Vec2{1, -1}, Vec2{1, 1}, Vec2{-1, 1}};
   std::vector<double> corner(4 * static_cast<std::size_t>(mesh.num_zones()), 0.0);

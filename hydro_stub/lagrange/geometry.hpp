@@ -10,9 +10,9 @@
 // and the forces that do the same work, sum F_i . v_i = -V (sigma : D), are F_i = -(sigma . b_i + sigma_tt h_i e_r).
 // This is the true-volume (control-volume) form of compatible hydrodynamics (Caramana, Burton, Shashkov, Whalen, J.
 // Comput. Phys. 146 (1998) 227). Energy closes to rounding in both symmetries. Since sum b_i = 0, momentum closes to
-// rounding in the plane, and its axial component does in axisymmetry. With the corner masses below, plane waves along
-// the axis stay plane and cylindrical waves stay cylindrical, to rounding, and uniform dilatation has no deviator;
-// spherical symmetry is kept to second order only, as in every true-volume form.
+// rounding in the plane, and its axial component does in axisymmetry. With corner_volumes() as masses, plane waves
+// along the axis stay plane and cylindrical waves stay cylindrical, to rounding, and uniform dilatation has no
+// deviator; spherical symmetry is kept to second order only, as in every true-volume form.
 #pragma once
 
 #include <cstddef>
@@ -44,7 +44,7 @@ struct Gradient {
 
 void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geometry);
 
-// Computes volumes only. If a step was too long, some of them are not positive.
+// Computes only the volumes of the zones. If a step was too long, some volumes are not positive.
 void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::vector<double>& volume);
 
 Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone);

@@ -17,7 +17,7 @@ void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometr
     const std::array<Vec2, 4> x = {position[n[0]], position[n[1]], position[n[2]], position[n[3]]};
     const Vec2 skew = (x[0] - x[1]) + (x[2] - x[3]);
     const double inverse_area = 1.0 / geometry.area[zone];
-    // The hourglass mode without the part that a linear velocity field contains.
+    // The hourglass mode (+1, -1, +1, -1 on the corners) less the part that linear velocity fields contain.
     std::array<double, 4> mode;
     Vec2 rate;
     for (int k = 0; k < 4; ++k) {
@@ -25,7 +25,7 @@ void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometr
       mode[k] = kMode[k] - inverse_area * dot(slope, skew);
       rate += mode[k] * velocity[n[k]];
     }
-    const double mean_radius = geometry.volume[zone] * inverse_area;  // 1 in plane symmetry
+    const double mean_radius = geometry.volume[zone] * inverse_area;  // mean r of the zone; 1 in plane symmetry
     const double damping =
         0.25 * coefficient * density[zone] * sound_speed[zone] * std::sqrt(geometry.area[zone]) * mean_radius;
     for (int k = 0; k < 4; ++k) corner_force[4 * zone + k] -= (damping * mode[k]) * rate;

@@ -9,8 +9,8 @@
 
 namespace shearbus::lagrange {
 
-// Adds the forces to the corner forces of all zones. A `coefficient` of 0.25 damps a mode within about one step and is
-// the stability limit at a Courant number of 1.
+// Adds the hourglass forces to the corner forces of all zones. A `coefficient` of 0.25 damps a mode within about one
+// step and is the stability limit at a Courant number of 1.
 void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometry, const std::vector<Vec2>& position,
                    const std::vector<Vec2>& velocity, const std::vector<double>& density,
                    const std::vector<double>& sound_speed, std::vector<Vec2>& corner_force);

@@ -7,7 +7,7 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Adds `amount` to the `value` of the entry whose `key` is `of`; creates the entry if it is missing.
+// Adds `amount` to the member `value` of the entry whose member `key` is `of`; creates the entry if it is missing.
 template <class Entry, class Value>
 void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
   const auto found = std::ranges::find(entries, of, key);
@@ -108,7 +108,7 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
   const Vec2 apart = p + 0.5 * pq - 0.5 * ab;
   if (dot(apart, apart) > 2.0 * reach || !(dot(ab, pq) < 0.0)) return;
 
-  const double at_p = dot(p, ab) / square;  // position along the soft segment, from 0 at a to 1 at b
+  const double at_p = dot(p, ab) / square;  // place of p along the soft segment, from 0 at a to 1 at b
   const double at_q = dot(p + pq, ab) / square;
   const double from = std::max(0.0, at_q);
   const double to = std::min(1.0, at_p);

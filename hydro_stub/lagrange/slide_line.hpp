@@ -44,7 +44,7 @@ struct PushWeight {
   Vec2 weight;  // force on mesh node `node` per unit pressure p_i  [m2]
 };
 struct RowWeight {
-  int row;        // number of an interface node on the line of node i, or of node i itself
+  int row;        // interface node on the same slide line as node i; may be node i itself
   double weight;  // integral N_i N_row r dl  [m2]
 };
 struct RubWeight {
@@ -53,7 +53,7 @@ struct RubWeight {
 };
 struct ZoneShare {
   int zone;
-  double share;  // share of the heat dissipated at the interface node; the shares on each side sum to 1
+  double share;  // the zone's share of its body's part of the heat at an interface node; each body's shares sum to 1
 };
 
 // The weights of the interface nodes of all slide lines, computed for given positions of the nodes.
@@ -69,14 +69,14 @@ class InterfaceWeights {
   int rubbing() const { return rubbing_; }
   int node(int i) const { return node_[i]; }  // mesh node of interface node i
   int line(int i) const { return line_[i]; }
-  // Returns the two soft zones at the node; at an end of the surface both are the same zone.
+  // Returns the two soft zones that meet at interface node i; at an end of the surface both are the same zone.
   std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
-  bool faces(int i) const { return area_[i] > 0.0; }  // true if a hard surface is near
-  double area(int i) const { return area_[i]; }       // covered area A_i of the node  [m2]
+  bool faces(int i) const { return area_[i] > 0.0; }  // true if the hard surface covers part of the node's area
+  double area(int i) const { return area_[i]; }       // part of the node's area that the hard surface covers, A_i  [m2]
   // share of the node's area that the hard surface covers
   double covered(int i) const { return area_[i] / whole_area_[i]; }
   double gap(int i) const { return gap_[i]; }        // mean gap over A_i, negative where the bodies overlap  [m]
-  Vec2 tangent(int i) const { return tangent_[i]; }  // unit tangent in the direction of the soft surface
+  Vec2 tangent(int i) const { return tangent_[i]; }  // unit tangent, in the direction of the soft surface's nodes
   std::span<const PushWeight> push(int i) const { return push_[i]; }
   std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }
   std::span<const RubWeight> rub(int i) const { return rub_[i]; }

@@ -6,7 +6,7 @@ namespace shearbus::lagrange {
 namespace {
 
 Deviator rotated(const Deviator& s, double spin, double dt) {
-  const double t = 0.5 * spin * dt;  // tangent of half the rotation angle
+  const double t = 0.5 * spin * dt;  // tan(angle/2) of the rotation
   const double scale = 1.0 / (1.0 + t * t);
   const double cosine = (1.0 - t * t) * scale;
   const double sine = 2.0 * t * scale;
@@ -17,10 +17,10 @@ Deviator rotated(const Deviator& s, double spin, double dt) {
           sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
 }
 
-// The metal of a zone with its state in this step.
+// The metal of a zone, with the zone's state before the step and the step length.
 struct Zone {
   const physics::Material& metal;
-  double g;  // factor of the flow stress at the pressure and temperature below
+  double g;  // softening g(pressure, temperature): a factor of the flow stress
   double plastic_strain;
   double pressure;     // [Pa]
   double temperature;  // [K]
@@ -35,9 +35,9 @@ struct Zone {
   }
 };
 
-// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x. The left side rises strictly: Newton's
-// method, kept between 0 and the increment of perfect plasticity. Under concave hardening the iterates rise from x = 0
-// to the root and cannot pass it.
+// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x, where `trial` is the equivalent stress of
+// the trial deviator. The left side rises strictly. Newton's method is kept between 0 and the increment of perfect
+// plasticity. Under concave hardening its iterates rise from x = 0 to the root and cannot pass it.
 double plastic_increment(const Zone& zone, double trial, double yield) {
   const physics::Material& metal = zone.metal;
   const double stiffness = 3.0 * metal.shear_modulus;
@@ -68,15 +68,15 @@ double equivalent_stress(const Deviator& s) {
 
 StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& d, double dt,
                               double plastic_strain, double pressure, double temperature) {
-  // 1. rotation
+  // 1. rotates the old deviator with the metal
   Deviator s = rotated(old, 0.5 * (d.yx - d.xy), dt);
-  // 2. elastic trial
+  // 2. adds the elastic growth of the step, which gives the trial deviator
   const double stretch = 2.0 * metal.shear_modulus * dt;
   const double mean = d.dilatation() / 3.0;
   s.xx += stretch * (d.xx - mean);
   s.yy += stretch * (d.yy - mean);
   s.xy += stretch * 0.5 * (d.xy + d.yx);
-  // 3. radial return
+  // 3. returns the trial deviator radially to the flow stress
   const double trial = equivalent_stress(s);
   if (trial == 0.0) return {s, 0.0};
   const Zone zone{metal, physics::softening(metal, pressure, temperature).g, plastic_strain, pressure, temperature, dt};

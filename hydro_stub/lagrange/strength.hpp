@@ -6,14 +6,14 @@
 
 namespace shearbus::lagrange {
 
-// Components in the plane; the component across the plane (hoop, or out of plane) is -(xx + yy).
+// Components of a stress deviator in the plane; the one across the plane (hoop, or out of plane) is -(xx + yy).
 struct Deviator {
   double xx = 0.0;
   double yy = 0.0;
   double xy = 0.0;
 };
 
-// Returns sqrt(3/2 s:s).
+// Returns von Mises' equivalent stress sqrt(3/2 s:s).
 double equivalent_stress(const Deviator& s);
 
 struct StrengthStep {

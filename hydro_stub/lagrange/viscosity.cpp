@@ -11,8 +11,8 @@ namespace {
 constexpr double kRounding = 1e-10;
 
 struct Compression {
-  double rate;     // the most negative eigenvalue of the strain rate  [1/s]
-  Vec2 direction;  // unit vector
+  double rate;     // lambda: the most negative eigenvalue of the strain rate  [1/s]
+  Vec2 direction;  // unit eigenvector of `rate`
 };
 
 Compression strongest_compression(const Gradient& d) {
@@ -21,7 +21,8 @@ Compression strongest_compression(const Gradient& d) {
   const double shear = 0.5 * (d.xy + d.yx);
   const double radius = std::sqrt(difference * difference + shear * shear);
   if (radius == 0.0) return {mean, {1.0, 0.0}};
-  // Eigenvector to the eigenvalue mean - radius, from the row of the matrix in which nothing cancels.
+  // Eigenvector of the strain rate for its lower eigenvalue, mean - radius, from the row of the matrix in which nothing
+  // cancels.
   const Vec2 v = difference > 0.0 ? Vec2{-shear, difference + radius} : Vec2{radius - difference, -shear};
   return {mean - radius, (1.0 / norm(v)) * v};
 }
@@ -30,14 +31,15 @@ double rate_along(const Gradient& d, Vec2 s) {
   return s.x * s.x * d.xx + s.x * s.y * (d.xy + d.yx) + s.y * s.y * d.yy;
 }
 
-// Returns the length of a zone along the direction s, 1/|J^-1 s|; the columns of J are the mean edges.
+// Returns the length of a zone along the direction s, 1/|J^-1 s|; the columns of J are the zone's mean edges.
 double length_along(const Vec2& across, const Vec2& up, Vec2 s) {
   const double inverse = 1.0 / cross(across, up);
   const Vec2 reference = {inverse * cross(s, up), inverse * cross(across, s)};
   return 1.0 / norm(reference);
 }
 
-// Returns psi: 1 in smooth flow, 0 at the edge of a shock. It is the smaller value of the zone's two mesh directions.
+// Returns the limiter psi of the viscosity: 1 in smooth flow, 0 at the edge of a shock. psi is the smaller of the
+// values for the two directions of the mesh.
 double smoothness(const Mesh& mesh, const std::vector<Gradient>& gradient, int zone, const Compression& c) {
   double psi = 1.0;
   for (const int k : {0, 1}) {

@@ -7,10 +7,10 @@
 
 namespace shearbus::hydro {
 
-// Returns the root of an increasing function.
+// Returns the root of the increasing function f between `low` and `high`.
 double root(double low, double high, const std::function<double(double)>& f);
 
-// Returns the density at a pressure and zero energy.
+// Returns the density of a metal at a pressure and zero specific internal energy.
 double density_at(const lagrange::MieGrueneisen& metal, double pressure);
 
 // The two waves in a hypo-elastic, perfectly plastic metal that is driven at a velocity: an elastic jump to the

@@ -1,4 +1,4 @@
-// Strong shocks in ideal gases: Noh, Sedov, Saltzman. These problems catch errors of energy and symmetry.
+// Strong shocks in ideal gases: the problems of Noh, Sedov and Saltzman, which show errors of energy and symmetry.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -18,7 +18,7 @@ using lagrange::Vec2;
 
 namespace {
 
-// A square between two planes of symmetry; in axisymmetry these are the axis and the equator.
+// A square of gas between two planes of symmetry; in axisymmetry the axis and the equatorial plane take their place.
 Bodies quarter(Symmetry symmetry, int zones, double length, double gamma) {
   Mesh mesh(symmetry);
   const Block block = mesh.add_block(zones, zones, [=](int i, int j) {
@@ -76,7 +76,7 @@ std::vector<Comparison> compare(const NohProblem& p, const Cycle& cycle) {
           {"mean error of the density", "1", 0.0, error / reference}};
 }
 
-// The point blast of L. I. Sedov. With gamma = 1.4 and density 1 the energies below put the shock at r = 1 at t = 1.
+// The point blast of L. I. Sedov. With gamma = 1.4, density 1 and the energy set here the shock is at r = 1 at t = 1.
 Bodies make_bodies(const SedovProblem& p) {
   Bodies bodies = quarter(p.symmetry, p.zones, 1.2, 1.4);
   // Energy of the blast in the modelled part: a quarter of the plane per depth, or the upper half of space per radian.

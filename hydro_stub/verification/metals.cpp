@@ -19,7 +19,7 @@ using lagrange::Vec2;
 
 namespace {
 
-// A sector of a cylinder in plane symmetry; i runs along the radius.
+// A sector of the imploding cylinder in plane symmetry; the mesh index i runs along the radius.
 Bodies cylinder_sector(const ImplosionProblem& p) {
   constexpr int kAround = 4;
   constexpr double kAngle = 0.2;
@@ -35,7 +35,7 @@ Bodies cylinder_sector(const ImplosionProblem& p) {
   return bodies;
 }
 
-// A slice of a long cylinder in axisymmetry; i runs along the radius.
+// A slice of a long imploding cylinder in axisymmetry; the mesh index i runs along the radius.
 Bodies cylinder_slice(const ImplosionProblem& p) {
   constexpr int kAlong = 4;
   Mesh mesh(Symmetry::kAxisymmetric);
@@ -49,7 +49,7 @@ Bodies cylinder_slice(const ImplosionProblem& p) {
   return bodies;
 }
 
-// The upper half of a spherical shell; i runs from the equator to the axis, j inward.
+// The upper half of a spherical shell; the mesh index i runs from the equator to the axis, j inward.
 Bodies sphere(const ImplosionProblem& p) {
   const int around = 2 * p.zones;
   Mesh mesh(Symmetry::kAxisymmetric);
@@ -127,8 +127,9 @@ Bodies make_bodies(const TaylorProblem& p) {
   return bodies;
 }
 
-// Copper bar, 32.4 mm by 3.2 mm, at 227 m/s, with Y = 400 MPa + 100 MPa ep. Codes in the literature find a length of
-// 21.4-21.7 mm and a foot radius of 6.97-7.24 mm at 80 us; the comparison uses the middle of each range.
+// Taylor's copper bar, length 32.4 mm, radius 3.2 mm, 227 m/s, with Y = 400 MPa + 100 MPa ep. Codes in the literature
+// find a length of 21.4-21.7 mm and a foot radius of 6.97-7.24 mm at 80 us; the comparison uses the middle of each
+// range.
 std::vector<Comparison> compare(const TaylorProblem& p, const Cycle& cycle) {
   const Block& block = cycle.mesh().blocks()[0];
   return {{"length", "m", 21.55e-3, cycle.state().position[block.node(0, block.ny)].y},

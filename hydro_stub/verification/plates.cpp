@@ -34,8 +34,8 @@ Bodies make_bodies(const PlatesProblem& p) {
   const Block soft = block(p.width, 0.0, p.soft_depth);
   const Block hard = block(1.25 * p.width, -p.hard_depth, 0.0);
   Bodies bodies(std::move(mesh));
-  // The exact solutions use the densities and moduli at zero pressure. Under pressure the metal is denser, so its
-  // modulus is lowered to keep the impedance.
+  // The exact solutions use densities and moduli at zero pressure. Under pressure a metal is denser, so its shear
+  // modulus G0 is lowered here to keep the shear impedance sqrt(rho G0).
   const auto add = [&](const Block& at, Metal metal, Vec2 velocity) {
     const double density = density_at(metal.eos, p.pressure);
     metal.strength.shear_modulus *= metal.eos.density / density;
@@ -51,8 +51,8 @@ Bodies make_bodies(const PlatesProblem& p) {
   return bodies;
 }
 
-// Compares at the middle of the line. The velocity of the soft plate's face falls by 2 s/Z, with friction stress s and
-// shear impedance Z, each time the wave returns from the free back of the plate.
+// Compares the face of the soft plate at the middle of the slide line. The velocity of the face falls by 2 s/Z, with
+// friction stress s and shear impedance Z, each time the wave returns from the free back of the plate.
 std::vector<Comparison> compare(const PlatesProblem& p, const Cycle& cycle, double limit) {
   const int middle = cycle.contact().size() / 2;
   const double time = cycle.state().time;

@@ -44,7 +44,7 @@ struct FlyerProblem {
 };
 struct ImplosionProblem {
   bool sphere;
-  lagrange::Symmetry symmetry;  // symmetry in which a cylinder is computed
+  lagrange::Symmetry symmetry;  // of a cylinder: kPlane a sector, kAxisymmetric a slice of a long one
   Metal metal;
   double inner, outer, stop;  // initial inner and outer radius, inner radius at rest  [m]
   int zones;                  // zones across the shell
@@ -98,9 +98,9 @@ std::vector<Comparison> compare(const TaylorProblem& problem, const lagrange::Cy
 // times at which waves from the plates' ends have arrived.
 std::vector<Comparison> compare(const PlatesProblem& problem, const lagrange::Cycle& cycle, double limit);
 
-double shear_impedance(const physics::Material& metal);  // sqrt(rho G)  [Pa s/m]
+double shear_impedance(const physics::Material& metal);  // sqrt(rho G0)  [Pa s/m]
 
-// Returns true once the inner surface has come to rest.
+// Returns true once the inner surface of the imploding shell has come to rest.
 bool at_rest(const ImplosionProblem& problem, const lagrange::Cycle& cycle);
 
 // Makes the verification problem of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.

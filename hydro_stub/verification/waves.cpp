@@ -39,7 +39,7 @@ double Strip::stress(const Cycle& cycle, int zone) const {
 
 namespace {
 
-// A zone of the first block and its ends along the strip.
+// A zone of the strip's first block, and the coordinates of its two ends along the strip.
 struct Part {
   int zone;
   double low, high;

@@ -9,12 +9,12 @@
 
 namespace shearbus::study::stability {
 
-using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs and invariants
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs, invariants of tests/support
 
 namespace {
 
-// Runs with at least this many steps check one lane per step, in rotation; checking all lanes would cost more than the
-// steps.
+// Rows with at least this many steps check one lane per step, in rotation; checking all lanes would cost more than the
+// steps themselves.
 constexpr int kManySteps = 2000;
 
 // Returns the largest possible heat of a first step that melts the interface, relative to the heat of one step of
@@ -29,7 +29,7 @@ double share_of_first_step(const ModelOptions& options, bool divided) {
   return divided || options.tolerance ? kExact * of_one_step : 1.0;
 }
 
-// The checks of one scene of a row.
+// Checks the steps of one scene of a row.
 class Judge {
  public:
   Judge(const Row& row, Rig& rig, Outcome& outcome) : row_(row), rig_(rig), outcome_(outcome), molten_(rig) {
@@ -73,7 +73,7 @@ class Judge {
     // A layer with inertia may oscillate; property tests check its waves.
     if (rig_.model.options().inertia) return;
     // Under a tolerance the error of a velocity jump may be the tolerance times 1 m/s. Smaller changes are not ringing.
-    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // [m/s]
+    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // scale of [V]  [m/s]
     stress_[l].see(a.stress, std::abs(a.stress) + 1e6);
     jump_[l].see(a.jump_new, std::abs(a.jump_old) + least_jump);
     require(!stress_[l].rings(), "s rings: {} Pa after {} Pa", a.stress, a.stress_old);

@@ -42,16 +42,16 @@ std::vector<Physics> all_physics();
 // A force-driven step with several solutions: stick, and two different slips (MODEL.md, "Force-driven step").
 struct SeveralAnswers {
   double dt;           // step length  [s]
-  double temperature;  // temperature before the step, T_melt - below  [K]
-  double below;        // distance of `temperature` from melting  [K]
+  double temperature;  // temperature before the step, close to T_melt  [K]
+  double below;        // distance of `temperature` from melting, T_melt - temperature  [K]
   double slip;         // slip velocity [v] that the step would have without friction  [m/s]
 };
-// Searches for such a step near melting, with step lengths from the host's up to 10 us. Returns nothing if there is
-// none.
+// Searches near melting for a force-driven step with several solutions, with step lengths from the host's up to 10 us.
+// Returns nothing if there is none.
 std::optional<SeveralAnswers> several_answers(const Physics& physics);
 
-// The run of one scene of a row: its rig, its host and the current step. Before the first step all inputs have the
-// host's values.
+// The run of one scene of a row: the rig with the scene's model, the host and the current step. Before the first step
+// all inputs have the host's values.
 struct Course {
   Course(Rig& on, const Host& of, int scene_number);
 
@@ -67,7 +67,7 @@ struct Course {
   // Sets the velocity jump. With two components its direction turns slowly, and differs between lanes.
   void impose(int lane, double jump);
   void impose_all(const std::array<double, kLanes>& jumps);
-  void push(int lane, double soft, double hard);  // sets the far stresses, in the direction of impose()
+  void push(int lane, double soft, double hard);  // sets both bodies' far stresses, in the direction of impose()
   void go_on(int lane);                           // force-driven: sets the jump to the final jump of the last step
 };
 
@@ -86,17 +86,17 @@ struct Row {
 };
 std::vector<Row> all_rows();
 
-// kNotMet: all invariants held, but the row did not reach the regime for which it is meant. kNotAsked: the row does not
-// apply to the physics.
+// The verdict on a row that ran on a physics. kNotMet: all invariants held, but the row did not reach the regime for
+// which it is meant. kNotAsked: the row does not apply to the physics.
 enum class Verdict { kHeld, kNotMet, kBroken, kNotAsked };
 
-// The result of a row on a physics.
+// The result of running a row on a physics.
 struct Outcome {
   Verdict verdict = Verdict::kNotAsked;
   std::string reason;  // kBroken: invariant, scene, step and lane; kNotMet: what is missing
   Figures figures;
   SearchEffort most;         // largest search effort in one step of eight lanes
-  double bound_share = 0.0;  // largest friction heat of a lane, relative to its bound by MoltenLayer
+  double bound_share = 0.0;  // largest friction heat of a lane, relative to the bound that MoltenLayer gives
   double seconds = 0.0;
 };
 Outcome run(const Row& row, const Physics& physics, int most_steps = std::numeric_limits<int>::max());
@@ -107,7 +107,7 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided);
 void require_effort(const SearchEffort& step, const Rig& rig);
 void take_most(SearchEffort& most, const SearchEffort& step);
 
-// Detects a value that alternates: many reversals in a row, of which none is much smaller than the reversal before.
+// Detects a value that alternates from step to step: kTurns reversals in a row, none much smaller than the one before.
 class Ringing {
  public:
   // Adds the next value; reversals that are small relative to `size` do not count.
@@ -128,16 +128,16 @@ class Ringing {
 class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);
-  void step(const Rig& rig);  // uses the operators and pressures of the rig's last step
+  void step(const Rig& rig);  // repeats the rig's last step: same operators and pressures, molten interface
   double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }  // heat since the start  [J/m2]
 
  private:
   template <class Operator>
   void step_with(const Operator& heat, const Rig& rig);
 
-  std::vector<double> rows_;              // temperatures of the conducting bodies or, without a profile, modes
+  std::vector<double> rows_;              // temperatures of the bodies that conduct or, without a profile, modes
   std::array<double, kLanes> melting_{};  // highest melting temperature since the start  [K]
-  std::array<double, kLanes> taken_{};    // heat that entered since the start  [J/m2]
+  std::array<double, kLanes> taken_{};    // friction heat that entered each lane since the start  [J/m2]
 };
 
 }  // namespace shearbus::study::stability

@@ -11,11 +11,11 @@
 
 namespace shearbus::study::stability {
 
-using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs and invariants
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs, invariants of tests/support
 
 namespace {
 
-constexpr double kPressure = 11.2e9;  // pressure in all cases  [Pa]
+constexpr double kPressure = 11.2e9;  // pressure on the interface in all controls  [Pa]
 
 // A wrong solver. It computes a step of lane 0 in place of the rig's model.
 using Solver = std::function<void(Rig&, double dt)>;
@@ -33,7 +33,7 @@ struct ControlCase {
   double mass = 1.0;     // mass of each side  [kg/m2]
   double start = 300.0;  // initial temperature  [K]
   bool must_ring = false;
-  // Quantity watched for ringing; `size` is its scale, and changes above 1e-3 of the scale count.
+  // Returns the quantity that is watched for ringing. `size` is its scale; changes above 1e-3 of the scale count.
   std::function<double(const Answered&)> ringing_of;
   double size = 1.0;
   Solver solver;
@@ -46,8 +46,8 @@ struct WrongAnswer {
   Regime regime = Regime::kTresca;
 };
 
-// Writes the answer into the rig's state and outputs. rig.trial must hold the state before the step, rig.committed the
-// temperatures after it.
+// Writes a wrong solver's answer into the rig's state and outputs. rig.trial must hold the state before the step,
+// rig.committed the temperatures after it.
 void finish(Rig& rig, double dt, const WrongAnswer& answer) {
   const TileLayout& layout = rig.model.layout();
   rig.committed[layout.shear_stress] = answer.stress;
@@ -145,7 +145,7 @@ void plain_secant(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// Computes the stress limit of the interface with the temperature before the step.
+// Computes the stress limit of the interface with T0 before the step, where the model uses T0 after the step.
 void explicit_flux(Rig& rig, double dt) {
   const double T_old = rig.T(0);
   const HeatOperator& heat = begin(rig, dt);
@@ -159,8 +159,8 @@ void explicit_flux(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// Solves the slip balance DLP (64) with the layer's flow in the previous step. The flow in this step is computed
-// afterwards.
+// Solves the slip balance DLP (64) with the layer's flow in the previous step. The flow in the present step is computed
+// afterwards, from the stress found.
 Solver lagged_strain() {
   return [flow = 0.0](Rig& rig, double dt) mutable {
     const HeatOperator& heat = begin(rig, dt);
@@ -189,8 +189,8 @@ Solver lagged_strain() {
   };
 }
 
-// Tries an elastic step without conduction of heat. Only if a vertex would yield, the step of the correct model is
-// made.
+// Tries an elastic step without conduction of heat. Only if a vertex would yield in this step, the correct model makes
+// the step.
 void elastic_first(Rig& rig, double dt) {
   begin(rig, dt);
   const ModelOptions& o = rig.model.options();
@@ -224,7 +224,7 @@ Solver crank_nicolson() {
     if (!rig.operators) rig.operators = rig.model.operators(dt);
     rig.trial = rig.committed;
     const std::size_t rows = static_cast<std::size_t>(grid.num_vertices()) * kLanes;
-    midway.resize(rows, 300.0);  // the initial temperature is uniform
+    midway.resize(rows, 300.0);  // first call only: the field before the first step, uniform at 300 K
     for (std::size_t i = 0; i < rows; ++i) midway[i] = 2.0 * rig.committed[i] - midway[i];
     midway[0] += 0.5 * dt * (answer.flux - last_flux) / grid.capacity(0, o.soft, o.hard);
     last_flux = answer.flux;
@@ -234,7 +234,7 @@ Solver crank_nicolson() {
   };
 }
 
-// ---- Checks ----
+// ---- Running the controls and checking their steps ----
 
 ControlOutcome outcome_of(const ControlCase& control, bool model) {
   ControlOutcome outcome;

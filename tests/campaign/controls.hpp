@@ -15,12 +15,12 @@ struct ControlOutcome {
   std::string first;     // message of the first step that broke an invariant
   bool rings = false;    // the watched quantity (stress, velocity jump or T0) alternates
   double factor = 0.0;   // if `rings`: ratio of the last change of the watched quantity to the change before
-  double hottest = 0.0;  // highest interface temperature T0  [K]
+  double hottest = 0.0;  // highest interface temperature T0 of the run  [K]
 
   bool fails() const { return broken > 0 || rings; }
 };
 
-// Outcomes of a wrong solver and of the correct model on the same inputs.
+// The outcomes of one wrong solver, and of the correct model on the same inputs.
 struct Control {
   ControlOutcome wrong, model;
   bool must_ring;  // true: the wrong solver must ring; false: it must break an invariant

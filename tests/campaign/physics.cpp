@@ -9,7 +9,7 @@
 
 namespace shearbus::study::stability {
 
-using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs of tests/support
 
 namespace {
 

@@ -6,7 +6,7 @@
 
 namespace shearbus::study::stability {
 
-using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs and draws
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs, draws of tests/support
 
 namespace {
 
@@ -64,7 +64,8 @@ RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, 
   return outcome;
 }
 
-// Each seed is one history. In turn, the seeds give a usual scene of every kind, then an extreme scene of every kind.
+// Each seed is one history. Successive seeds give a usual scene of every kind, then an extreme scene of every kind, and
+// so on.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed) {
   std::vector<RandomOutcome> outcomes(kKinds.size());
   for (std::size_t i = 0; i < kKinds.size(); ++i) outcomes[i].name = kKinds[i].name;

@@ -11,7 +11,7 @@
 
 namespace shearbus::study::stability {
 
-// A kind of random scenes, which exercises one solver: a name, and the function that draws the options of a scene.
+// A kind of random scenes, each kind for one solver: its name, and the function that draws the options of a scene.
 struct RandomKind {
   const char* name;
   ModelOptions (*options)(testing::Draw& draw, bool extreme);
@@ -33,9 +33,9 @@ struct RandomOutcome {
 // Runs histories of scenes of one kind until they have at least `node_steps` node-steps together. The seeds count up
 // from `first_seed`, one for each history. Half of the histories start from a random state.
 RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, std::uint64_t first_seed);
-// Does the same with all kinds in turn, with usual and with extreme scenes.
+// Runs random histories of all kinds in turn, usual and extreme scenes, until they have made `node_steps` node-steps together.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed);
-// Does the same with the options of one physics; only initial temperature, states and inputs are random.
+// Runs random histories with the options of one physics; only initial temperature, states and inputs are random.
 RandomOutcome run_random(const Physics& physics, long node_steps, std::uint64_t first_seed);
 
 }  // namespace shearbus::study::stability

@@ -24,7 +24,7 @@ Refusal told(std::string name, std::string field, const support::Answer& answer)
   return refusal;
 }
 
-// ---- Scenes ----
+// ---- Scenes that a service must refuse ----
 
 struct BadScene {
   const char* name;
@@ -108,7 +108,7 @@ std::vector<BadScene> bad_scenes() {
   };
 }
 
-// ---- Steps ----
+// ---- Steps that a service must refuse ----
 
 struct BadStep {
   const char* name;

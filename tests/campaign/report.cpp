@@ -20,7 +20,7 @@
 
 namespace shearbus::study {
 
-using namespace stability;  // NOLINT(google-build-using-namespace): what is reported
+using namespace stability;  // NOLINT(google-build-using-namespace): the results reported here
 
 namespace {
 
@@ -49,7 +49,8 @@ const char* name_of(Verdict verdict) {
   return "not asked";
 }
 
-// Combines outcomes: the worst verdict, the largest residuals and efforts, the sums of counts and times.
+// Combines several outcomes into one: the worst verdict, the largest residuals and efforts, the sums of counts and
+// times.
 Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
   Outcome worst;
   for (const Outcome* one : outcomes) {
@@ -135,7 +136,7 @@ void print_random(const Campaign& c) {
   }
 }
 
-// ---- JSON ----
+// ---- The results as JSON ----
 
 void add_figures(nlohmann::ordered_json& to, const Figures& f, const SearchEffort& most) {
   to.update({{"node_steps", f.node_steps},

@@ -18,7 +18,7 @@ struct StabilityOptions : CommandOptions {
   long random_steps = 200000;
   std::uint64_t seed = 1;
   bool only_random = false;  // runs random histories only
-  HostGiven host;            // properties of the host for the given scene
+  HostGiven host;            // properties of the host, if a scene is given
 };
 
 // Adds the subcommand "stability" to the program.

@@ -8,7 +8,7 @@
 
 namespace shearbus::study::stability {
 
-using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs and draws
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs, draws of tests/support
 
 namespace {
 
@@ -16,7 +16,7 @@ using Lanes = std::array<double, kLanes>;
 using Scenes = std::vector<ModelOptions>;
 
 constexpr double kDenormal = 5e-324;
-constexpr double kMostPressure = 200e9;                                            // highest pressure  [Pa]
+constexpr double kMostPressure = 200e9;                                            // highest pressure of the rows  [Pa]
 constexpr Lanes kVelocities = {0.0, kDenormal, 1e-300, 1e-6, 1.0, 1e2, 1e3, 1e4};  // velocity jump of each lane  [m/s]
 constexpr Lanes kSlips = {0.1, 1.0, 10.0, 50.0, 1e2, 3e2, 1e3, 1e4};
 
@@ -33,7 +33,7 @@ Scenes force_driven_only(const Physics& p) {
   return forced(p.options) ? Scenes{p.options} : Scenes{};
 }
 
-// For options with a tolerance, chooses grid and methods again, because the thickness or the materials have changed.
+// For options with a tolerance, chooses grid and methods again; for use after a change of thickness or materials.
 ModelOptions remade(const ModelOptions& o) {
   return o.tolerance ? discretised(o, *o.tolerance) : o;
 }
@@ -51,11 +51,11 @@ Scenes thicknesses(const Physics& p) {
   return scenes;
 }
 
-// In a step of this length heat diffuses through about 1e4 cells of fine_grid(); in aluminium a cell is 0.25 nm wide.
-constexpr double kFourierStep = 1.3e-7;  // [s]
+// In a step of 0.13 us heat diffuses through about 1e4 cells of fine_grid(); in aluminium a cell is 0.25 nm wide.
+constexpr double kFourierStep = 1.3e-7;  // step length of the row "fourier_number"  [s]
 Scenes fine_grid(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (o.modes || o.tolerance) return {};  // scenes with modes or a tolerance do not set the cells
+  if (o.modes || o.tolerance) return {};  // with modes or a tolerance no scene sets the cells
   const int cells = o.inertia ? 100 : 400;
   ModelOptions scene = with_thickness(o, cells * 1e-4 * std::sqrt(o.soft.diffusivity * kFourierStep));
   scene.grid.cells = cells;
@@ -90,7 +90,7 @@ bool layer_flows(const ModelOptions& o) {
 
 Scenes hardenings(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (!(layer_flows(o) || o.junctions)) return {};  // the options have no hardening
+  if (!(layer_flows(o) || o.junctions)) return {};  // nothing hardens under these options
   Scenes scenes;
   for (const double n : {0.01, 0.05, 0.2, 0.5, 1.0}) {
     for (const double beta : {0.0, 1.0, 125.0, 1e4, 1e6}) {
@@ -110,7 +110,7 @@ Scenes hardenings(const Physics& p) {
 Scenes saturations(const Physics& p) {
   const ModelOptions& o = p.options;
   const bool ceiling = layer_flows(o) && properties_of(o.soft.flow_law).has_ceiling;
-  if (!ceiling && !o.junctions) return {};  // the options have no saturation
+  if (!ceiling && !o.junctions) return {};  // nothing has a Y_max under these options
   Scenes scenes;
   for (const double share : {0.5, 1.0, 1.0001, 1.5, 3.0}) {
     ModelOptions& scene = scenes.emplace_back(o);
@@ -153,7 +153,7 @@ Scenes near_several_answers(const Physics& p) {
   return several_answers(p) ? Scenes(40, p.options) : Scenes{};
 }
 
-// ---- Starts ----
+// ---- Initial states of the rows ----
 
 double melting(const Course& c) {
   return at_pressure(c.rig.model.options().soft, c.host.pressure).melting_temperature;
@@ -177,7 +177,7 @@ void start_cold(Course& c) {
   start_at(c, {1e-300, 1e-6, 1e-3, 0.1, 1.0, 4.2, 20.0, 77.0});
 }
 
-// ---- Inputs before a step ----
+// ---- Inputs that the rows set before a step ----
 
 void slide(Course& c) {
   c.impose_all(kSlips);

@@ -7,13 +7,13 @@
 
 namespace shearbus::study::stability {
 
-using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs
+using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rigs of tests/support
 
 namespace {
 
 constexpr double kLongestStep = 1e-5;  // longest step of the campaign  [s]
-constexpr double kStickShare = 0.9;    // stress of the sticking solution, relative to the stress limit at rest
-constexpr double kClearly = 0.8;       // largest ratio of the stress limit after the largest heating to the stress then
+constexpr double kStickShare = 0.9;    // stress of the sticking solution, relative to the limit at rest
+constexpr double kClearly = 0.8;       // largest accepted limit at the hottest slip, relative to the stress there
 
 // Returns the stress limit of the interface at rest  [Pa].
 double limit_at(const ModelOptions& o, double pressure, const Material& soft, double T) {
@@ -23,10 +23,9 @@ double limit_at(const ModelOptions& o, double pressure, const Material& soft, do
 
 }  // namespace
 
-// The slip velocity [v] of a step decreases with the stress s: [v] = c - b s. The interface can stick at s = c/b. Of
-// all stresses, half of that one, s = c/(2b), gives the largest heat s [v]. If the stress limit at the temperature
-// after this heat is below c/(2b), two slipping solutions exist in addition to sticking, one with more and one with
-// less slip.
+// The slip velocity [v] of a step decreases with the stress s: [v] = c - b s. The interface can stick at s = c/b. The
+// stress s = c/(2b) gives the largest heat s [v]. If the stress limit, at the temperature after that largest heat, is
+// below c/(2b), two slipping solutions exist in addition to sticking, one with more and one with less slip.
 std::optional<SeveralAnswers> several_answers(const Physics& physics) {
   const ModelOptions& o = physics.options;
   const Host& host = physics.host;

@@ -30,7 +30,7 @@ namespace {
                      .field = std::move(field)});
 }
 
-// Returns true for the problems of shearbus-hydro in which bodies slide on each other.
+// Returns true for those problems of shearbus-hydro in which bodies with an interface law slide on each other.
 bool has_interface(const guest::Hydro& hydro) {
   return hydro.has_shear_column() || hydro.has_cone_target() || hydro.has_sliding_plates();
 }
@@ -58,7 +58,7 @@ void require_opened(const hydro::SceneFile& file) {
   if (answer.code() != wire::Code::kOk) throw wire::Error(answer.reply.status);
 }
 
-// ---- The host ----
+// ---- The properties of the host for a scene ----
 
 struct Told {
   Host host;
@@ -127,7 +127,7 @@ Told host_of(const guest::HydroScene& scene, const HostGiven& given) {
   return told;
 }
 
-// ---- Description of the physics in words ----
+// ---- The physics of a scene, described in words ----
 
 std::string body(const v1::Body& body, const physics::Material& metal) {
   std::string text = body.material().empty() ? "a metal of its own" : body.material();

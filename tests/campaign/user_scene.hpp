@@ -15,8 +15,8 @@ namespace shearbus::study {
 // the found value, a remedy and the place in the file.
 hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
-// Properties of the host that the command line gives. The others come from the hydrocode problem in the scene or, if
-// the scene has no such problem, from the paper.
+// Properties of the host that the command line gives. A property that it does not give comes from the hydrocode problem
+// in the scene or, if the scene has no such problem, from the paper.
 struct HostGiven {
   std::optional<double> pressure;    // pressure on the interface  [Pa]
   std::optional<double> zone_width;  // zone width of both bodies  [m]
@@ -25,8 +25,8 @@ struct HostGiven {
 
 struct UserScene {
   stability::Physics physics;  // model options and host; its name is that of the scene
-  std::string text;            // description of the physics
-  std::string host;            // description of the host and the origin of its values
+  std::string text;            // description of the physics, for the report
+  std::string host;            // description of the host and where its values come from, for the report
 };
 UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given);
 

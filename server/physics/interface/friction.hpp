@@ -3,7 +3,7 @@
 //
 //   |s| <= min(mu(T0, |[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
 //
-// and a friction law is the coefficient mu. The concepts below list what a law must offer.
+// and a friction law is the coefficient mu. The concepts of this file list what a law must offer.
 #pragma once
 
 #include <concepts>
@@ -20,7 +20,7 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;            // coefficient mu, or its value without slip and below T_ref
+  double friction_coefficient = 0.0;            // mu; a varying mu: its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
   FrictionLaw friction_law{};                   // friction law: the law of the coefficient mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
@@ -76,7 +76,8 @@ concept TemperatureDependentFriction =
 // A law whose coefficient depends on slip solves the friction of a step itself.
 template <class Law>
 concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
-  // The arguments are the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress a_stick.
+  // of_step gets the options, the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress
+  // a_stick.
   { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
 };
 
@@ -84,9 +85,9 @@ template <class Law>
 concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDependentFriction<Law> &&
     SlipDependentFriction<Law> && requires(const InterfaceOptions& options, const Material& soft, double value) {
   { Law::kName } -> std::convertible_to<std::string_view>;      // name of the law in scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law on the options page
-  { Law::kAdds } -> std::convertible_to<std::string_view>;      // what the law adds to constant friction
-  { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use the law
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law, for OPTIONS.md
+  { Law::kAdds } -> std::convertible_to<std::string_view>;  // what the law adds to constant friction, for OPTIONS.md
+  { Law::kWhen } -> std::convertible_to<std::string_view>;  // when to use the law, for OPTIONS.md
   // Checks the constants of the law together. The field of a fault is a key of [interface].
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Replaces the constants of the law by typical ones; mu and the yield strength are given.

@@ -29,7 +29,7 @@ struct Junctions {
 
   // Strength f Y_a / (g sqrt(3)) after a step with the slip velocity `slip`, and its derivative by `slip`.
   struct Value {
-    double strength;  // strength  [Pa]
+    double strength;  // f Y_a / (g sqrt(3)), before softening  [Pa]
     double slope;     // derivative of the strength by the slip velocity  [Pa s/m]
   };
   Value at(double slip) const {

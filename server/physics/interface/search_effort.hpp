@@ -1,10 +1,10 @@
-// Work of the searches of a step, for benchmarks and tests.
+// Counters of the work that the root searches of a step do, for benchmarks and tests.
 #pragma once
 
 namespace shearbus::physics {
 
-// `layer_sums` counts per tile, because the lanes of a tile are summed together until the slowest lane is done. The
-// other members count over all lanes.
+// `layer_sums` counts per tile, because the lanes of a tile are summed together until the slowest lane is done. Every
+// other member adds up the counts of all lanes.
 struct SearchEffort {
   int layer_sums = 0;     // number of sums of the flow over the layer
   int limit_values = 0;   // number of evaluations of the limit of an interface, or of the ceiling of a layer

@@ -7,9 +7,9 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;        // largest number of iterations; bisection alone needs about 60
-constexpr int kNewtonIterations = 12;      // more than Newton's method has needed; afterwards every second step bisects
-constexpr double kConverged = 1e-9;        // largest last Newton step, relative: the next one is below rounding
+constexpr int kMaxIterations = 200;        // largest number of iterations of slip_stress(); bisection alone needs 60
+constexpr int kNewtonIterations = 12;      // afterwards every second step bisects; Newton's method has needed fewer
+constexpr double kConverged = 1e-9;        // a shorter Newton step, relative, is the last: the next is below rounding
 constexpr double kLeastGuess = 1e-12;      // smallest starting stress used, relative to the upper end of the bracket
 constexpr int kMaxSearchIterations = 400;  // largest number of iterations of approach_zero()
 
@@ -27,8 +27,8 @@ Carried carried(const StressLimit& limit, const FrictionHeating& heating, double
   return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
 }
 
-// Removes the error that the tolerance of the iteration left, by one Newton step on H(a) = s_lim - a. Returns `cold` if
-// the interface would be molten at `a`.
+// Improves the root `a` of H(a) = s_lim - a by one Newton step, which removes what the tolerance of the search left.
+// Returns `cold` if the interface would be molten at `a`.
 double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
   const Carried s = carried(limit, heating, a);
   if (s.limit.stress <= 0.0) return cold;
@@ -82,7 +82,9 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 }
 
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
-  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);  // limit without heat, at most slip
+  // The first upper bound of the stress is the limit before friction heats, at the largest slip, which is that of a =
+  // 0.
+  double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
@@ -118,7 +120,7 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
 
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a) {
   const double T_melt = limit.soft->melting_temperature;
-  // Checks the temperature as the state computes it and as the limit computes it: the two may differ in the last digit.
+  // Checks T0 as the step will store it and as FrictionHeating computes it: the two may differ in the last digit.
   const auto melts = [&](double stress) {
     return heating.T_ad + partition * (stress * heating.slip(stress)) * B0 >= T_melt ||
            heating.temperature(stress) >= T_melt;
@@ -136,7 +138,7 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
   const double end = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   if (2.0 * heating.b * end <= heating.c || heating.c <= 0.0) return true;  // heating rises with stress up to `end`
   const double hottest = heating.temperature(0.5 * heating.c / heating.b);
-  // Above the stress of greatest heating the slip is at most c/2.
+  // Above the stress of greatest heating the slip is at most c/2, half the slip without friction.
   if (limit.is_constant_below(hottest, heating.slip(end))) return true;
   const double coldest = heating.temperature(end);
   return heating.rise * limit.steepest(coldest, hottest, 0.5 * heating.c) * (2.0 * heating.b * end - heating.c) < 1.0;
@@ -192,8 +194,8 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     return found ? SlipSearch{a, true, false} : SlipSearch{end, false, false};
   }
   const double last = approach_zero(limit, heating, end, peak, end);
-  // 3. The iteration may be too slow to arrive where two zeros of H nearly coincide. H changes sign up to `last`:
-  // bisect.
+  // 3. approach_zero() may be too slow to arrive where two zeros of H nearly coincide. H changes sign between a and
+  // `last`, so bisection finds the zero.
   double hi = last;
   while (spare_strength(limit, heating, a) > kArrived * a) {
     const double mid = 0.5 * (a + hi);

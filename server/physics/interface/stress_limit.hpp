@@ -17,16 +17,16 @@
 namespace shearbus::physics {
 
 struct StressLimit {
-  // Friction limit mu P of constant friction; infinity: no friction limit  [Pa]
+  // Friction stress mu P of the law with a constant mu; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
   double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
   double pressure = 0.0;  // normal pressure P  [Pa]
   const Material* soft = nullptr;
-  Junctions junctions = {};                   // junctions with their state at the node
-  double offset = 0.0;                        // stress added to the limit                       [Pa]
-  SearchEffort* effort = nullptr;             // counts evaluations; null: nothing is counted
+  Junctions junctions = {};        // junctions with their state at the node
+  double offset = 0.0;             // stress added to both branches of the limit: the `shift` of scaled()  [Pa]
+  SearchEffort* effort = nullptr;  // counts evaluations; null: nothing is counted
   const InterfaceOptions* varying = nullptr;  // friction law that is not constant; if set, `coulomb` is not used
-  double share = 1.0;                         // factor on the friction of the law in `varying`
+  double share = 1.0;  // factor on the friction stress of the law in `varying`; 1 except in scaled()
 
   struct Value {
     double stress;            // the limit  [Pa]

@@ -47,7 +47,7 @@ struct ThermalSoftening {
             -options.friction_coefficient * options.friction_softening_exponent * lost / (share * range), 0.0};
   }
 
-  // The slope |d mu / d T0| of the coefficient rises with T0, since m >= 1.
+  // An upper bound of |d mu / d T0|, the value at `hottest`: the slope rises with T0, since m >= 1.
   static double steepest(const InterfaceOptions& options, const Material& soft, double coldest, double hottest) {
     const double range = soft.melting_temperature - options.friction_reference_temperature;
     const double share = std::clamp((hottest - options.friction_reference_temperature) / range, kLeastShare, 1.0);

@@ -8,8 +8,8 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;  // largest number of iterations; bisection alone needs about 60
-constexpr double kArrived = 1e-15;   // longest last step, relative to the upper end of the bracket
+constexpr int kMaxIterations = 200;  // largest number of iterations of zero_between(); bisection needs about 60
+constexpr double kArrived = 1e-15;   // a shorter step, relative to the bracket's upper end, is the last
 
 // The balance h(a) = mu(c - b a) P - a of a step, as a function of the stress a.
 struct Balance {

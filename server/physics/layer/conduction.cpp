@@ -27,8 +27,8 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
     weight.push_back(0.5 * width.back());
   }
   if (!grid.matched) return;
-  // Arithmetic means of two cells make a geometric grid stiffer than the continuum, by the fraction (ln grading)^2/16
-  // at all times; longer conduction lengths compensate.
+  // On a graded grid whose vertices hold the arithmetic mean of their two cells the response at z = 0 is stiffer than
+  // the continuum's, by the fraction (ln grading)^2/16 at all times; longer conduction lengths compensate.
   const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
   for (double& cell : width) cell *= stretch;
 }
@@ -59,7 +59,7 @@ struct Coupling {
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
   const std::size_t interface = static_cast<std::size_t>(grid.interface);
   if (i == interface && i > 0) {
-    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;  // capacity / step  [W/(m2 K)]
+    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;  // capacity at z = 0 over step  [W/(m2 K)]
     return {hard.conductivity / (inertia * grid.width[i - 1]), soft.conductivity / (inertia * grid.width[i])};
   }
   const double diffused = (i < interface ? hard : soft).diffusivity * dt;  // diffusivity times step length  [m2]
@@ -87,8 +87,8 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   const std::size_t n = grid.weight.size();
   const std::size_t first = static_cast<std::size_t>(interface);
 
-  // `kept` is 1 - outward. The pivot of the elimination, 1 + a + c - c outward, is computed without the difference, as
-  // 1 + a + kept c.
+  // `kept_outside` is 1 - outward at the outer neighbour. With the coefficients `inner` and `outer` of a vertex the
+  // pivot of the elimination, 1 + inner + outer - outer * outward, is computed without the difference.
   const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
     const double own = 1.0 + outer * kept_outside;
     const double pivot = own + inner;
@@ -179,7 +179,7 @@ namespace {
 
 // The vertices of one body, without z = 0.
 struct Arm {
-  std::ptrdiff_t heated;     // outermost vertex above the far temperature in any lane; z = 0 if there is none
+  std::ptrdiff_t heated;     // outermost vertex that any lane has warmer than its colder end; z = 0 if none
   std::ptrdiff_t outermost;  // outermost vertex of the body
   std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };
@@ -192,8 +192,8 @@ class Sweeps {
   Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
       : far_(far), heat_(heat), T_(temperature) {}
 
-  // Eliminates from the outermost heated vertex inwards to the neighbour of z = 0. Beyond the heated vertices all
-  // values are zero.
+  // Eliminates from the outermost heated vertex inwards to the neighbour of z = 0. Beyond the heated vertices the
+  // temperature above `far` is zero.
   Row<kWidth> eliminate(Arm arm) const {
     Row<kWidth> t = 0.0;
     for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
@@ -276,8 +276,8 @@ void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* 
 
 namespace {
 
-// Skips the vertices at which flux * B is below half an ulp of T. B falls from z = 0 outwards, half an ulp of T is more
-// than 2^-54 T, and no vertex is colder than half the temperature of the colder end.
+// Adds flux * B to T, except at vertices where flux * B is below half an ulp of T. B falls from z = 0 outwards, half an
+// ulp of T is more than 2^-54 T, and no vertex is colder than half the temperature of the colder end.
 template <int kWidth>
 void add(const HeatOperator& heat, int num_vertices, const Row<kWidth>& flux, double* temperature) {
   const double strongest = hmax(abs(flux));

@@ -49,11 +49,11 @@ struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
       : HeatOperator(one_sided, soft, soft, step) {}
-  // Allocates; factorise() computes the values.
+  // This constructor only allocates the coefficients; factorise() computes them.
   HeatOperator(const HeatGrid& grid, double step);
   void factorise(const HeatGrid& grid, const Material& soft, const Material& hard);
 
-  double dt;                        // [s]
+  double dt;                        // step length  [s]
   int interface;                    // index of the vertex at z = 0
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
@@ -82,11 +82,11 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
-// One step without flux, all lanes of a tile, from `before` to `after`, both [vertex][lane]; the two may be the same.
-// Vertices at the far temperature whose bits this step does not change are skipped.
+// Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane] and possibly the
+// same. Vertices at the far temperature whose bits this step does not change are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
-// One step without flux of one lane of a tile, in place.
+// Conducts for one step without flux, in one lane of a tile and in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);
 
 // Adds the friction heat, T = T_ad + q B, DLP (35), in all lanes or in one lane. Vertices where q B is below half an

@@ -5,14 +5,15 @@
 
 namespace shearbus::physics {
 
-inline constexpr int kMaxBasisVertices = 1000;  // vertices of both bodies with sleep: the modes are a square matrix
+// Most vertices of both bodies if `[layer] sleep` is on: the modes of a HeatBasis are a square matrix of this order.
+inline constexpr int kMaxBasisVertices = 1000;
 
 enum class FarBoundary { kInsulated, kHalfSpace };
 
 struct GridOptions {
   double thickness = 20e-6;  // thickness h of the layer  [m]
   int cells = 500;
-  double grading = 1.0;  // ratio of neighbouring cells, growing from z = 0
+  double grading = 1.0;  // ratio of the widths of neighbouring cells, which grow from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
   // Whether the conduction lengths compensate the error that the grading causes in the response at z = 0. A half-space
   // then continues with the same grading (METHODS.md, "Tolerance").
@@ -30,7 +31,7 @@ struct Grid {
 
   std::vector<double> width;   // width of each cell, from the interface outward  [m]
   std::vector<double> vertex;  // z of each vertex                          [m]
-  std::vector<double> weight;  // weight of each vertex in an integral over the layer: half of its two cells  [m]
+  std::vector<double> weight;  // weight of each vertex in an integral over the layer: half the widths of its cells  [m]
 };
 
 }  // namespace shearbus::physics

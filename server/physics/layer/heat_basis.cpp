@@ -10,8 +10,8 @@
 namespace shearbus::physics {
 namespace {
 
-// A thousand modes below this amplitude sum to less than half an ulp of 300 K.
-constexpr double kDead = 1e-17;  // smallest live amplitude  [K]
+// Smallest amplitude of a live mode  [K]. A thousand modes below 1e-17 K sum to less than half an ulp of 300 K.
+constexpr double kDead = 1e-17;
 
 }  // namespace
 
@@ -32,7 +32,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  mode.col(0) = root / root.norm();  // set exactly, so that heat is conserved; the solver finds it to rounding
+  mode.col(0) = root / root.norm();  // the uniform mode exactly, so that heat is conserved: the solver rounds it
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
@@ -44,7 +44,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
     for (int i = 0; i < n; ++i) {
       shape.push_back(temperature[i] / largest);
       projection.push_back(mode(i, k) * root[i] * scale);
-      const double length = grid.weight[static_cast<std::size_t>(i)];  // z = 0: only its length in the soft body
+      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 only the part in the soft body
       if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
       if (k == 0) heat += grid.capacity(i, soft, hard);
     }
@@ -63,11 +63,11 @@ std::vector<double> HeatBasis::decay(double dt) const {
 SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
-  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // the colder end, as in conduct()
+  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // T of the colder end, as in conduct()
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     const double* projection = basis.projection.data() + k * n;
-    double part[kLanes] = {};  // independent partial sums
+    double part[kLanes] = {};  // partial sums, which vectorise
     std::ptrdiff_t i = 0;
     for (; i + kLanes <= n; i += kLanes)
       for (int j = 0; j < kLanes; ++j) part[j] += projection[i + j] * temperature[i + j];

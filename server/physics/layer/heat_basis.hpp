@@ -28,8 +28,8 @@ struct HeatBasis {
   double heat = 0.0;                 // heat per amplitude of the first mode; other modes have no net heat  [J/(m2 K)]
 };
 
-// Replaces the temperatures of one lane by amplitudes, [row][lane]. Returns the number of leading modes that have not
-// decayed; the amplitudes of the others are 0.
+// Replaces the temperatures of one lane by amplitudes of the modes, [row][lane]. Returns the number of leading modes
+// that have not decayed; the amplitudes of the others are 0.
 int to_modes(const HeatBasis& basis, int lane, double* rows);
 // Computes temperatures from amplitudes; `amplitudes` and `temperature` must not overlap.
 void to_profile(const HeatBasis& basis, int num_live, int lane, const double* amplitudes, double* temperature);

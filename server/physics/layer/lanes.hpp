@@ -35,7 +35,7 @@ class LaneSet {
   std::uint32_t lanes_;
 };
 
-// `for (const int lane : lanes_of(active))`; the loop walks a copy of `active`.
+// The lanes whose bits are set in `active`, for `for (const int lane : lanes_of(active))`; the loop walks a copy.
 constexpr LaneSet lanes_of(std::uint32_t active) {
   return LaneSet(active);
 }
@@ -44,7 +44,7 @@ constexpr bool contains(std::uint32_t lanes, int lane) {
   return (lanes >> lane & 1u) != 0;
 }
 
-// Copies one lane of a tile or of rows of a tile: [doubles / kLanes][kLanes].
+// Copies one lane of an array laid out [doubles / kLanes][kLanes], such as a tile or some of its rows.
 inline void copy_lane(const double* from, double* to, std::size_t doubles, int lane) {
   for (std::size_t i = static_cast<std::size_t>(lane); i < doubles; i += kLanes) to[i] = from[i];
 }

@@ -12,16 +12,16 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kUnfelt = 160.0;    // above this h^2 / (alpha t) the first image source, exp(-h^2 / (alpha t)), is 0
-constexpr double kSpent = 40.0;      // exp(-x) is below rounding for larger x
+constexpr double kUnfelt = 160.0;  // for larger h^2/(alpha t) the first image source, exp(-h^2/(alpha t)), counts as 0
+constexpr double kSpent = 40.0;    // exp(-x) is below rounding for larger x
 constexpr double kPanelRatio = 8.0;  // ratio of mu = sqrt(rate) between the two ends of a panel of the spectrum
 constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum
 constexpr int kLongestRule = 24;     // largest number of nodes of the Gauss rule of a panel
-constexpr int kTimesPerDecade = 40;  // times per decade at which the error is measured
+constexpr int kTimesPerDecade = 40;  // times per decade of t at which the error of K(t) is measured
 
 // Discrete lines of the spectrum of the heat kernel: K(t) = sum of weight exp(-mu^2 t).
 struct Lines {
-  std::vector<double> mu;  // [s^(-1/2)]
+  std::vector<double> mu;  // square root of the decay rate of each line  [s^(-1/2)]
   std::vector<double> weight;
 };
 
@@ -61,7 +61,7 @@ Rule gauss_rule(const Eigen::ArrayXd& x, const Eigen::ArrayXd& w, int n) {
   return rule_from_recurrence(centre, off.head(n - 1), mass);
 }
 
-// Appends to `sum` the n lines of the Gauss rule that replaces a panel. The rule is a rule in the rate for the first
+// Appends to `sum` the n lines of the Gauss rule that replaces a panel. It is a rule in the rate mu^2 for the first
 // panel, which begins at 0, because exp(-rate t) is nearly linear there; for the other panels it is a rule in log(mu),
 // which makes all panels alike.
 void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
@@ -207,7 +207,8 @@ void ModeOperator::fill(const HeatModes& modes) {
   }
 }
 
-// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt), linear in time.
+// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt): linear in time, q_early
+// at `early` dt.
 ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : ModeOperator(modes, step) {
   const double span = (1.0 - early) * dt;
   early_response = modes.kernel.moment(dt) / span;

@@ -29,8 +29,8 @@ struct HeatKernel {
   bool far_face_unfelt(double t) const;  // whether the image sources are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]
-  double conductivity;  // k      [W/(m K)]
-  double diffusivity;   // alpha  [m2/s]
+  double conductivity;  // conductivity k  [W/(m K)]
+  double diffusivity;   // diffusivity alpha  [m2/s]
   double half_space;    // factor of the half-space kernel, K(t) sqrt(t) = sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
@@ -44,32 +44,32 @@ struct HeatModes {
   HeatModes(const HeatKernel& kernel, const ModesOptions& options);
 
   HeatKernel kernel;
-  std::vector<double> rate;    // [1/s], ascending; 0: the mean temperature of a slab
+  std::vector<double> rate;    // decay rates of the modes  [1/s], ascending; 0: the mean temperature of a slab
   std::vector<double> weight;  // weight of each mode  [K m2/J]
-  double error;                // measured relative error of K
+  double error;                // measured largest relative error of K
 
-  // Rows of a tile: the start temperature, then each mode's share of T0, then T0 itself.
+  // Number of rows of a tile without a profile: the start temperature, then each mode's share of T0, then T0 itself.
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
 };
 
-// The operator of a step of length dt. The response to the flux of the step itself uses the exact kernel K, because no
-// sum of exponentials approximates K down to t = 0.
+// The operator of a step of length dt on the modes and on T0. The response to the flux of the step itself uses the
+// exact kernel K, because no sum of exponentials approximates K down to t = 0.
 //   constant flux:             T0 = T_start + sum of decay u + B0 q, u: share of T0 of each mode before the step
 //   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
   ModeOperator(const HeatModes& modes, double step, double early);
-  // Allocates; fill() computes the values.
+  // This constructor only allocates the coefficients; fill() computes them.
   ModeOperator(int num_rows, double step);
   void fill(const HeatModes& modes);
 
-  double dt;                       // [s]
+  double dt;                       // step length  [s]
   int interface;                   // index of the row of T0
   double response = 0.0;           // B0: response of T0 to q      [K m2/W]
   double early_response = 0.0;     // response of T0 to q_early       [K m2/W]
   std::vector<double> decay;       // factor of a step on each mode, exp(-rate dt)
   std::vector<double> gain;        // response of each mode to q      [K m2/W]
-  std::vector<double> early_gain;  // response of each mode to q_early [K m2/W]; empty: constant flux
+  std::vector<double> early_gain;  // response of each mode to q_early  [K m2/W]; empty if the flux is constant
 
   const double* layer_response() const { return &response; }
 };

@@ -9,7 +9,7 @@
 
 namespace shearbus::physics {
 
-inline constexpr double kExponentialRange = 700.0;  // a larger |x| is cut to it: exp(x) is then normal
+inline constexpr double kExponentialRange = 700.0;  // largest |x| that enters exp(x), so that exp(x) is a normal number
 
 namespace detail {
 
@@ -19,14 +19,14 @@ struct ScaledExponential {
   double rest;
 };
 inline ScaledExponential scaled_exponential(double x) {
-  constexpr double kShift = 0x1.8p52;  // adding kShift rounds to an integer, which then stands in the low bits
+  constexpr double kShift = 0x1.8p52;  // adding kShift to x rounds x to an integer, in the low bits of the sum
   constexpr double kLog2E = 1.4426950408889634;
-  constexpr double kLn2High = 0x1.62e42feep-1;  // so few digits that k * kLn2High is exact
+  constexpr double kLn2High = 0x1.62e42feep-1;  // leading digits of ln(2): k * kLn2High is exact for integers k
   constexpr double kLn2Low = 0x1.a39ef35793c76p-33;
   const double shifted = x * kLog2E + kShift;
   const double k = shifted - kShift;
-  const double r = (x - k * kLn2High) - k * kLn2Low;  // remainder, |r| <= ln(2)/2
-  // Taylor series to r^13, grouped so that products can overlap.
+  const double r = (x - k * kLn2High) - k * kLn2Low;  // remainder r of x = k ln(2) + r, |r| <= ln(2)/2
+  // The Taylor series of exp(r) - 1 to r^13, grouped so that the processor can overlap the products.
   const double r2 = r * r;
   const double r4 = r2 * r2;
   const double low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
@@ -65,7 +65,7 @@ inline double logarithm(double x) {
   const bool large = significand > kSqrt2;
   const double f = (large ? 0.5 * significand : significand) - 1.0;
   const double k = biased - (large ? 1022.0 : 1023.0);
-  // log(1+f) = 2 atanh(s) with s = f/(2+f), |s| < 0.172; f - s (f - ...) keeps the leading term exact.
+  // log(1+f) = 2 atanh(s) with s = f/(2+f), |s| < 0.172; f - (f^2/2 - ...) keeps the leading term exact.
   const double s = f / (2.0 + f);
   const double z = s * s;
   const double z2 = z * z;
@@ -81,7 +81,7 @@ inline double logarithm(double x) {
 // The logarithm log(1 + x) of x >= 0, with a small relative error also where 1 + x rounds to 1.
 inline double logarithm_of_1_plus(double x) {
   const double sum = 1.0 + x;
-  const double kept = sum - 1.0;  // the part of x that the sum holds
+  const double kept = sum - 1.0;  // the part of x that survives the rounding of 1 + x
   const bool lost = !(kept > 0.0);
   return lost ? x : logarithm(sum) * (x / (lost ? 1.0 : kept));
 }
@@ -110,7 +110,8 @@ inline ErrorFunction error_function(double x) {
   const bool is_one = !(x < kOneFromHere);
   const double within = is_one ? kOneFromHere : x;
   const double u = (11.0 / 6.0 * within - 2.5) / (within + 2.5);
-  // Grouped by powers of u^4, so that products can overlap and the loops over lanes that call this have no inner loop.
+  // The polynomial q(u), grouped by powers of u^4: products can overlap, and loops over lanes that call error_function
+  // have no inner loop.
   const double u2 = u * u;
   const double u4 = u2 * u2;
   const double u8 = u4 * u4;

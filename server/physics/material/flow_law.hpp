@@ -7,8 +7,8 @@
 // and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
 // with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket. The kernels of a
 // separable law, whose H does not depend on P and T, work on logarithms; a law whose rate and temperature are coupled
-// offers an inverse of its own. The concepts below list what a law must offer, one requirement with its comment per
-// line; the compiler names what a new law lacks.
+// offers an inverse of its own. The concepts of this file list what a law must offer, one requirement with its comment
+// per line; the compiler names what a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -28,31 +28,32 @@ struct Softening {
   double slope = 0.0;
 };
 
-// The part of the excess (SeparableFlowKernel, below) that is due to temperature, and its derivative by T.
+// The part of a vertex's excess (SeparableFlowKernel) that is due to the softening g, and its derivative by T.
 struct SofteningExcess {
   double value;
   double rate;
 };
 
-// N vertices under the loads of their lanes, for the kernel of a law that is not separable.
+// N vertices, one per lane, and the stress on each: the input of the kernel of a law that is not separable.
 template <int N>
 struct LoadedVertices {
-  const double* load;          // stress of each lane, as load_of(a) gives it
+  const double* load;          // stress on each vertex, as load_of(a) gives it
   const double* bracket;       // part of g that depends on P, bracket_at(m, P), of each lane
   const double* T_melt;        // melting temperature at P           [K]
   alignas(64) double T[N];     // temperature after the step         [K]
-  alignas(64) double rise[N];  // temperature rise by friction in the step, equal to a dT/da [K]
+  alignas(64) double rise[N];  // a dT/da, by the friction heat of the stress a  [K]
 };
 
-// A fault in the constants of a law together, each of which is valid alone. An empty field means no fault.
+// A contradiction between constants of a law that are valid one by one. An empty field means no contradiction.
 struct LawFault {
   std::string_view field;  // key of the constant to blame
   std::string_view text;
 };
 
 inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
-inline constexpr double kNoLoad = -1e305;  // the load under which nothing yields, however hot
-// A larger excess is cut to this value, so that the strain is finite; a host has no strain of that size.
+inline constexpr double kNoLoad = -1e305;  // load_of() of no stress: under it nothing yields, not even a molten vertex
+// Largest excess (SeparableFlowKernel) that a kernel uses; a larger one is cut to it, so that the strain is finite. No
+// host has a strain of that size.
 inline constexpr double kMaxExcess = 300.0;
 
 // The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
@@ -108,12 +109,13 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
 };
 
-// What the lane kernels of every law offer (solver/flow/layer_flow): an object holds the constants for one step length.
+// What every law offers as a kernel, for the loops over lanes of solver/flow/layer_flow: an object of the law holds the
+// constants for one step length.
 template <class Law>
 concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
     requires(const Law law, const Material& m, double a, double P) {
   { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
-  { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]; far smaller loads are kNoLoad
+  { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]
   { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
 };
 
@@ -125,7 +127,7 @@ template <class Law>
 concept SeparableFlowKernel = FlowKernel<Law> &&
     requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],
              const double* strain, void (*take)(int lane, double dep, double slope)) {
-  { law.log_strength(ep) } -> std::same_as<double>;                               // logarithm of H at rate 0
+  { law.log_strength(ep) } -> std::same_as<double>;  // ln(H) at rate 0, scaled as load_of()
   { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // part of the excess due to g
   law.flow(packet, packet, strain, take);                                         // arguments: excess, growth, ep
 };

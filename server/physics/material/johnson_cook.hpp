@@ -6,9 +6,9 @@
 // A is the material's yield strength, n its hardening exponent. Pressure enters only through T_melt(P), if a scene asks
 // for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep + dep)^n and
 // x = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is convex, its
-// root is unique and Newton's method falls to it from any point above. Two such points are the strain that would carry
-// the stress without rate hardening, and the strain whose rate would carry it without strain hardening. Where the rate
-// is below r0 the root has a closed form.
+// root is unique and Newton's method falls to it from any dep above the root. Two such dep are that which would carry
+// the stress without rate hardening, and that whose rate would carry it without strain hardening. Where the rate is
+// below r0 the root has a closed form.
 #pragma once
 
 #include <algorithm>
@@ -119,7 +119,7 @@ class JohnsonCook {
                                    const Take& take) const {
     Roots<N> roots;
     const double rated = C_ > 0.0 ? 1.0 : 0.0;
-    alignas(64) double rise[N];  // growth of ep^n that carries the load at a rate below r0
+    alignas(64) double rise[N];  // growth of ep^n with which a vertex carries its stress at a rate below r0
     for (int l = 0; l < N; ++l) {
       const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
       const bool yields = cut > 0.0;
@@ -138,7 +138,7 @@ class JohnsonCook {
     if (rated > 0.0) fall_to_root(ep, roots);
     double any_creeps = 0.0;
     for (int l = 0; l < N; ++l) {
-      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search has ended at its lower end, the rate r0
+      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // ln(dep) ended at its lower limit, the rate r0
       any_creeps += roots.creeps[l];
     }
     if (any_creeps > 0.0) flow_at_rest(ep, rise, roots);
@@ -152,10 +152,10 @@ class JohnsonCook {
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
   static constexpr double kMostLogStrain = 230.0;
-  static constexpr double kNever = 1e3;  // replaces ln(r0 dt) if C = 0: no strain is so large, so the rate is ignored
+  static constexpr double kNever = 1e3;  // replaces ln(r0 dt) if C = 0: no ln(dep) is so large, so the rate is ignored
   static constexpr double kLeastStrain = 1e-300;
   static constexpr int kMostIterations = 60;  // largest number of iterations; 2 to 5 are usual
-  static constexpr double kConverged = 1e-5;  // longest last step in ln(dep): the next one is below rounding
+  static constexpr double kConverged = 1e-5;  // a shorter step of ln(dep) is the last: the next is below rounding
   static constexpr double kMostBend = 0.5;    // Halley's correction at most doubles Newton's step
 
   static double static_strength(const Material& m, double ep) {
@@ -175,12 +175,12 @@ class JohnsonCook {
     return least < kMaxStrain ? least : kMaxStrain;
   }
 
-  // The roots of a packet of vertices.
+  // The search for ln(dep) at N vertices, and its results.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];     // strength that carries the load, in units of A: sqrt(3) a / (A g)
+    alignas(64) double target[N];     // H that the stress magnitude a demands, H = sqrt(3) a / g, in units of A
     alignas(64) double x[N];          // ln(dep), the unknown of the search
-    alignas(64) double dep[N];        // the root dep
+    alignas(64) double dep[N];        // plastic strain increment dep at the root
     alignas(64) double log_slope[N];  // derivative of ln(H) by dep at the root
     alignas(64) double moves[N];      // 1 where the search goes on, else 0
     alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
@@ -202,8 +202,8 @@ class JohnsonCook {
         const double share = dep / strain;
         const double p = B_ * power(strain, n_);
         const double u = 1.0 + p, w = 1.0 + C_ * (x - log_slow_);
-        const double u_1 = n_ * p * share;                    // derivative of u by x
-        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // second derivative of u by x
+        const double u_1 = n_ * p * share;                    // derivative of the hardening u by x = ln(dep)
+        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // second derivative of the hardening u by x
         const double f = u * w - roots.target[l];
         const double f_1 = u_1 * w + u * C_;
         const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
@@ -226,8 +226,8 @@ class JohnsonCook {
     }
   }
 
-  // The roots where the rate has no effect: dep = (ep^n + rise)^(1/n) - ep. Where ep > 0 this is computed as
-  // ep ((1 + rise / ep^n)^(1/n) - 1), so that nothing cancels.
+  // The strain increments dep of vertices on which the rate has no effect: dep = (ep^n + rise)^(1/n) - ep. Where ep > 0
+  // this is computed as ep ((1 + rise / ep^n)^(1/n) - 1), so that nothing cancels.
   template <int N>
   [[gnu::always_inline]] void flow_at_rest(const double* ep, const double (&rise)[N], Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {

@@ -1,5 +1,5 @@
-// A list of classes: the one place where the laws of a kind are registered. At run time a law is identified by its
-// place in the list.
+// A list of classes: the one place where the laws of a kind (flow, friction) are registered. At run time a law is
+// identified by its place in the list.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +25,7 @@ class LawList {
     return static_cast<Place>(at);
   }
 
-  // Calls f(LawType<Law>{}) with the law at a place. Callers choose the law once, outside their loops.
+  // Calls f(LawType<Law>{}) with the law at `place` of the list. Callers choose the law once, outside their loops.
   template <class F>
   [[gnu::always_inline]] static decltype(auto) with(Place place, F&& f) {
     return choose<F, Laws...>(static_cast<std::size_t>(place), std::forward<F>(f));

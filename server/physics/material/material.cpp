@@ -114,7 +114,7 @@ std::span<const MaterialField> material_fields() {
 
 MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given,
                              std::optional<FlowLaw> law) {
-  // 1. The constants start from the catalog, or from nothing.
+  // 1. The constants start from those of the named material of the catalog, or from none if no name is given.
   Material material;
   if (!name.empty()) {
     const auto entries = catalog();
@@ -125,11 +125,12 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     }
     material = entry->material;
   }
-  // Under another law the strength constants of the catalog mean nothing: the caller must give all of the new law.
+  // Under a law other than the catalog's the strength constants of the catalog mean nothing: the caller must give all
+  // of the new law.
   const bool other_law = law && *law != material.flow_law;
   if (law) material.flow_law = *law;
 
-  // 2. The constants given by the caller replace those of the start.
+  // 2. The constants given by the caller replace those of the catalog.
   std::array<bool, kFields.size()> is_given{};
   for (const auto& [key, value] : given) {
     const auto field =
@@ -174,7 +175,7 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
       FlowLaws::with(material.flow_law, [&](auto own) { return decltype(own)::type::fault_of(material); });
   if (!law_fault.field.empty()) return failed(law_fault.field, std::string(law_fault.text));
 
-  // 4. The diffusivity that goes with the other heat constants. The diffusivity of the catalog (which need not be
+  // 4. Sets a diffusivity that agrees with the other heat constants. The diffusivity of the catalog (which need not be
   //    exactly k/(rho c)) stays only while conductivity, density and specific heat are those of the catalog too.
   const bool other_heat = name.empty() || overridden(&Material::conductivity) || overridden(&Material::density) ||
                           overridden(&Material::specific_heat);
@@ -204,7 +205,8 @@ std::string_view constant_missing_for_options(const Material& material) {
 
 double compression_at(const Material& m, double pressure) {
   if (!(pressure > 0.0)) return 1.0;
-  // Solves the Hugoniot P (1 - s x)^2 = rho0 c0^2 x for x = 1 - 1/eta; the root below 1/s needs no difference.
+  // Solves the Hugoniot P (1 - s x)^2 = rho0 c0^2 x for x = 1 - 1/eta: the root below 1/s, written without a
+  // difference, so that nothing cancels.
   const double stiffness = m.density * m.sound_speed * m.sound_speed;
   const double slope = m.hugoniot_slope * pressure;
   const double x = 2.0 * pressure / (stiffness + 2.0 * slope + std::sqrt(stiffness * (stiffness + 4.0 * slope)));

@@ -22,7 +22,7 @@ inline constexpr double kNotGiven = std::numeric_limits<double>::quiet_NaN();
 struct Material {
   double density = 0.0;                                                 // rho   [kg/m3]
   double shear_modulus = 0.0;                                           // G0    [Pa]
-  double yield_strength = 0.0;                                          // Y0 or A [Pa]
+  double yield_strength = 0.0;                                          // Y0, Johnson-Cook: A  [Pa]
   double yield_strength_max = std::numeric_limits<double>::infinity();  // Y_max [Pa]; infinity: no cap (DLP 40)
   double hardening_coefficient = 0.0;                                   // beta  [1]
   double hardening_exponent = 0.0;                                      // n     [1]
@@ -33,14 +33,14 @@ struct Material {
   double specific_heat = 0.0;                                           // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
 
-  // Constants of Johnson and Cook's law alone.
+  // Constants that only Johnson and Cook's law uses.
   double hardening_modulus = kNotGiven;      // B     [Pa]
   double rate_coefficient = kNotGiven;       // C     [1]
   double reference_strain_rate = kNotGiven;  // r0    [1/s]
   double thermal_exponent = kNotGiven;       // m     [1]
   double reference_temperature = kNotGiven;  // T_ref [K]
 
-  // Constants of Preston, Tonks and Wallace's law alone; stresses in units of the shear modulus.
+  // Constants that only Preston, Tonks and Wallace's law uses; stresses in units of the shear modulus.
   double molar_mass = kNotGiven;                // M      [kg/mol]
   double work_hardening_rate = kNotGiven;       // theta  [1]
   double work_hardening_curvature = kNotGiven;  // p      [1]; 0: Voce's law

@@ -94,7 +94,8 @@ class PrestonTonksWallace {
     return {stiffening * modulus * melting, -stiffening * melting * (per_kelvin + modulus * melting_rate)};
   }
 
-  // The melting factor is steepest at the distance 0.0005 T_melt from melting or, without this point, at an end.
+  // The factor exp(-0.001 T/(T_melt - T)) is steepest at T = 0.9995 T_melt or, if the interval lacks this T, at the end
+  // of the interval nearest to it.
   static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
     const double nearest = std::max(0.0, m.melting_temperature - hottest);
@@ -174,7 +175,7 @@ class PrestonTonksWallace {
       const double yields = excess[l] > 0.0 ? 1.0 : 0.0;
       const double moves = target < s0_ ? yields : 0.0;
       roots.y[l] = target < s0_ ? glides : overdriven;
-      roots.by_log_rate[l] = beta_ * target;  // that of an overdriven vertex, which the search leaves out
+      roots.by_log_rate[l] = beta_ * target;  // d tau/d ln(r) of an overdriven vertex, which needs no search
       roots.by_strain[l] = roots.by_T_hat[l] = roots.crept[l] = 0.0;
       roots.moves[l] = moves;
       roots.creeps[l] = above_rest <= theta_ * slowest_strain_ + kNearRest * target ? moves : 0.0;
@@ -188,8 +189,8 @@ class PrestonTonksWallace {
       const double searched = exponential(log_strain < kMostLogStrain ? log_strain : kMostLogStrain);
       const double dep = roots.creeps[l] > 0.0 ? roots.crept[l] : searched;
       const double rise = loaded.rise[l];
-      // The balance is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) + by_strain ddep + by_T_hat dT^, with
-      // dT = rise dlna.
+      // The differential of tau = sqrt(3) a/(2 G0 g) is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) +
+      // by_strain ddep + by_T_hat dT^, with dT = rise dlna and `scale` the dep at r = 1.
       const double by_dep = roots.by_log_rate[l] + roots.by_strain[l] * dep;
       const double pull = roots.target[l] * (1.0 - vertex.log_g * rise) +
                           roots.by_log_rate[l] * (0.5 * vertex.log_modulus * rise) -
@@ -204,24 +205,26 @@ class PrestonTonksWallace {
  private:
   static constexpr double kPi = 3.141592653589793;
   static constexpr double kAvogadro = 6.02214076e23;  // Avogadro constant  [1/mol]
-  static constexpr double kLeastAttempts = 1.0;       // smallest attempt rate gamma xi  [1/s]
-  static constexpr double kMostSoftening = 0.6;       // largest alpha: Y then falls with T although xi does, too
-  static constexpr double kMostCurvature = 100.0;     // largest p: exp(p) stays finite
-  static constexpr double kLeastCurvature = 1e-12;    // replaces p = 0 (Voce's law), equal to rounding
-  static constexpr double kRateSensitivity = 1e-9;    // coefficient of departure 5
-  static constexpr double kLeastTarget = 1e-300;      // smallest target of tau: its logarithm is finite
-  static constexpr double kMostTarget = 1e100;        // largest target of tau: dep is cut at smaller ones
-  static constexpr double kMostLogStrain = 230.0;     // largest ln of a strain: finite, but larger than any host's
-  static constexpr double kLeastSlope = 1e-30;        // smallest slope, relative to the target: its inverse is finite
-  static constexpr double kNearRest = 1e-12;          // relative distance from rest of a vertex that may creep
-  static constexpr double kArrived = 1e-8;            // longest last step of ln r: the next step is below rounding
-  // A step by two points leaves an error of ln r of the order of the squared product of the distances to the points.
-  // kArrivedByTwo is the largest product whose square is below rounding.
+  static constexpr double kLeastAttempts = 1.0;       // attempt rates gamma xi up to this one are refused  [1/s]
+  static constexpr double kMostSoftening = 0.6;     // largest alpha accepted: Y then falls with T although xi falls too
+  static constexpr double kMostCurvature = 100.0;   // largest p accepted, so that exp(p) is a moderate number
+  static constexpr double kLeastCurvature = 1e-12;  // replaces p = 0 (Voce's law), with the same tau to rounding
+  static constexpr double kRateSensitivity = 1e-9;  // tau is multiplied by 1 + this * min(ln r, 0)
+  static constexpr double kLeastTarget = 1e-300;    // smallest target of tau, so that its logarithm is finite
+  static constexpr double kMostTarget = 1e100;      // largest target of tau; the limit of dep is reached earlier
+  static constexpr double kMostLogStrain = 230.0;   // largest ln of a strain: finite, but larger than any host's
+  static constexpr double kLeastSlope = 1e-30;  // least d tau/d ln(dep) used, relative to tau: its inverse is finite
+  static constexpr double kNearRest = 1e-12;    // rounding of tau allowed for in the first test of slow flow (creep)
+  static constexpr double kArrived = 1e-8;      // a shorter step of ln r is the last: the next is below rounding
+  // Interpolation between the last two points of the search leaves an error of ln r of the order of the squared product
+  // of the new point's distances to the two. kArrivedByTwo is the largest product whose square is below rounding.
   static constexpr double kArrivedByTwo = 3e-8;
-  static constexpr double kSmooth = 3e-4;   // longest last step by two points; no branch of tau ends within 3 kSmooth
-  static constexpr double kMostBend = 4.0;  // largest correction by the second point, over the square of Newton's step
+  // Longest last step of ln r by interpolation, which is used only where no branch of tau ends within 3 kSmooth.
+  static constexpr double kSmooth = 3e-4;
+  // Largest correction by interpolation that is used, relative to the square of Newton's step.
+  static constexpr double kMostBend = 4.0;
   static constexpr double kRounding = 1e-15;    // rounding error of tau, relative to the target
-  static constexpr int kNewtonIterations = 12;  // 2 to 5 are usual; after these every second step bisects
+  static constexpr int kNewtonIterations = 12;  // after these every second iteration bisects; 2 to 5 are usual
   static constexpr int kMostIterations = 150;
 
   // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.
@@ -235,10 +238,10 @@ class PrestonTonksWallace {
     double g;            // softening (G/G0) m; 0 where molten
     double T_hat;        // relative temperature T/T_melt
     double log_scale;    // ln of the strain increment dep of the step at r = 1
-    double log_slowest;  // logarithm of r at the slowest rate
+    double log_slowest;  // ln r at the slowest rate, 1e-3 1/s
   };
   struct Slopes {
-    double inverse_T_melt;  // [1/K]
+    double inverse_T_melt;  // 1 / T_melt  [1/K]
     double log_g;           // logarithmic slope dln(g)/dT      [1/K]
     double log_modulus;     // logarithmic slope dln(G)/dT      [1/K]
   };
@@ -246,7 +249,7 @@ class PrestonTonksWallace {
   // The search for ln r at N vertices, and its results.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];      // value that tau must reach
+    alignas(64) double target[N];      // value that tau must reach: sqrt(3) a / (2 G0 g)
     alignas(64) double above_rest[N];  // target less tau at the slowest rate and old strain
     alignas(64) double T_hat[N];
     alignas(64) double log_scale[N];
@@ -257,7 +260,7 @@ class PrestonTonksWallace {
     alignas(64) double by_strain[N];
     alignas(64) double by_T_hat[N];
     alignas(64) double crept[N];   // strain increment dep of a vertex on which the rate has no effect
-    alignas(64) double creeps[N];  // 1 where the root is `crept`; before creep(), where it may be
+    alignas(64) double creeps[N];  // 1 where the step's dep is `crept`; before creep() has run, where it may be
     alignas(64) double moves[N];   // 1 where the search goes on, else 0
   };
 
@@ -300,10 +303,10 @@ class PrestonTonksWallace {
     double tau_s, tau_y;
     double s_rate, y_rate;
     double s_T, y_T;
-    double branch;   // as Reduced::branch
-    double hardens;  // hardening tau_s - tau_y, at most d
-    double d;        // largest hardening, s0 - tau_y
-    double share;    // hardening relative to the largest, (tau_s - tau_y) / d, at most 1
+    double branch;   // code of the branches that form tau_s and tau_y, as in Reduced
+    double hardens;  // largest hardening left by the two branches, tau_s - tau_y, at most d
+    double d;        // scale of the hardening in Voce's law, s0 - tau_y
+    double share;    // (tau_s - tau_y) / d, at most 1
   };
   [[gnu::always_inline]] Branches branches(double y, double T_hat) const {
     const double slower = y < 0.0 ? -y : 0.0;  // logarithm of 1/r; 0 if r > 1
@@ -339,7 +342,7 @@ class PrestonTonksWallace {
             d,
             share};
   }
-  // The sign of the difference of two branches, or NaN where the branches may cross within three steps of kSmooth.
+  // The sign of the difference of two branches, or NaN where they may cross if ln r changes by 3 kSmooth.
   [[gnu::always_inline]] static double branch_of(double difference, double rates) {
     const double reach = 3.0 * kSmooth * rates;
     const double larger = difference > reach ? 1.0 : std::numeric_limits<double>::quiet_NaN();
@@ -372,8 +375,8 @@ class PrestonTonksWallace {
             at.branch};
   }
 
-  // Finds the roots of vertices whose strength at the slowest rate, after the strain of a step at this rate, reaches
-  // the target: there the rate has no effect, and dep follows from the inverse of Voce's hardening.
+  // Finds dep of the vertices that flow more slowly than the slowest rate: after a whole step at that rate their tau
+  // would reach the target. The rate has no effect on them, and dep follows from the inverse of Voce's hardening.
   template <int N>
   [[gnu::always_inline]] void creep(const double* ep, Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {

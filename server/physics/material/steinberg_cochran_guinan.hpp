@@ -52,7 +52,7 @@ class SteinbergCochranGuinan {
     return {bracket * melting, -melting * (m.temperature_coefficient + bracket * melting_rate)};
   }
 
-  // With the distance x from melting the steep part of dg/dT goes as exp(-c/x)/x^2, whose only maximum is at x = c/2.
+  // With x = T_melt - T and c = 0.001 T_melt the steep part of dg/dT goes as exp(-c/x)/x^2, largest at x = c/2.
   static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
     const double nearest = std::max(0.0, m.melting_temperature - hottest);
@@ -90,7 +90,7 @@ class SteinbergCochranGuinan {
 
   double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
   static double unit_of_load(const Material& m) { return m.yield_strength; }
-  // Returns 1 + gP P + 300 hT; minus hT T it is the bracket of g.
+  // Returns 1 + gP P + 300 hT. Less hT T this is the bracket of the softening g.
   static double bracket_at(const Material& m, double pressure) {
     return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
   }

@@ -8,8 +8,8 @@ namespace shearbus::physics {
 
 inline constexpr double kMeltingShare = 0.99;  // share of T_melt above which an interface that yields is called melting
 
-// The compression eta = rho / rho0 on the principal Hugoniot at a pressure; 1 in tension. The compression of any other
-// state at that pressure differs from it only in the third order of the compression.
+// The compression eta = rho / rho0 on the principal Hugoniot (first shock from rest) at a pressure; 1 in tension. A
+// release or a second shock ends at another eta at that pressure, which for weak shocks differs in the third order.
 double compression_at(const Material& m, double pressure);
 
 // The material at a pressure: its melting_curve and pressure_term are worked into the constants T_melt and gP.
@@ -17,7 +17,7 @@ double compression_at(const Material& m, double pressure);
 //   gP(P)     = gP / eta^(1/3)                                              (Steinberg, Cochran, Guinan 1980)
 Material at_pressure(const Material& m, double pressure);
 
-// The material's law as point functions; flow_law.hpp says what each means.
+// The softening g(P, T) by the material's law, and its derivative dg/dT.
 inline Softening softening(const Material& m, double pressure, double temperature) {
   if (m.varies_with_compression()) return softening(at_pressure(m, pressure), pressure, temperature);
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::softening(m, pressure, temperature); });
@@ -71,8 +71,8 @@ inline bool hardens(const Material& m) {
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::hardens(m); });
 }
 
-// The share of the friction heat that enters `soft`, DLP (18-19): beta_T = k sqrt(alpha_h) / (k sqrt(alpha_h) + k_h
-// sqrt(alpha)).
+// The share of the friction heat that enters `soft` if both bodies are half-spaces, DLP (18-19):
+// beta_T = k sqrt(alpha_h) / (k sqrt(alpha_h) + k_h sqrt(alpha)), where k_h and alpha_h are those of `hard`.
 double heat_partition(const Material& soft, const Material& hard);
 
 }  // namespace shearbus::physics
