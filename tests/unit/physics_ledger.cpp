@@ -156,9 +156,7 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
 }
 
 // The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, but the ledger computes the
-// work with the stress at the end of the step. The energy residual is at most
-// change of s
-// times the slip of the step.
+// work with the stress at the end of the step. The energy residual is at most |change of s| times the slip of the step.
 TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   ModelOptions options = graded(paper_options());
   options.time_integrator = TimeIntegrator::kSdirk2;
