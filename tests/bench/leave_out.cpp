@@ -1,8 +1,8 @@
 // shearbus-bench-leave-out measures how much time is saved by leaving out options. The hydrocode problem of the coarse
 // cone runs once, and the inputs of its layers are recorded. The model alone then replays them with these variants:
 //
-//   everything      the scene below with more options, none of which changes a bit of the answer: junctions that cover
-//                   the whole area and do not harden, a second direction without slip, the energy ledger
+//   everything      the variant `scene` with more options, none of which changes a bit of the answer: junctions that
+//                   cover the whole area and do not harden, a second direction without slip, the energy ledger
 //   scene           the scene of the cone, with a temperature profile by backward Euler instead of modes
 //   sleep           the same as `scene`, with the option that nodes at rest sleep
 //   plastic layer   the scene with a layer that flows, without and with sleep; its inputs are from a run of its own

@@ -123,7 +123,7 @@ TEST(Recording, StepLengthsAreTheHostsOwn) {
   }
   const HistoryReader reader(scratch / "history.h5");
   EXPECT_THAT(reader.dt_s(), testing::Each(dt));
-  // rounded times give steps other than dt, so the file stores /dt
+  // differences of the rounded times are not dt, so the file also stores /dt
   EXPECT_NE(reader.times_s()[500] - reader.times_s()[499], dt);
 }
 
