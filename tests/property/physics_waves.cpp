@@ -15,8 +15,8 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kTiny = 1e-280;
-// Residuals are relative to the largest stress plus kLeastStress, or the largest velocity plus kLeastVelocity, because a
-// layer close to melting may carry almost no stress.
+// Residuals are relative to the largest stress plus kLeastStress, or the largest velocity plus kLeastVelocity, because
+// a layer close to melting may carry almost no stress.
 constexpr double kLeastStress = 1e6;      // added to the largest stress, to which residuals are relative  [Pa]
 constexpr double kLeastVelocity = 1e-20;  // added to the largest velocity, to which residuals are relative  [m/s]
 
