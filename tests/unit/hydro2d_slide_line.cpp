@@ -106,8 +106,8 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
           bodies.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
         const lagrange::Block& b = bodies.mesh.blocks()[0];
         for (int n = b.first_node; n < b.first_node + b.num_nodes(); ++n) {
-          bodies.velocity[n].x =
-              5e4 * bodies.mesh.places()[n].x;  // the velocity grows with x, so the soft block slides
+          // the velocity grows with x, so the soft block slides
+          bodies.velocity[n].x = 5e4 * bodies.mesh.places()[n].x;
         }
       }
       ConstantFrictionLaw law(limit);
