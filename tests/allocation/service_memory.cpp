@@ -1,8 +1,8 @@
 // Memory of the service: how much a request may cost, and how the service behaves when memory runs out. Each allocation
 // of a request is made to fail once. The request is then either refused with nothing changed, or it was executed and
-// only its reply is lost. In both cases the same request sent again gets the reply of a service that never ran short
-// (promises P2 and P3 of tests/README.md). A server with a journal on disk may have written the journal without
-// updating its states: it ends, and the next server recovers (promise P1).
+// only its reply is lost. In both cases the same request, sent again, must get the reply of a service that always had
+// enough memory (promises P2 and P3 of tests/README.md). A server with a journal on disk may fail after it has written
+// the journal and before it has updated its states: it then ends, and the next server recovers (promise P1).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,8 +24,8 @@ extern "C" const char* __lsan_default_suppressions() {
 
 namespace {
 
-std::atomic<long> allocations_left{-1};       // allocations until one fails; below 0: none fails
-std::atomic<std::size_t> bytes_allocated{0};  // bytes since the last reset
+std::atomic<long> allocations_left{-1};       // number of allocations until one fails; negative: none fails
+std::atomic<std::size_t> bytes_allocated{0};  // bytes allocated since the last reset
 
 void* allocate(std::size_t size, std::size_t alignment = alignof(std::max_align_t)) {
   bytes_allocated += size;
@@ -100,7 +100,7 @@ struct Tally {
   long failures = 0, refused = 0, unanswered = 0, recovered = 0;
 };
 
-// The service under test, with or without a journal, and a second service that gets the same requests and whose
+// The service under test, with or without a journal, and a twin service that gets the same requests and whose
 // allocations never fail.
 class Pair {
  public:
@@ -108,8 +108,8 @@ class Pair {
     if (durable) start();
   }
 
-  // Sends a request with its n-th allocation failing, for n = 1, 2, 3, ... until none fails. `make()` returns a new
-  // request after the previous one has been executed.
+  // Sends a request while its n-th allocation fails, for n = 1, 2, 3, ... until no allocation fails. `make()` returns
+  // the next request after a request has been executed.
   template <typename Make>
   void fail_every_allocation(const Make& make, const char* what) {
     wire::Request request = make();
@@ -148,7 +148,7 @@ class Pair {
     FAIL() << what << ": it never ends";
   }
 
-  // A checkpoint that runs out of memory loses nothing: its records are still in the journal.
+  // A checkpoint that runs out of memory must lose nothing: its records are still in the journal.
   void fail_every_allocation_of_a_checkpoint() {
     for (long n = 1; n < 100'000; ++n) {
       allocations_left = n - 1;
@@ -190,7 +190,8 @@ class Pair {
 
   MemoryStorage disk_;
   std::optional<DurableServer> durable_;
-  // Each failed opening is followed by one that succeeds, and reading a scene allocates more often than there may be sessions.
+  // Number of sessions that may be open. The test opens one for each allocation of an opening that it makes fail, and
+  // reading a scene allocates more often than a server usually has sessions.
   ServiceHarness volatile_{1, {.max_sessions = std::size_t{1} << 16}};
   ServiceHarness twin_{1, {.max_sessions = std::size_t{1} << 16}};
   Tally tally_;
@@ -206,7 +207,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   scene.mutable_layer()->set_cells(6);
   scene.mutable_hard_layer();
 
-  unsigned session = 0;  // changes with every request
+  unsigned session = 0;  // number of the session id, different in every request
   const auto next_id = [&] {
     ++session;
     wire::SessionId id{};
@@ -241,7 +242,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   };
   pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance); }, "advance");
   pair.fail_every_allocation([&] { return step(wire::Mode::kTrial); }, "trial");
-  double dt_s = 1e-9;  // changes with every step, so that new operators are built
+  double dt_s = 1e-9;  // different in every step, so that the server builds new operators
   pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance, dt_s *= 1.001); }, "advance with a new dt");
   pair.fail_every_allocation([&] { return ServiceHarness::in_session(wire::Rollback{}, ++sequence); }, "rollback");
   pair.fail_every_allocation(
@@ -265,7 +266,8 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
             << "), states changed: " << (HasFailure() ? "SOME" : "0") << "\n";
 }
 
-// The operators of substeps are built during the step that first needs them, so allocations fail there too.
+// A step under a tolerance builds operators for its substeps when it first needs them. These allocations must fail
+// without harm, too.
 TEST(OutOfMemory, InAStepThatIsCutForItsToleranceChangesNothing) {
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Pair pair(false);
@@ -308,8 +310,8 @@ TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   EXPECT_GT(pair.tally().failures, 50);
 }
 
-// Small headers for which a careless parser would allocate much memory. The memory that any sender's header costs must
-// be bounded by the header's own size, which the limit of headers bounds.
+// Small headers for which a careless parser would allocate much memory. The memory that a header costs must be bounded
+// by the size of the header, which itself has a limit.
 TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
   constexpr std::size_t kMost = wire::kMaxHeaderBytes;
   constexpr std::size_t kMostAboveTheLimit = 4096;
@@ -318,7 +320,7 @@ TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
     while (all.size() + part.size() <= bytes) all += part;
     return all;
   };
-  const auto field = [](char tag, const std::string& content) {  // length-delimited field; its length takes three bytes
+  const auto field = [](char tag, const std::string& content) {  // a field with a length prefix of three bytes
     const std::size_t n = content.size();
     return std::string{tag, static_cast<char>(0x80 | (n & 0x7f)), static_cast<char>(0x80 | (n >> 7 & 0x7f)),
                        static_cast<char>(n >> 14)} +
@@ -335,7 +337,8 @@ TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
       {"a length beyond the end", sound + "\x42\xff\xff\xff\xff\x07"},
   };
   ServiceHarness server;
-  server.ask(ServiceHarness::in_session(wire::Hello{}, 0));  // creates everything that is created only once
+  // the first request creates what the server creates only once
+  server.ask(ServiceHarness::in_session(wire::Hello{}, 0));
   const auto cost_of = [&](const std::string& header) {
     const std::span<const std::byte> frame = std::as_bytes(std::span(header));
     bytes_allocated = 0;

@@ -1,6 +1,6 @@
-// shearbus-bench-durability measures the cost of sessions that outlive the server: round trips of a step over ipc, with
-// one server for each level of durability. The servers take turns, so that other load of the machine affects all of
-// them alike. The levels are:
+// shearbus-bench-durability measures the cost of sessions that survive the server: round trips of a step over ipc, with
+// one server for each level of durability. The servers take turns, so that other load of the machine affects all levels
+// alike. The levels are:
 //
 //   volatile  no state directory
 //   process   a step is in the journal before it is answered

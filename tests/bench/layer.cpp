@@ -33,7 +33,7 @@ void run(benchmark::State& state, const ModelOptions& options, const Step& step)
   for (auto _ : state) {
     rig.committed = start;
     for (int n = 0; n < kStepsPerRun; ++n) {
-      // The lanes have slightly different inputs, as the nodes of one interface have.
+      // The inputs differ slightly between lanes, as they do between the nodes of one interface.
       for (int l = 0; l < kLanes; ++l) rig.inputs.velocity_jump[l] = 100.0 + l;
       step(rig, n);
     }
@@ -59,8 +59,8 @@ void BM_ForceDriven(benchmark::State& state) {
   run(state, grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
 }
 
-// flows:0: the yield strength of the interface equals that of the layer. flows:1: it is above that of the layer, so
-// that the layer flows.
+// Cost of a step with a plastic layer. With flows:0 the yield strength of the interface equals that of the layer; with
+// flows:1 it is higher, so that the layer flows.
 void BM_PlasticLayer(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
   options.plastic_layer = true;
@@ -114,8 +114,8 @@ void BM_Sdirk2(benchmark::State& state) {
   run(state, options);
 }
 
-// Heat by modes without a temperature profile, for times from 1 ns to 1 us. The modes approximate the heat kernel with
-// a relative error of 1e-3 (digits:3) or 1e-6 (digits:6).
+// Cost of a step with heat in modes, without a temperature profile, for times from 1 ns to 1 us. The modes approximate
+// the heat kernel with a relative error of 1e-3 (digits:3) or 1e-6 (digits:6).
 void BM_Modes(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, 2);
   options.modes = {.accuracy = state.range(0) == 3 ? 1e-3 : 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};
@@ -129,8 +129,9 @@ void BM_Inertia(benchmark::State& state) {
   run(state, options);
 }
 
-// Slip with two components. The second component starts at a third of the first and falls to about half of its initial
-// value, so that the direction of the slip turns. forced:1 is force-driven, forced:0 velocity-driven.
+// Cost of a step with two tangential components. The second component of the jump starts at a third of the first and
+// falls to about half of its initial value, so that the direction of the slip turns. forced:1 is force-driven, forced:0
+// velocity-driven.
 void BM_TwoComponents(benchmark::State& state) {
   const bool forced = state.range(1) != 0;
   ModelOptions options =

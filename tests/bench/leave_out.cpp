@@ -1,8 +1,8 @@
 // shearbus-bench-leave-out measures how much time is saved by leaving out options. The hydrocode problem of the coarse
 // cone runs once, and the inputs of its layers are recorded. The model alone then replays them with these variants:
 //
-//   everything      the scene below with more options, none of which changes a bit of the answer: junctions that cover
-//                   the whole area and do not harden, a second direction without slip, the energy ledger
+//   everything      the variant `scene` with more options, none of which changes a bit of the answer: junctions that
+//                   cover the whole area and do not harden, a second direction without slip, the energy ledger
 //   scene           the scene of the cone, with a temperature profile by backward Euler instead of modes
 //   sleep           the same as `scene`, with the option that nodes at rest sleep
 //   plastic layer   the scene with a layer that flows, without and with sleep; its inputs are from a run of its own
@@ -38,7 +38,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kRuns = 15;
 
-// Records the inputs of the host's steps.
+// An interface law that passes its calls to another law and records the inputs of the host's steps.
 class Recorder : public hydro::InterfaceLaw {
  public:
   explicit Recorder(hydro::InterfaceLaw& law) : law_(law) {}
@@ -61,7 +61,8 @@ class Recorder : public hydro::InterfaceLaw {
 struct Replayed {
   std::size_t state_doubles = 0;  // number of doubles in the state of a node
   double layers_s = 0.0, step_lengths_s = 0.0;
-  double asleep = 0.0, stuck = 0.0;         // shares of node-steps: asleep; asleep in a closed contact
+  // shares of node-steps: `asleep` of sleeping nodes, `stuck` of those in a closed contact
+  double asleep = 0.0, stuck = 0.0;
   std::vector<double> temperature, stress;  // T0 [K] and s [Pa], one value per node-step
 };
 
@@ -135,7 +136,7 @@ double apart(const std::vector<double>& a, const std::vector<double>& b) {
   return most;
 }
 
-// Runs the cone of a scene and returns the inputs of its layers.
+// Runs the cone problem of a scene and returns the inputs of its layers in all steps.
 std::vector<hydro::InterfaceInputs> recorded(const guest::HydroScene& scene) {
   const hydro::ConeTarget cone = hydro::make_cone_target(scene);
   lagrange::Bodies bodies = hydro::make_bodies(cone);
@@ -155,7 +156,7 @@ struct Variant {
   bool ledger;
 };
 
-// Prints a table of variants; each is compared with the first.
+// Prints a table of variants; each variant is compared with the first.
 void print_table(const std::vector<hydro::InterfaceInputs>& asked, const std::vector<Variant>& variants) {
   std::printf("%zu nodes, %zu steps\n%-24s %10s %10s %12s %9s %9s %12s %12s\n", asked.front().pressure.size(),
               asked.size(), "", "B of state", "layers ms", "lengths ms", "asleep %", "stuck %", "T0 apart K",
@@ -170,7 +171,7 @@ void print_table(const std::vector<hydro::InterfaceInputs>& asked, const std::ve
   }
 }
 
-// Returns the time per node-step  [us] of a tile whose nodes have slid and are now stuck, the shortest of kRuns runs.
+// Returns the time per node-step [us] of a tile whose nodes have slid and are now stuck: the shortest of kRuns runs.
 double stuck_tile(const physics::ModelOptions& options) {
   constexpr int kSlides = 100, kLoads = 20, kSettles = 100, kTimed = 200;
   constexpr double kStep = 2e-9, kPull = 20e6;
@@ -190,7 +191,7 @@ double stuck_tile(const physics::ModelOptions& options) {
       if (n == kSlides + kSettles) started = Clock::now();
       for (int l = 0; l < kLanes; ++l) {
         inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
-        // The contact is open for one step, which sets the interface stress to 0.
+        // After sliding the contact is open for one step, which sets the interface stress to 0.
         inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;
         inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
         inputs.stress_soft[l] = inputs.stress_hard[l] = kPull;

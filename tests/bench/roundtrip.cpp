@@ -31,7 +31,7 @@ struct Sizes {
   std::size_t payload;
 };
 
-// Answers `rounds` messages with two frames of given sizes.
+// A server without shearbus: it answers `rounds` messages with two frames of given sizes.
 class BareServer {
  public:
   BareServer(const std::string& endpoint, Sizes reply, int rounds) {
@@ -72,7 +72,8 @@ void measure(std::size_t nodes) {
   Client client = server.client();
   Session session = client.open(support::text_of(support::force_scene(1)), "scene", ids);
   const auto& first = session.advance(request, {.dt_s = kDt});
-  const Sizes asked = {120, request.bytes().size()};  // header and payload; the header of a step has about 120 bytes
+  // sizes of the two frames of a request; the header of a step has about 120 bytes
+  const Sizes asked = {120, request.bytes().size()};
   const Sizes answered = {160, first.outcome().size() * 2 + first.shear_stress_pa().size() * 5 * sizeof(double)};
 
   const support::ScratchDirectory scratch;

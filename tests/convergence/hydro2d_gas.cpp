@@ -30,7 +30,7 @@ TEST(Hydro2dGas, Noh) {
                   error, last > 0.0 ? error / last : 0.0, residual);
       EXPECT_LT(std::abs(residual), 1e-12);
       if (last > 0.0) {
-        EXPECT_LT(error / last, 0.65);  // first order: half the zone width has about half the error
+        EXPECT_LT(error / last, 0.65);  // first order: half the zone width gives about half the error
         EXPECT_LT(error, plane ? 0.12 : 0.18);
         EXPECT_NEAR(front, 0.2, 0.015);
         EXPECT_NEAR(density / answers[0].exact, 1.0, plane ? 0.09 : 0.17);
@@ -58,7 +58,7 @@ TEST(Hydro2dGas, Sedov) {
       EXPECT_LT(std::abs(residual), 1e-12);
       if (zones == 48) {
         EXPECT_NEAR(shock, 1.0, 0.015);
-        EXPECT_LT(spread, 0.025);  // the front is at most about a zone (1/48) wide in radius
+        EXPECT_LT(spread, 0.025);  // `spread` is in units of the radius: about one zone (1/48)
         EXPECT_GT(peak, 5.0);
         EXPECT_LT(peak, 6.3);
       }

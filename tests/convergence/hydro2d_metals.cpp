@@ -1,5 +1,5 @@
-// Plastic flow at large strain: imploding shells that plastic work brings to rest, and Taylor's bar. Each test prints
-// its table.
+// The two-dimensional hydrocode with plastic flow at large strain: imploding shells that plastic work brings to rest,
+// and Taylor's bar. Each test prints its table.
 #include <gtest/gtest.h>
 
 #include "hydro_stub/verification/exact.hpp"
@@ -15,7 +15,7 @@ hydro::Metal beryllium() {
                        151e9, 330e6);
 }
 
-// Runs the implosion until the shell is at rest.
+// Runs the implosion until the shell is at rest, and compares the result with the exact solution.
 std::vector<hydro::Comparison> stopped(const hydro::ImplosionProblem& problem, double& residual) {
   Cycle cycle(make_bodies(problem));
   const lagrange::Ledger start = cycle.ledger();
@@ -24,8 +24,8 @@ std::vector<hydro::Comparison> stopped(const hydro::ImplosionProblem& problem, d
   return compare(problem, cycle);
 }
 
-// Published values: with 417.08 and 454.65 m/s the shell stops at inner radii of 50 and 45 mm (B. Verney; G. Howell &
-// G. Ball, J. Comput. Phys. 175 (2002) 128).
+// Published values: cylindrical shells with initial speeds of 417.08 and 454.65 m/s stop at inner radii of 50 and 45 mm
+// (B. Verney; G. Howell & G. Ball, J. Comput. Phys. 175 (2002) 128).
 TEST(Hydro2dMetals, ExactSpeedsOfImplodingCylindersAreThePublishedOnes) {
   EXPECT_NEAR(hydro::cylinder_speed(beryllium(), 80e-3, 100e-3, 50e-3), 417.08, 0.005);
   EXPECT_NEAR(hydro::cylinder_speed(beryllium(), 80e-3, 100e-3, 45e-3), 454.65, 0.005);
@@ -88,7 +88,7 @@ TEST(Hydro2dMetals, TaylorBar) {
         .length = 32.4e-3,
         .speed = 227.0,
         .zones = across};
-    problem.metal.strength.hardening_coefficient = 0.25;  // linear, because the exponent is 1
+    problem.metal.strength.hardening_coefficient = 0.25;  // the exponent is 1, so hardening is linear
     Cycle cycle(make_bodies(problem));
     const lagrange::Ledger start = cycle.ledger();
     cycle.run_to(80e-6);

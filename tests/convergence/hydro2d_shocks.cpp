@@ -19,8 +19,8 @@ const char* name(Symmetry symmetry) {
   return symmetry == Symmetry::kPlane ? "plane" : "axial";
 }
 
-// The published solution assumes a constant Grueneisen coefficient Gamma, this equation of state a constant product
-// rho Gamma. The results differ in the fifth digit.
+// The published solution assumes a constant Grueneisen coefficient Gamma, our equation of state a constant product rho
+// Gamma. The results differ in the fifth digit.
 TEST(Hydro2dShock, ExactTwoWavePistonIsThePublishedOne) {
   const hydro::TwoWaves exact = hydro::two_waves(piston_metal(), kPistonSpeed);
   EXPECT_NEAR(exact.elastic_stress / 0.537995e9, 1.0, 1e-5);
@@ -72,7 +72,7 @@ TEST(Hydro2dShock, ExactImpactsAreThePublishedOnes) {
   EXPECT_NEAR(other.stress / 6.7814e9, 1.0, 1e-4);
 }
 
-// A flyer hits a target across a slide line.
+// A flyer plate hits a target plate across a slide line.
 TEST(Hydro2dShock, FlyersOnTargets) {
   std::printf("symmetry flyer on target   velocity (exact)      stress/GPa (exact)   energy residual\n");
   for (const Symmetry symmetry : {Symmetry::kPlane, Symmetry::kAxisymmetric}) {

@@ -16,8 +16,8 @@ using lagrange::Ledger;
 
 constexpr double kFriction = 50e6;
 
-// Two half-spaces with impedances Z and friction stress s: the jump is V0 - s (1/Z_soft + 1/Z_hard) until a wave
-// arrives from a side.
+// Two half-spaces with impedances Z and friction stress s: the jump is [V] = V0 - s (1/Z_soft + 1/Z_hard) until waves
+// arrive from the edges of the mesh.
 TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   std::printf(
       "two half-spaces, 50 MPa, 100 m/s: jump at the middle (exact 92.184 m/s)\n width/um   at 50 ns   at 100 ns\n");
@@ -41,8 +41,8 @@ TEST(Hydro2dSliding, HalfSpacesWithConstantFriction) {
   }
 }
 
-// A plate of impedance Z with a free back: the velocity of its face falls by 2 s/Z, with the friction stress s, at
-// every return of the wave from the back.
+// A plate of impedance Z rubs at one face, with friction stress s; its back is free. At every return of the wave from
+// the back the velocity of the rubbing face falls by 2 s/Z.
 TEST(Hydro2dSliding, FinitePlateWithFreeBack) {
   std::printf("plate of 0.5 mm with a free back: velocity of its face\n");
   Plates p;
@@ -62,8 +62,8 @@ TEST(Hydro2dSliding, FinitePlateWithFreeBack) {
   }
 }
 
-// Two free plates: momentum does not change, and the kinetic energy that is lost becomes friction heat and elastic
-// energy.
+// Two free plates slide with friction: their momentum does not change, and the lost kinetic energy becomes friction
+// heat and elastic energy.
 TEST(Hydro2dSliding, TwoFreePlatesKeepMomentumAndAccountForTheirEnergy) {
   Plates p;
   p.length = 2e-3;
@@ -80,7 +80,8 @@ TEST(Hydro2dSliding, TwoFreePlatesKeepMomentumAndAccountForTheirEnergy) {
   EXPECT_NEAR((end.total_energy() - end.work_given) / start.total_energy(), 1.0, 1e-13);
   EXPECT_NEAR((end.momentum.x - end.impulse_given.x) / start.momentum.x, 1.0, 1e-12);
   EXPECT_NEAR((end.momentum.y - end.impulse_given.y) / start.momentum.x, 0.0, 1e-12);
-  EXPECT_GT(end.friction_heat, 0.9 * (start.kinetic - end.kinetic));  // the rest is elastic energy
+  // the rest of the lost kinetic energy is elastic energy
+  EXPECT_GT(end.friction_heat, 0.9 * (start.kinetic - end.kinetic));
   EXPECT_LT(end.friction_heat, kFriction * p.length * 100.0 * 1e-6);
   EXPECT_LT(std::abs(end.closing_heat), 1e-3 * end.friction_heat);
 }
@@ -108,8 +109,8 @@ TEST(Hydro2dSliding, ALineTurnedByAnyAngleSlidesTheSame) {
   EXPECT_LT(worst, 1e-6);
 }
 
-// At 1000 m/s the middle of the line slips over more than two zones before waves arrive from its ends. The line must
-// not lock, so the jump must not fall.
+// At 1000 m/s the middle of the slide line slips over more than two zones before waves arrive from the ends of the
+// line. A line without friction must not lock, so the velocity jump must not fall.
 TEST(Hydro2dSliding, AnObliqueLineWithoutFrictionDoesNotLock) {
   Plates p;
   p.length = 2e-3;

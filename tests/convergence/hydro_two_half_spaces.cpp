@@ -1,4 +1,5 @@
-// Two half-spaces, computed by the hydrocode, the message bus and the layer together, against the Volterra equation.
+// Two half-spaces that slide on each other, computed by the hydrocode, the message bus and the layer together. The
+// reference is the solution of a Volterra equation.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -163,7 +164,8 @@ void print(const Row& row, const std::vector<test::HalfSpaceState>& exact) {
 TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
   const auto exact = reference();
   std::printf("  zone, ns  dt, ns  t, ns   s, MPa                  [V], m/s              T0, K\n");
-  // Zones and steps are refined together at Courant number 1. The order is one, because the layer uses backward Euler.
+  // Zones and steps are refined together at Courant number 1. The order of the error is one, because the layer uses
+  // backward Euler.
   std::vector<Row> rows;
   for (const double dt : {4.0, 2.0, 1.0, 0.5, 0.25}) {
     rows.push_back({dt, dt, run(dt, dt)});
@@ -190,9 +192,9 @@ TEST(TwoHalfSpaces, WholeLoopConvergesToTheVolterraSolution) {
   for (std::size_t k = 0; k < kTimes.size(); ++k) within(rows[4], k);  // the run with dt = 0.25 ns, at all times
 }
 
-// Courant number below 1. The sudden start makes the jump oscillate at the mesh's cut-off frequency, and the
-// oscillation decays as t^(-1/2). Stress and temperature, which depend on the heat released so far, hardly change. At
-// Courant number 1 there is no such oscillation.
+// At a Courant number below 1 the sudden start makes the velocity jump oscillate at the cut-off frequency of the mesh;
+// the oscillation decays as t^(-1/2). Stress and temperature, which depend on all the heat released so far, hardly
+// change. At Courant number 1 there is no such oscillation.
 TEST(TwoHalfSpaces, BelowUnitCourantNumberStressAndTemperatureHold) {
   const auto exact = reference();
   std::printf("  zone, ns  dt, ns  t, ns   s, MPa                  [V], m/s              T0, K\n");

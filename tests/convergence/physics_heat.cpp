@@ -1,4 +1,4 @@
-// Conduction against exact solutions: DLP (20-23) with a constant flux at z = 0.
+// Heat conduction against exact solutions: DLP (20-23) with a constant flux at z = 0.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,7 +13,7 @@ namespace {
 constexpr double kFlux = 1e10;    // heat flux at z = 0  [W/m2]
 constexpr double kStart = 300.0;  // initial temperature  [K]
 
-// Integral of the complementary error function from x to infinity.
+// Integral of the complementary error function from x to infinity, ierfc(x).
 double ierfc(double x) {
   return std::exp(-x * x) / std::sqrt(M_PI) - x * std::erfc(x);
 }
@@ -22,7 +22,7 @@ double half_space_rise(const Material& m, double t) {
   return 2.0 * kFlux / m.conductivity * std::sqrt(m.diffusivity * t / M_PI);
 }
 
-// Temperature rise at z = 0 of a slab with an insulated far face: the half-space and its images.
+// Temperature rise at z = 0 of a slab with an insulated far face: that of a half-space and of its image sources.
 double slab_rise(const Material& m, double h, double t) {
   const double depth = std::sqrt(m.diffusivity * t);
   double sum = ierfc(0.0);
@@ -30,8 +30,8 @@ double slab_rise(const Material& m, double h, double t) {
   return 2.0 * kFlux * depth / m.conductivity * sum;
 }
 
-// Temperature rise at z = 0 of a half-space under the flux q with backward Euler in time, exact in space:
-// q sqrt(alpha dt)/k times the sum of binom(2j, j)/4^j over the steps j = 0, 1, ...
+// Temperature rise at z = 0 of a half-space under the flux q = kFlux, with backward Euler in time, exact in space: q
+// sqrt(alpha dt)/k times the sum of binom(2j, j)/4^j over the steps j = 0, 1, ...
 double half_space_rise_backward_euler(const Material& m, double dt, int steps) {
   double sum = 0.0, term = 1.0;
   for (int j = 0; j < steps; ++j) {
@@ -64,7 +64,7 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
     const double error = rise / half_space_rise(m, t) - 1.0;
     const double order = before != 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %8.2g s  %11.4e  %8.4f  %6.3f\n", t / steps, error, 8 * steps * error, order);
-    EXPECT_NEAR(8 * steps * error, -1.0, 0.03);  // the rise is too low by a share of 1/(8n)
+    EXPECT_NEAR(8 * steps * error, -1.0, 0.03);  // after n steps the rise is too low by a share of 1/(8n)
     if (before != 0.0) {
       EXPECT_NEAR(order, 1.0, 0.02);
     }
@@ -72,8 +72,8 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
   }
 }
 
-// Two half-spaces in contact share the flux in proportion to their effusivities k/sqrt(alpha). The grids of the two
-// have nothing in common.
+// Two half-spaces in contact share the heat flux in proportion to their effusivities k/sqrt(alpha). Here the grids of
+// the two bodies are chosen independently.
 TEST(PhysicsHeatConvergence, FirstOrderInTimeWhereBothBodiesConduct) {
   const Material soft = paper_options().soft, hard = paper_options().hard;
   const double t = 100e-9;
@@ -123,7 +123,7 @@ TEST(PhysicsHeatConvergence, SecondOrderInSpace) {
 
 TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
   const Material m = paper_options().soft;
-  const double t = 3e-6;  // the heat is 12 um deep and has just reached the far face
+  const double t = 3e-6;  // a time at which the heat has just reached the far face
   EXPECT_GT(slab_rise(m, 20e-6, t) / half_space_rise(m, t), 1.01);
   std::printf("constant flux into an insulated slab of 20 um, 3 us, 2000 cells: steps, T0 error, order\n");
   double before = 0.0;
@@ -138,7 +138,7 @@ TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
     before = error;
   }
   EXPECT_LT(std::abs(before), 1e-3);
-  // Once the slab heats evenly, the error of the early steps has died out.
+  // When the whole slab heats evenly, the error of the first steps has decayed.
   EXPECT_NEAR(computed_rise(m, {20e-6, 500, 1.0, FarBoundary::kInsulated}, 12e-9, 1000) / slab_rise(m, 20e-6, 12e-6),
               1.0, 1e-6);
 }
@@ -153,7 +153,8 @@ TEST(PhysicsHeatConvergence, GradedGridDoesWithATenthOfTheCells) {
   }
 }
 
-// A half-space is represented by a few wide cells behind z = h. Error of T0 when the heat is 1, 3, 10 and 50 h deep.
+// A half-space is represented by a few wide cells behind z = h. The test prints the error of T0 when the heat is 1, 3,
+// 10 and 50 h deep.
 TEST(PhysicsHeatConvergence, HalfSpaceBehindTheLayerIsWithinAThousandth) {
   const Material m = paper_options().soft;
   const int steps = 2000;

@@ -2,7 +2,8 @@
 // jump [V] and the strain of the junctions ep are those of an oscillator, as long as the interface slips:
 //   d[V]/dt = A - m K (1 + beta ep),  dep/dt = [V] / (sqrt(3) d),  K = f Y0 g / sqrt(3)
 // A: acceleration of the jump by the far stresses, m: sum of the inverse masses, f and d: contact fraction and height
-// of the junctions, Y0 and beta: their yield strength and hardening coefficient, g: pressure factor of the strength.
+// of the junctions, Y0 and beta: yield strength and hardening coefficient of the junctions, g: pressure factor of the
+// strength.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,7 +15,7 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kJump = 100.0;  // initial velocity jump [m/s]
-constexpr double kMass = 0.03;   // mass of each body [kg/m2]
+constexpr double kMass = 0.03;   // mass per area of each body [kg/m2]
 constexpr double kEnd = 5e-9;    // end of the run [s]
 
 struct Found {
@@ -62,7 +63,7 @@ TEST(PhysicsJunctionConvergence, LinearHardeningOscillates) {
   const double c = std::cos(omega * kEnd), s = std::sin(omega * kEnd);
   const double jump = kJump * c + (A - m * K) / omega * s;
   const double strain = (kJump * s / omega + (A - m * K) / (omega * omega) * (1.0 - c)) / (kSqrt3 * 1e-6);
-  ASSERT_GT(jump, 10.0);  // still slipping
+  ASSERT_GT(jump, 10.0);  // the interface still slips at the end of the run [m/s]
   double error[3][3];
   for (int k = 0; k < 3; ++k) {
     const Found found = slide(options, pull, 64 << k);
@@ -75,7 +76,8 @@ TEST(PhysicsJunctionConvergence, LinearHardeningOscillates) {
   expect_first_order("oscillator, s", error[2], 5e-3);
 }
 
-// The same forces on the paper's metal, which softens with temperature. Reference: a run with 16384 steps.
+// Junctions of the paper's aluminium, which hardens with strain and softens with temperature, under constant forces.
+// Reference: a run with 16384 steps.
 TEST(PhysicsJunctionConvergence, HardeningAndSofteningTogether) {
   const ModelOptions options = junctions();
   const Found exact = slide(options, 12e6, 16384);

@@ -1,4 +1,5 @@
-// Laws that are not in the DLP paper, compared with exact solutions or with solutions of another method.
+// Flow laws and friction laws that are not in the DLP paper, compared with exact solutions or with solutions by another
+// method.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,9 +11,9 @@
 namespace shearbus::testing {
 namespace {
 
-// Copper (Johnson and Cook 1983) that heat does not soften. In the layer of thickness h under the velocity jump v all
-// cells have the same state. Its balance gives the stress s = G0 (v t/h - sqrt(3) ep), and one equation remains, with
-// the constants r0, A, B, n and C of the law: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
+// Copper with Johnson and Cook's law and without thermal softening. All cells of the layer (thickness h, velocity jump
+// v) have the same state. The stress is s = G0 (v t/h - sqrt(3) ep), and one equation remains, with the constants r0,
+// A, B, n and C of the law: d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C).
 ModelOptions cold_copper() {
   ModelOptions options = graded(paper_options(), 4, 1.0);
   Material& soft = options.soft;
@@ -24,8 +25,8 @@ ModelOptions cold_copper() {
   return options;
 }
 
-// Solves this equation by the Runge-Kutta method of order 4, with steps far below the relaxation time C A / (3 G0 rate)
-// of 5 ps.
+// Returns ep(t_end) of d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C) by the Runge-Kutta method of order 4. Its
+// steps are far below the relaxation time C A / (3 G0 rate) of 5 ps.
 double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
   const Material& m = options.soft;
   const double h = options.grid.thickness;
@@ -70,9 +71,9 @@ TEST(PhysicsJohnsonCookConvergence, RateDependentShearIsFirstOrderInTime) {
   EXPECT_LT(before, 1e-4);
 }
 
-// Copper by Preston, Tonks and Wallace against a hard body that takes all the heat: the layer stays uniform and at
-// 300 K. The remaining equation is d ep/dt = rate, with the rate at which the flow stress is
-// Y(ep, rate) = sqrt(3) G0 (v t / h - sqrt(3) ep).
+// Copper by Preston, Tonks and Wallace, held at 300 K by a hard body that takes all the heat. Only d ep/dt = r remains,
+// where r solves Y(ep, r) = sqrt(3) G0 (v t / h - sqrt(3) ep), with the jump v and the thickness h; r = 0 while the
+// layer is elastic.
 ModelOptions cooled_copper() {
   ModelOptions options = graded(paper_options(), 4, 1.0);
   options.soft = make_material("copper_ofhc_ptw", {}).material;
@@ -92,8 +93,8 @@ double rate_under(const Material& m, double stress, double ep, double pressure) 
   return std::exp(lo);
 }
 
-// Solves this equation by the Runge-Kutta method of order 4, with steps below the relaxation time
-// dY/dln(rate) / (3 G0 rate) of 0.1 ns.
+// Returns ep(t_end) of d ep/dt = r, where Y(ep, r) = sqrt(3) G0 (v t / h - sqrt(3) ep), by the Runge-Kutta method of
+// order 4. Its steps are below the relaxation time dY/dln(r) / (3 G0 r) of 0.1 ns.
 double strain_of_preston_shear(const ModelOptions& options, double v, double pressure, double t_end, int steps) {
   const Material& m = options.soft;
   const auto rate = [&](double t, double ep) {
@@ -129,7 +130,7 @@ TEST(PhysicsPrestonTonksWallaceConvergence, CoupledShearIsFirstOrderInTime) {
     const double order = before > 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %8.2g s  %.3e  %6.3f\n", dt, error, order);
     EXPECT_NEAR(rig.ep(0), rig.ep(4), 1e-6 * ep);
-    if (dt < 3e-9) {  // longer steps resolve the onset of flow too coarsely
+    if (dt < 3e-9) {  // the onset of flow is resolved only by steps below 3 ns
       EXPECT_NEAR(order, 1.0, 0.05) << dt;
     }
     before = error;
@@ -144,9 +145,9 @@ ModelOptions hot_copper() {
   return options;
 }
 
-// There is no exact solution with heat and softening, so the order follows from the changes between step lengths. The
-// interface slips from the start, because a layer loaded from rest begins to flow somewhere within a step and then has
-// no definite order (that is the next test).
+// With heat and softening there is no exact solution, so the order is computed from the differences between runs with
+// different step lengths. The interface slips from the start, because a layer that is loaded from rest begins to flow
+// somewhere within a step and then has no definite order.
 TEST(PhysicsJohnsonCookConvergence, HotSlipIsFirstOrderInTime) {
   ModelOptions options = hot_copper();
   options.drive = Drive::kInterfaceSlip;
@@ -183,11 +184,11 @@ TEST(PhysicsJohnsonCookConvergence, HotShearAgreesBetweenStepLengthsAndGrids) {
   }
 }
 
-// Two free bodies slow each other down by friction:
+// Velocity-weakening friction slows two free bodies of masses m- and m+ down:
 //   dV/dt = -k (mu_inf + (mu_0 - mu_inf) exp(-theta V)),  k = P (1/m- + 1/m+)
-// where m- and m+ are the masses of the two bodies, with the exact solution, where r = mu_0/mu_inf - 1,
+// The exact solution, with r = mu_0/mu_inf - 1, is
 //   exp(theta V) = (exp(theta V0) + r) exp(-k theta mu_inf t) - r
-// A step uses the friction at the middle of its slip, so the order is two.
+// A step uses the friction at the mean slip velocity of the step, so the order is two.
 TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
   options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
@@ -212,7 +213,8 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
       rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
     }
     const double V = rig.inputs.velocity_jump[0];
-    EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);  // the reduced mass is m/2
+    // loss of kinetic energy; the reduced mass is m/2
+    EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);
     const double error = std::abs(V - exact(t_end));
     const double order = before > 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %8.2g s  %.3e m/s  %6.3f\n", dt, error, order);
@@ -223,7 +225,8 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
   }
 }
 
-// The same bodies until they stop, where exp(theta V) = 1. After that they stay at rest.
+// Velocity-weakening friction brakes two free bodies until they stop, where exp(theta V) = 1. Afterwards the bodies
+// stay at rest.
 TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven), 4, 1.0);
   options.interface = {0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
@@ -247,10 +250,10 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
 }
 
 // A body slides at constant V, and its friction falls in proportion to the rise of T0: the softening exponent is 1, and
-// the reference temperature is the initial one. The initial heat flux is q0, and friction vanishes at the rise R. The
-// heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient q0/R, for which
-// Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux begins as
-// q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
+// the reference temperature is the initial temperature. The initial heat flux is q0, and friction vanishes at the rise
+// R. The heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient q0/R, for which
+// Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux begins as q0 (1 - c
+// sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
 TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.soft.temperature_coefficient = 0.0;

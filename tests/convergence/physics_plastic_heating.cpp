@@ -1,5 +1,5 @@
-// Plastic-work heating in the paper's case with refined grids and steps. The results converge until the flow localises
-// in a band; after that only their spread can be reported.
+// Plastic-work heating in the paper's case, on refined grids and with refined steps. The results converge until the
+// flow localises in a band; afterwards the test can only report their spread.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,8 @@ struct Found {
   double T0, T_hottest, s;
 };
 
-// The same case in all lanes, except that the jump of each lane is a few ulps larger than that of the previous lane.
+// Runs the paper's case in all lanes. The velocity jump of each lane is a few ulps larger than that of the previous
+// lane.
 std::vector<Found> run_lanes(int cells, double grading, double dt, double t) {
   ModelOptions options = two_sided(graded(paper_options(), cells, grading));
   options.taylor_quinney_factor = 1.0;
@@ -51,7 +52,7 @@ TEST(PhysicsPlasticHeatingConvergence, FirstOrderInTimeBeforeTheLayerLocalises) 
     const double order = difference_before != 0.0 ? std::log2(difference_before / difference) : NAN;
     std::printf("  %8.3g s  %9.4f K  %9.4f MPa  %6.3f\n", dt, found.T0, found.s / 1e6, order);
     if (difference_before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.2);  // the part of a step in which yield begins affects the final result
+      EXPECT_NEAR(order, 1.0, 0.2);  // first order: the result depends on when within a step yield begins
     }
     difference_before = before != 0.0 ? difference : 0.0;
     before = found.T0;
@@ -67,7 +68,7 @@ TEST(PhysicsPlasticHeatingConvergence, GridsAgreeBeforeTheLayerLocalises) {
   }
 }
 
-// A rate-independent layer that its own heat softens forms a shear band, and nothing in the model determines where: the
+// A rate-independent layer that its own heat softens forms a shear band, and nothing in the model determines where. The
 // place of the band depends on the grid, the step and, on the finest grid, the last bit of an input. In every case no
 // vertex melts, T0 stays far below melting, and the stress stays below the peak stress of a layer that is heated at z =
 // 0 only.

@@ -1,4 +1,4 @@
-// The second-order heat scheme (SDIRK2) and heat in modes, without a temperature profile, against exact solutions.
+// The second-order heat scheme (SDIRK2), and models that keep the heat in modes, against exact solutions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,10 +13,10 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kPressure = 1e9;  // [Pa]
-constexpr double kJump = 200.0;    // [m/s]
+constexpr double kPressure = 1e9;  // compression of the contact [Pa]
+constexpr double kJump = 200.0;    // constant velocity jump [m/s]
 
-// Force-driven slip at mu P. Heavy bodies keep the jump, so the heat flux is constant.
+// Options of force-driven slip at mu P. Heavy bodies keep the jump, so the heat flux is constant.
 ModelOptions coulomb_slip(TimeIntegrator integrator) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.interface = {0.05, 1e12};
@@ -59,7 +59,7 @@ TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
   }
 }
 
-// If the heat is kept in modes, either scheme integrates a constant flux exactly, for any step length.
+// If the heat is kept in modes, backward Euler and SDIRK2 both integrate a constant flux exactly, for any step length.
 TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated}) {
     for (double accuracy : {1e-3, 1e-6, 1e-9}) {
@@ -70,7 +70,7 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
         const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
         EXPECT_LE(modes.error, accuracy);
         double worst = 0.0;
-        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // the last: the heat has reached the far face
+        for (double t : {1e-8, 1e-7, 1e-6, 1e-5}) {  // at 1e-5 s the heat has reached the far face of the slab
           for (int steps : {1, 3, 10}) {
             const double rise = rise_after(options, t, steps);
             worst = std::max(worst, std::abs(rise / (flux_of(options) * modes.kernel.integral(t)) - 1.0));
@@ -98,7 +98,7 @@ TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
     double sum = ierfc(0.0);
     for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
     EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
-    // The derivatives of the two integrals over time must be K(t) for `integral` and t K(t) for `moment`.
+    // d(integral)/dt must be the kernel K(t), and d(moment)/dt must be t K(t).
     const double e = 1e-4 * t;
     EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
     EXPECT_NEAR((slab.moment(t + e) - slab.moment(t - e)) / (2 * e * t * slab.at(t)), 1.0, 1e-7) << t;
@@ -118,14 +118,14 @@ TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
   const test::HalfSpaces problem{
       .initial_jump = 100.0, .pressure = 11.2e9, .friction_coefficient = 0.3, .yield_strength = 200e6};
   const double end = 100e-9, mass = 1.0;
-  // The error of the reference falls as intervals^-2, here to 2e-5 K.
+  // The error of the reference solution falls as intervals^-2, here to 2e-5 K.
   const test::HalfSpaceState exact = test::solve_braked_plates(problem, 2.0 / mass, end, 3000).back();
   for (const Arm& arm :
        {Arm{"profile, backward Euler", false, TimeIntegrator::kBackwardEuler, 1.0},
         Arm{"profile, SDIRK2", false, TimeIntegrator::kSdirk2, 2.0},
         Arm{"modes, backward Euler", true, TimeIntegrator::kBackwardEuler, 1.0},
-        // The flux begins as q0 - c sqrt(t), which a linear flux per step cannot follow: the order is 1.5, but from a
-        // smaller error.
+        // The flux begins as q0 - c sqrt(t), which a linear flux in each step cannot follow. The order is therefore 1.5
+        // and not 2.
         Arm{"modes, SDIRK2", true, TimeIntegrator::kSdirk2, 1.5}}) {
     ModelOptions options = graded(paper_options(Strategy::kForceDriven), 1200, 1.004);
     options.time_integrator = arm.integrator;

@@ -1,4 +1,4 @@
-// The whole layer against the values of server/physics/MEASURED.md, "Exact solutions".
+// Complete steps of the layer against the values of server/physics/MEASURED.md, "Exact solutions".
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -61,7 +61,7 @@ TEST(PhysicsPaperCase, SixtyGradedCells) {
   expect_paper_values(graded(paper_options()));
 }
 
-// With the simple heat law, in which all the work of the imposed jump heats, the results do not oscillate as dt
+// With the heat of DLP (18), in which all the work of the imposed jump heats, stress and T0 do not oscillate as dt
 // shrinks.
 TEST(PhysicsPaperCase, OneAndAQuarterNanosecondAgreeEverywhere) {
   const History coarse = imposed_jump(graded(paper_options()), 100.0, 1e-9, 2e-6);
@@ -96,7 +96,7 @@ TEST(PhysicsInterfaceSlip, ConvergesInTimeToFirstOrder) {
   }
 }
 
-// The strain ep at z = 0 grows as the cells shrink. Stress, temperature and total slip do not depend on the grid.
+// The plastic strain at z = 0 grows as the cells shrink. Stress, temperature and total slip do not depend on the grid.
 TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   std::printf("paper case at 1 us, uniform cells: cells, s, T0, slip, ep(0)\n");
   std::vector<double> ep, s, slip;
@@ -118,8 +118,8 @@ TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   EXPECT_NEAR(slip[2] / slip[1], 1.0, 1e-5);
 }
 
-// A constant jump holds the interface at melting: s -> k (T_melt - T_ref) / (beta_T v sqrt(pi alpha t)), where T_ref is
-// the initial temperature.
+// Under a constant jump v the interface stays just below melting, and the stress approaches s = k (T_melt - T_ref) /
+// (beta_T v sqrt(pi alpha t)), where T_ref is the initial temperature.
 TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   ModelOptions options = graded(paper_options());
   options.grid.far_boundary = FarBoundary::kHalfSpace;
@@ -139,9 +139,9 @@ TEST(PhysicsPinnedMelting, StressApproachesTheAsymptote) {
   EXPECT_LT(before, 1e-3);
 }
 
-// Two half-spaces with impedances Z slide on each other, and shear waves carry the stress s away:
-// [V] = V0 - s (1/Z_soft + 1/Z_hard). Here each body is one zone at the interface with the exact solution of the wave
-// equation behind it. Reference: the Volterra equation for s = s_lim(T0).
+// Two half-spaces with impedances Z slide on each other, and shear waves carry the stress s away: [V] = V0 - s
+// (1/Z_soft + 1/Z_hard). Here each body is one zone at the interface; the waves behind the zone follow the exact
+// solution of the wave equation. Reference: the Volterra equation for s = s_lim(T0).
 TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   struct Row {
     double t, s, jump, T0;
@@ -158,7 +158,7 @@ TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   std::size_t row = 0;
   for (int n = 1; row < rows.size(); ++n) {
     rig.set_all(jump, 11.2e9);
-    // The waves that have left the zones act on both of them with the stress (V0 - [V]) / (1/Z_soft + 1/Z_hard).
+    // The far stress of both zones, by the waves that have left them: (V0 - [V]) / (1/Z_soft + 1/Z_hard).
     rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = (V0 - jump) / inverse_Z;
     rig.step(dt);
     jump = rig.outputs.velocity_jump_new[0];

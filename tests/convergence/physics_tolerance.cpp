@@ -1,6 +1,6 @@
-// Runs with a tolerance: the error found is below the tolerance requested and falls with it, when slip starts, reverses
+// Runs with a tolerance: the error found is below the requested tolerance and falls with it, when slip starts, reverses
 // or stops and when the layer melts, for any length of the host's step. Where the tolerance cannot be met, the error
-// estimate reports it. Errors are relative to T_melt - T_ref.
+// estimate reports this. Errors are relative to T_melt - T_ref.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kEnd = 1e-6;
 constexpr double kToMelting = 1220.0 - 300.0;
-constexpr double kStepShare = 0.25;  // share of the tolerance that the error estimate of one step may reach
+constexpr double kStepShare = 0.25;  // largest error estimate of one step, as a share of the tolerance
 
 ModelOptions half_space(Strategy strategy = Strategy::kForceDriven) {
   ModelOptions options = paper_options(strategy);
@@ -33,8 +33,9 @@ ModelOptions with_cells(ModelOptions options, int cells, double first) {
 }
 
 struct History {
-  std::vector<double> temperature;  // T0 [K] at every tenth of the run, or after every step if there are fewer than ten
-  double estimate = 0.0;            // largest error estimate of a step
+  // T0 [K] at every tenth of the run, or after every step of a run with fewer than ten
+  std::vector<double> temperature;
+  double estimate = 0.0;  // largest error estimate of a step in the run
 };
 
 History run(const ModelOptions& options, int steps, double velocity_jump) {
@@ -51,7 +52,8 @@ History run(const ModelOptions& options, int steps, double velocity_jump) {
 
 class DeliveredVelocityDriven : public ::testing::TestWithParam<double> {};
 
-// At 3 m/s the layer hardly warms, at 100 m/s it melts after a third of the run, at 1000 m/s at once.
+// The velocity jumps of this test: at 3 m/s the layer hardly warms, at 100 m/s it melts after a third of the run, at
+// 1000 m/s at once.
 TEST_P(DeliveredVelocityDriven, ErrorIsBelowTheOneRequestedAndFollowsIt) {
   const double velocity_jump = GetParam();
   constexpr int kSubsteps = 4000;
@@ -70,7 +72,7 @@ TEST_P(DeliveredVelocityDriven, ErrorIsBelowTheOneRequestedAndFollowsIt) {
   for (const int steps : {2, 10, 100}) {
     double last = 1.0;
     for (const double request : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
-      if (request < 1e-4 && steps == 2) continue;  // this combination takes too long
+      if (request < 1e-4 && steps == 2) continue;  // a run with few steps and a small tolerance takes too long
       const History found = run(discretised(paper_options(), request), steps, velocity_jump);
       double delivered = 0.0;
       for (std::size_t i = 0; i < found.temperature.size(); ++i) {
@@ -90,8 +92,8 @@ TEST_P(DeliveredVelocityDriven, ErrorIsBelowTheOneRequestedAndFollowsIt) {
 INSTANTIATE_TEST_SUITE_P(, DeliveredVelocityDriven, ::testing::Values(3.0, 100.0, 1000.0),
                          [](const auto& test) { return std::to_string(static_cast<int>(test.param)) + "mPerS"; });
 
-// The estimate does not cover the error of the grid. Within twelve microseconds the heat fills an insulated layer and
-// passes into the half-space behind one that is not insulated, so the grid is tested over this time.
+// The error estimate of a step does not include the error of the grid. In 12 us the heat fills an insulated layer, or
+// passes into the half-space behind a layer; the test compares grids over this time.
 struct Body {
   const char* what;
   ModelOptions options;
@@ -99,7 +101,7 @@ struct Body {
 
 std::vector<Body> bodies() {
   ModelOptions steady = paper_options();
-  steady.friction_coefficient = 0.01;  // constant flux until melting: the largest grid error of a slab
+  steady.friction_coefficient = 0.01;  // constant flux until melting, which causes the largest grid error of a slab
   ModelOptions steady_half_space = half_space(Strategy::kVelocityDriven);
   steady_half_space.friction_coefficient = 0.02;
   return {{"insulated", paper_options()},
@@ -142,15 +144,15 @@ TEST(DeliveredTolerance, TheGridIsFineEnoughWhereverHeatGoes) {
 // Two plates under constant far stresses, in a single step of the host.
 struct Plates {
   const char* what;
-  double velocity_jump;  // [m/s]
+  double velocity_jump;  // before the step [m/s]
   double pull;           // far stress on both bodies [Pa]
-  double dt;             // [s]
+  double dt;             // length of the host's step [s]
 };
 
 class DeliveredInOneStep : public ::testing::TestWithParam<Plates> {};
 
-// If the slip reverses in the first half of a step, one step and two halves agree although both are wrong. The estimate
-// must detect the reversal itself to keep the tolerance in these cases.
+// If the slip reverses in the first half of a step, the step and its two halves agree although both are wrong. The
+// error estimate must detect the reversal itself, so that the tolerance is kept.
 TEST_P(DeliveredInOneStep, TemperatureAndJumpAreKept) {
   const Plates& plates = GetParam();
   const auto load = [&](TileInputs& inputs) {
@@ -174,8 +176,8 @@ TEST_P(DeliveredInOneStep, TemperatureAndJumpAreKept) {
     load(rig.inputs);
     rig.step(plates.dt);
     const double T0 = std::abs(rig.T(0) - exact.interface_temperature[0]) / kToMelting;
-    // Error of T0 that the error of the jump causes in 1 us of sliding, with beta_T = 0.6772, k = 117 W/m/K and
-    // alpha = 48.9e-6 m2/s.
+    // Temperature rise at z = 0 per unit flux, 2 sqrt(alpha t / pi) / k, after at least 1 us (k = 117 W/m/K, alpha =
+    // 48.9e-6 m2/s). Times beta_T = 0.6772 and the stress it turns an error of the jump into an error of T0.
     const double response = 2.0 / 117.0 * std::sqrt(48.9e-6 * std::max(kEnd, plates.dt) / std::acos(-1.0));
     const double jump = 0.6772 * response * std::abs(exact.shear_stress[0]) *
                         std::abs(rig.outputs.velocity_jump_new[0] - exact.velocity_jump_new[0]) / kToMelting;
@@ -218,8 +220,8 @@ TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   }
 }
 
-// A step that needs shorter substeps than the modes can represent: the search ends at the shortest possible substep,
-// and the error estimate must exceed its limit.
+// A step that needs shorter substeps than the modes can represent: the division ends at the shortest possible substep,
+// and the error estimate must exceed the limit that the tolerance sets.
 TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   Rig rig(discretised(half_space(), 1e-6), 1);
   rig.inputs.pressure[0] = 11.2e9;
@@ -230,8 +232,8 @@ TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   EXPECT_GT(rig.outputs.error_estimate[0], kStepShare * 1e-6);
 }
 
-// Error control costs evaluations of the stress limit. If little happens in a step, they are those of the step and of
-// its two halves. If the slip reverses, they are at most those of the halvings that lead to the reversal.
+// Error control costs evaluations of the stress limit. If little happens in a step, these are the evaluations of the
+// step and of its two halves. If the slip reverses, they are at most those of the halvings that lead to the reversal.
 TEST(DeliveredTolerance, EffortGoesWhereTheErrorIs) {
   const auto effort_of = [](const ModelOptions& options, double pull) {
     Rig rig(options, 1);

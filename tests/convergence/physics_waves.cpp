@@ -23,7 +23,7 @@ ModelOptions cold_options(int cells) {
   options.soft.melting_temperature = 1e12;
   return options;
 }
-constexpr double kPressure = 1e9;  // [Pa]
+constexpr double kPressure = 1e9;  // compression of the contact [Pa]
 
 double yield_stress(const Material& m) {
   return m.yield_strength / kSqrt3;
@@ -32,8 +32,8 @@ double crossing_time(const ModelOptions& options) {
   return options.grid.thickness / shear_speed(options.soft);
 }
 
-// Error of s(0), as root mean square over time, relative to the largest exact stress. V(t) must begin smoothly from
-// rest.
+// Root mean square over time of the error of s(0), relative to the largest exact stress. The imposed V(t) must begin
+// smoothly from rest, and the layer must stay elastic.
 double reflection_error(int cells, double dt, const std::function<double(double)>& V, double t_end) {
   const ModelOptions options = cold_options(cells);
   const double cross = crossing_time(options);
@@ -44,7 +44,8 @@ double reflection_error(int cells, double dt, const std::function<double(double)
     const double t = n * dt;
     rig.set_all(V(t), kPressure);
     rig.step(dt);
-    // Waves from z = h are doubled at the hard body, and return after every two crossings of the layer.
+    // Exact s(0): the hard body doubles every wave from z = h, and the wave returns after every two crossings of the
+    // layer.
     double exact = 0.0;
     for (int k = 0; (2 * k + 1) * cross < t; ++k) exact += 2.0 * impedance(options.soft) * V(t - (2 * k + 1) * cross);
     squares += (rig.stress() - exact) * (rig.stress() - exact);
@@ -98,10 +99,10 @@ TEST(PhysicsWavesConvergence, SecondOrderInCells) {
   }
 }
 
-// A perfectly plastic layer with the yield stress tau and the impedance Z meets the hard body at V = 50 m/s. A front
-// crosses the layer at the elastic wave speed. Behind it the stress is s = tau and the velocity v = V - tau/Z, with
-// which the layer slips on the hard body. After the front has reached the soft body, the layer slips with tau/Z there,
-// at z = h.
+// A perfectly plastic layer with the shear yield stress tau and the impedance Z meets the hard body at V = 50 m/s. A
+// front crosses the layer at the elastic wave speed. Behind the front the stress is s = tau and the velocity v = V -
+// tau/Z, with which the layer slips on the hard body. After the front has reached the soft body, the layer slips on it
+// with tau/Z, at z = h.
 TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   const double V = 50.0;
   std::printf("perfectly plastic layer, 50 m/s: cells, dt, mean error of s over the layer at half a crossing, order\n");
@@ -126,7 +127,7 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
     const double order = before != 0.0 ? std::log(before / error) / std::log(4.0) : NAN;
     std::printf("  %4d  %8.3g s  %10.3e  %6.3f\n", grid.num_cells(), dt, error, order);
     if (before != 0.0) {
-      EXPECT_GT(order, 0.45);  // at a discontinuity, a first-order scheme has an order near 1/2
+      EXPECT_GT(order, 0.45);  // near a discontinuity the order of a first-order scheme is about 1/2
     }
     before = error;
     if (refined < 16) continue;
@@ -139,9 +140,9 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
   }
 }
 
-// With the hardening exponent n = 1 hardening is linear: above the yield stress tau the stress grows with the shear by
-// the tangent modulus G_t. A plastic front of speed c_p = sqrt(G_t / rho) follows the elastic one, and until
-// reflections return s(0) = tau + rho c_p (V - tau / Z), with the impedance Z.
+// Linear hardening (exponent n = 1): above the shear yield stress tau the stress grows with the shear by the tangent
+// modulus G_t. A plastic front of speed c_p = sqrt(G_t / rho) follows the elastic front. Until reflections return, s(0)
+// = tau + rho c_p (V - tau / Z), with the impedance Z.
 TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   const double V = 50.0;
   std::printf("linear hardening, 50 m/s: cells, dt, error of s(0), of the plastic slip in the layer\n");
@@ -174,8 +175,8 @@ TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   }
 }
 
-// Largest difference of s(0) [Pa] between layers with and without inertia: the paper's layer at 11.2 GPa, while the
-// jump rises to V_end [m/s] in the time `rise` [s].
+// Largest difference of s(0) [Pa] between a layer with inertia and one without: the paper's layer at 11.2 GPa, while
+// the jump rises to V_end [m/s] in the time `rise` [s].
 double difference_to_uniform(double density_factor, double V_end, double rise, double t_end) {
   ModelOptions options = graded(paper_options());
   options.soft.density *= density_factor;

@@ -1,4 +1,4 @@
-// Tests of the comparison of two checkpoints. It gives no lines if the states have the same bits, otherwise lines that
+// Tests of the comparison of two checkpoints: it gives no lines if the states have the same bits, otherwise lines that
 // name the differences.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ const std::vector<std::uint64_t> kNodes = support::node_ids(12);
 
 class Compare : public testing::Test {
  protected:
-  // Writes a checkpoint of a session after three steps; `change` alters the inputs of the last step.
+  // Writes a checkpoint of a session after three steps. `change` alters the inputs of the last step.
   template <typename Change>
   std::filesystem::path checkpoint(std::uint8_t session, Change change, bool trial = false,
                                    const v1::Scene& scene = support::velocity_scene()) {

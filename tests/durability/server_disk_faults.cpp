@@ -45,7 +45,7 @@ class Server {
       command.push_back(word);
     process_.emplace(command, log_.string());
   }
-  // Returns false if the server ended before it listened.
+  // Waits until the server listens; returns false if the server ends before or does not listen within 20 s.
   bool ready() {
     for (const auto end = std::chrono::steady_clock::now() + 20s; std::chrono::steady_clock::now() < end;) {
       if (log().find("listening on") != std::string::npos) return true;
@@ -73,7 +73,7 @@ struct Host {
   int answered = 0;
 };
 
-// Makes `steps` steps of the host, or fewer if a step is not answered. Then stops the server.
+// Makes steps of the host until `steps` steps are answered or a step fails. Then stops the server.
 void run(Server& server, Host& host, int steps) {
   try {
     if (!host.session) {
@@ -85,7 +85,7 @@ void run(Server& server, Host& host, int steps) {
       ++host.answered;
     }
   } catch (const Error&) {
-    // The host has counted the steps that were answered.
+    // Host::answered is the number of steps that were answered.
   }
   server.process().signal(SIGTERM);
   if (server.process().exit_code(10s)) return;
@@ -93,8 +93,8 @@ void run(Server& server, Host& host, int steps) {
   server.process().exit_code(10s);
 }
 
-// Starts another server on the same disk. It must know every answered request. In addition it may know the one request
-// that was running and was not answered.
+// Starts another server on the same disk. It must know every answered request. It may also know one request more: the
+// one that was running and was not answered.
 void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std::string& when) {
   Server next(scratch, "power");
   ASSERT_TRUE(next.ready()) << when << ": " << next.log();
@@ -112,7 +112,7 @@ void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std:
 TEST(DiskFaults, EveryFailingOrFatalSystemCallLosesNothingThatWasAnswered) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   int faults = 0;
-  // SIGTERM makes the server write a checkpoint, whose calls are among those that fail.
+  // The calls of the checkpoint that SIGTERM makes the server write are also among the failing calls.
   for (const std::string call : {"writev", "fdatasync", "fsync", "renameat"})
     for (const std::string kind : {"signal=SIGKILL", "error=EIO", "error=ENOSPC"})
       for (int n = 1; n <= (call == "writev" ? 7 : call == "fdatasync" ? 6 : 2); ++n) {

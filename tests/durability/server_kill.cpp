@@ -1,6 +1,6 @@
-// The server program is killed with SIGKILL under load, many times. Every answer that its clients receive is compared,
-// bit for bit, with the answer of a server that is never killed. If one request were lost or run twice, all later
-// answers would differ.
+// Kills the server program with SIGKILL under load, many times. Every answer that its clients receive is compared, bit
+// for bit, with the answer of a server that is never killed. If one request were lost or run twice, all later answers
+// would differ.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -29,7 +29,7 @@ int rounds_wanted() {
   return text != nullptr ? std::atoi(text) : 50;
 }
 
-// Starts one server process after the other on the same socket and state directory.
+// Starts server processes one after the other, on the same socket and the same state directory.
 class Incarnations {
  public:
   explicit Incarnations(std::vector<std::string> options = {}) : options_(std::move(options)) {}
@@ -69,9 +69,9 @@ class Incarnations {
   int started_ = 0;
 };
 
-// A host with a session on the server that is killed, and a twin of this session on a server that is never killed. The
-// host makes the same steps in both and compares the answers. It also registers nodes, retires nodes and moves nodes
-// between its session and a partner session of the same domain.
+// A host with two equal sessions: one on the server that is killed, and a twin on a server that is never killed. The
+// host makes the same steps in both sessions and compares the answers. It also registers nodes, retires nodes and moves
+// nodes between its session and a partner session of the same domain.
 class Host {
  public:
   Host(const std::string& endpoint, Strategy strategy, std::size_t nodes, unsigned seed)
@@ -133,7 +133,7 @@ class Host {
     moved_ += ids.size();
   }
   void change_nodes(bool moves) {
-    ASSERT_EQ(session_.rollback(), twin_.rollback());  // removes a trial, if one is not committed
+    ASSERT_EQ(session_.rollback(), twin_.rollback());  // discards an uncommitted trial, if there is one
     if (moves) {
       if (partner_.node_ids().size() < 20 && session_.node_ids().size() > 7)
         move(session_, partner_, twin_, partner_twin_, 1 + random_() % 5);

@@ -43,8 +43,8 @@ std::string failure_of(const Command& command) {
   return said;
 }
 
-// A host with a session on the server under test and a twin of this session on a server that runs undisturbed. Each
-// step is made in both, and the answers are compared.
+// A host with two equal sessions: one on the server under test, and a twin on a server that runs undisturbed. The host
+// makes each step in both sessions and compares the answers.
 class Host {
  public:
   explicit Host(ClientOptions options)
@@ -53,7 +53,7 @@ class Host {
         session_(client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)),
         twin_(quiet_client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)) {}
 
-  // Makes the next step. If the client throws, passes the exception on; the next call then repeats this step.
+  // Makes the next step in both sessions. An exception of the client is passed on; the next call then repeats the step.
   void step() {
     const auto columns = support::step_columns(Strategy::kVelocityDriven, kNodes, steps_);
     const auto& here = session_.advance(columns, {.dt_s = 1e-9});
@@ -71,7 +71,7 @@ class Host {
   }
   int steps_done() const { return steps_; }
   Client& client() { return client_; }
-  // Requires that the server has run each step exactly once. Valid only if the server was not restarted.
+  // Requires that the server has run each step exactly once. The count is valid only if the server was not restarted.
   void expect_each_step_once() {
     EXPECT_EQ(client_.server_status().node_steps, static_cast<std::uint64_t>(steps_) * kNodes.size());
   }
@@ -85,7 +85,7 @@ class Host {
   int steps_ = 0;
 };
 
-// A server in its own network namespace, at the other end of a virtual cable that can be pulled.
+// A server in a network namespace of its own, connected by a virtual cable that can be pulled.
 class Cable {
  public:
   Cable() {
@@ -110,7 +110,7 @@ class Cable {
   void pull() const { failure_of({kIp, "link", "set", here_, "down"}); }
   void plug() const { failure_of({kIp, "link", "set", here_, "up"}); }
 
-  // An address of the block that is reserved for tests of networks (RFC 2544).
+  // An address from the block that RFC 2544 reserves for tests of networks.
   static constexpr const char* kAddressThere = "198.18.77.2";
 
  private:
@@ -128,7 +128,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   Host host({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 300ms});
   host.steps(20);
 
-  // First many short interruptions of the network, while the host continues to make steps.
+  // The network is interrupted many times, each time shortly, while the host continues to make steps.
   std::atomic<bool> over = false;
   int cuts = 0;
   std::thread hand([&] {
@@ -146,7 +146,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   hand.join();
   const int flapped = host.steps_done();
 
-  // Then an interruption so long that the heartbeat ends the connection.
+  // The network is interrupted for so long that the heartbeat ends the connection.
   cable.pull();
   std::thread later([&] {
     std::this_thread::sleep_for(8s);
@@ -164,7 +164,8 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
 }
 
 // A disk of 512 kB, mounted in a mount namespace of its own. A helper process, `holder_`, keeps the namespace alive;
-// servers are started inside it. The test writes files to the disk through /proc/PID/root of the helper process.
+// servers are started inside the namespace. The test writes files to the disk through /proc/PID/root of the helper
+// process.
 class SmallDisk {
  public:
   explicit SmallDisk(const ScratchDirectory& scratch) : path_(scratch.path() / "disk") {
@@ -212,7 +213,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
   for (int round = 0; round < 4; ++round) {
     host.steps(5);
     disk.fill();
-    // On the full disk some steps still succeed, because the last page of the journal has room for them.
+    // On the full disk some steps still succeed, because the last page of the journal has free space for their records.
     const auto step_until_full = [&] {
       for (int i = 0; i < 100; ++i) host.step();
     };
@@ -226,7 +227,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
       }
       EXPECT_EQ(host.client().server_status().sessions, 1u) << "what needs no disk is answered";
     }
-    if (round == 2) {  // stops the server while the disk is full; it cannot write a checkpoint and does not need one
+    if (round == 2) {  // stops the server on the full disk: no checkpoint can be written, and none is needed
       server->process().signal(SIGTERM);
       EXPECT_EQ(server->process().exit_code(20s), 0) << server->log();
       EXPECT_NE(server->log().find("the checkpoint could not be written"), std::string::npos) << server->log();
@@ -271,18 +272,18 @@ TEST(Surroundings, AClockThatJumpsByAnHourMovesNothingButTheStampsOfTheLog) {
     host.steps(20);
     host.client()
         .open(support::text_of(support::velocity_scene()), "scene", kNodes)
-        .close();  // makes the server log a line with a time stamp
+        .close();  // open and close make the server log a line with a time stamp
   }
   host.expect_each_step_once();
   EXPECT_LT(std::chrono::steady_clock::now() - started, 20s) << "no deadline was waited for";
 
-  std::set<std::string> hours;  // date and hour of every line of the log, such as "2026-11-21T14"
+  std::set<std::string> hours;  // date and hour of the lines of the log, such as "2026-11-21T14"
   std::istringstream lines(server->log());
   for (std::string line; std::getline(lines, line);)
     if (line.size() > 13 && line[10] == 'T') hours.insert(line.substr(0, 13));
   EXPECT_GE(hours.size(), 4u) << "the clock did jump: " << server->log();
 
-  // The next server starts at a time one hour before the time at which its files were written.
+  // The clock of the next server is one hour behind the times at which its files were written.
   server->process().signal(SIGKILL);
   ASSERT_EQ(server->process().exit_code(10s), 128 + SIGKILL);
   jump("-3600");
@@ -299,8 +300,8 @@ std::size_t resident_kb(pid_t process) {
   return 0;
 }
 
-// libzmq keeps the parts of a message in memory until the last part has arrived, without a limit. A peer that is
-// allowed to connect can therefore use up the server's memory. Then the server dies, but no answered request is lost.
+// libzmq keeps the parts of a message in memory until the last part has arrived, without a limit. A peer that may
+// connect can therefore use up the memory of the server. The server then dies, but no answered request may be lost.
 TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   constexpr std::size_t kLimit = std::size_t{512} << 20;
   const ScratchDirectory scratch;
@@ -319,8 +320,8 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   host.steps(10);
   const std::size_t before = resident_kb(server->process().id());
 
-  // The test writes the bytes of the ZMTP protocol itself, because libzmq would send no part before it has the last
-  // one.
+  // The test writes the bytes of the ZMTP protocol itself, because libzmq sends no part of a message before it has the
+  // last part.
   std::size_t sent = 0, most = before;
   {
     support::RawStream peer(scratch.ipc());
@@ -331,7 +332,8 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
         "DEALER",
         30);
     const std::string part =
-        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(64 * 1024, 'x');  // flags: more parts follow, long size
+        // flags of a ZMTP frame: more parts follow, size in 8 bytes
+        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(64 * 1024, 'x');
     ASSERT_TRUE(peer.send(greeting) && peer.send(ready));
     ASSERT_FALSE(peer.closed_within(500ms)) << "its side of the handshake, which must be over before the first part";
     while (sent < 2 * kLimit && peer.send(part)) {
@@ -438,8 +440,8 @@ std::set<std::string> checkpoints_in(const std::filesystem::path& state_dir) {
   return names;
 }
 
-// After a host has stopped sending requests, its steps must not stay in the journal only; a checkpoint must contain
-// them.
+// When a host stops sending requests, the server must write a checkpoint that contains its steps, so that they are not
+// in the journal only.
 TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
   const ScratchDirectory scratch;
   const std::filesystem::path state = scratch.path() / "state";
@@ -450,7 +452,7 @@ TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
   const auto until = std::chrono::steady_clock::now() + 20s;
   while (checkpoints_in(state).empty() && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(50ms);
   EXPECT_FALSE(checkpoints_in(state).empty()) << server.log();
-  std::this_thread::sleep_for(2500ms);  // on a slow machine the first checkpoint may have come before the last step
+  std::this_thread::sleep_for(2500ms);  // on a slow machine the first checkpoint may precede the last step
   const std::set<std::string> idle = checkpoints_in(state);
   std::this_thread::sleep_for(2500ms);
   EXPECT_EQ(checkpoints_in(state), idle) << "nothing has changed since";

@@ -1,6 +1,6 @@
 // Tests of nodes for which the solver finds no answer. No input that a server accepts makes the solver fail. The tests
-// therefore write a checkpoint in which a state is NaN, and recover from it. The solver then fails, and the failure is
-// handled by the same code as in production.
+// therefore write a checkpoint in which a state is NaN, and recover from it. The solver then fails, and the same code
+// as in production handles the failure.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -53,7 +53,7 @@ wire::Request step(Strategy strategy, std::uint64_t sequence, int number, Policy
   return request;
 }
 
-// A scene, and the column of its state in which a NaN makes the solver fail in the next step.
+// A scene, and the name of a column of its state: a NaN in this column makes the solver fail in the next step.
 struct Kind {
   const char* name;
   Strategy strategy;
@@ -77,7 +77,7 @@ struct Kind {
 
 class Failures : public testing::TestWithParam<Kind> {
  protected:
-  // Runs a server with one session for three steps on this disk, and writes a checkpoint.
+  // Runs a server with one session on `disk` for three steps, and writes a checkpoint.
   void prepare(MemoryStorage& disk) {
     DurableServer server(disk);
     server.ask(ServiceHarness::opening(GetParam().scene(), support::node_ids(kNodes)));
@@ -85,7 +85,8 @@ class Failures : public testing::TestWithParam<Kind> {
       server.ask(step(GetParam(), static_cast<std::uint64_t>(i) + 1, i, Policy::kUnspecified));
     ASSERT_TRUE(server.service.checkpoint());
   }
-  // Does the same as prepare(). Then sets one temperature or one mode amplitude of the node in row kBadRow to NaN.
+  // Runs prepare(), and then sets one temperature or one mode amplitude of the node in row kBadRow of the checkpoint to
+  // NaN.
   void prepare_damaged(MemoryStorage& disk) {
     prepare(disk);
     store::Snapshot snapshot = snapshot_of(disk, 1);
@@ -93,8 +94,8 @@ class Failures : public testing::TestWithParam<Kind> {
       if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
   }
-  // Returns the recorded capsule with a number in place of the NaN. A step of its node then has an answer, which
-  // differs from the failure recorded in the capsule.
+  // Returns a copy of a recorded capsule with a number in place of the NaN. The step of the capsule's node then has an
+  // answer and differs from the failure that the capsule has recorded.
   static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
     store::Capsule capsule = store::read_capsule(recorded, "capsule");
     for (shard::StateColumn& column : capsule.state.columns)
@@ -156,8 +157,8 @@ TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
   EXPECT_EQ(refused.reply.status.node_ids, std::vector{support::node_ids(kNodes)[kBadRow]});
   EXPECT_EQ(server.store.counters().records, records) << "a refused request is not in the journal";
 
-  // First a trial of all nodes except the bad one is made. A step of all nodes, whose request also commits this trial,
-  // is refused, and the trial remains uncommitted.
+  // First a trial of all nodes but the failing node succeeds. A step of all nodes whose request also commits the trial
+  // is then refused, and the trial remains uncommitted.
   auto others = support::node_ids(kNodes);
   others.erase(others.begin() + kBadRow);
   const auto of_others = [&](std::uint64_t sequence, int number, Policy policy, Mode mode, bool commit_previous) {
@@ -180,7 +181,7 @@ TEST_P(Failures, AllOrNothingChangesNothingNotEvenAStandingTrial) {
     EXPECT_EQ(answer.payload(), sound.ask(next).payload());
     EXPECT_EQ(std::get<wire::Upscale>(answer.reply.body).state_version, i == 8 ? 8u : i - 1);
   }
-  // A new server on the same disk gives the same answers.
+  // A new server that recovers from the same disk must give the same answers.
   DurableServer next(disk);
   EXPECT_EQ(next.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload(),
             sound.ask(of_others(9, 9, Policy::kAccept, Mode::kAdvance, false)).payload());
@@ -248,7 +249,7 @@ TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {
   disk.remove("capsule-000000000007.h5");
   server.ask(step(GetParam(), 40, 40, Policy::kAccept));
   EXPECT_TRUE(disk.exists("capsule-000000000017.h5"));
-  // A server that replays the journal writes no capsules and does not read the existing ones.
+  // While a server replays its journal, it neither writes capsules nor reads those on the disk.
   DurableServer next(disk);
   EXPECT_EQ(capsules(disk).size(), 16u);
 }

@@ -1,4 +1,4 @@
-// Changes of a session's set of nodes, and steps without nodes, if the server dies and restarts in between.
+// Changes of a session's set of nodes, and steps without nodes, when the server dies and restarts in between.
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
@@ -23,8 +23,8 @@ wire::Batch named(const Ids& ids) {
   return batch;
 }
 
-// Returns requests of two sessions of a domain. The first session offers nodes, retires nodes, registers nodes and
-// rolls back to a mark. The second accepts the offered nodes.
+// Returns the requests of two sessions of a domain. The first session offers nodes, retires nodes, registers nodes and
+// rolls back to a mark. The second session accepts the offered nodes.
 std::vector<wire::Request> conversation(Strategy strategy) {
   std::vector<wire::Request> all;
   std::map<std::uint8_t, std::uint64_t> last;
@@ -101,7 +101,7 @@ TEST_P(NodesOver, AServerThatDiesAfterEveryRequestLosesNoneAndHasNoneTwice) {
   }
 }
 
-// An empty payload frame must be kept as a frame, in the journal and in the last reply that a checkpoint contains.
+// A payload frame of no bytes must remain a frame, in the journal and in the last reply that a checkpoint contains.
 TEST_P(NodesOver, AStepOfNoNodesIsReplayed) {
   MemoryStorage disk;
   const wire::Request nobody = ServiceHarness::step(1, support::step_columns(GetParam(), {}, 0, true));

@@ -1,4 +1,4 @@
-// Tests of the service with a store, without sockets. After a restart the new server gives, to the last bit, the
+// Tests of a service with a store, without sockets. After a restart the new server must give, to the last bit, the
 // answers of a server that was never restarted.
 #include <gtest/gtest.h>
 
@@ -169,12 +169,14 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   next.epoch = first_epoch;
   EXPECT_EQ(server.ask(next).code(), Code::kOk);
 
-  // A late copy of the same claim changes nothing. The same claim by another client does not give it the session.
+  // A late copy of the request that claimed the session changes nothing. The same claim by another client does not give
+  // that client the session.
   EXPECT_EQ(server.ask(resume).reply.epoch, first_epoch);
   body.claimant = 6;
   EXPECT_EQ(server.ask(resume).code(), Code::kSuperseded);
 
-  // After a second claim, requests of the earlier owner that arrive late do not disturb the new owner.
+  // After a second claim of the session, requests of its earlier owner may still arrive; they do not disturb the new
+  // owner.
   body.claim = 2;
   const std::uint64_t second_epoch = server.ask(resume).reply.epoch;
   EXPECT_NE(second_epoch, first_epoch);
@@ -187,8 +189,8 @@ TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
   EXPECT_EQ(server.ask(late).code(), Code::kOk);
 }
 
-// After a rollback to a mark, the same steps give the same bits, so the steps that were rolled back have no effect. The
-// server is restarted before every request.
+// After a rollback to a mark, the same steps must give the same bits: the steps that were rolled back have no effect.
+// The server is restarted before every request.
 TEST_P(Recovery, AMarkBringsBackItsStatesToTheLastBit) {
   MemoryStorage disk;
   std::uint64_t sequence = 0;
@@ -306,8 +308,8 @@ TEST(Recovery, AJournalOfAnotherPhysicsIsRefused) {
     server.ask(opening(Strategy::kVelocityDriven));
     for (std::uint64_t i = 1; i <= 3; ++i) server.ask(request_at(Strategy::kVelocityDriven, i));
   }
-  // Writes the same records again, except that the record of request 2 contains another reply to request 1 than the
-  // server gives in a replay.
+  // Writes the same records to the journal again, with one change: the hash of the reply to request 1, which the record
+  // of request 2 contains, is not that of the reply that the server gives in a replay.
   const auto bytes = disk.bytes(store::segment_name(1));
   const auto segment = store::read_segment(bytes, "file");
   disk.remove(store::segment_name(1));

@@ -37,8 +37,8 @@ wire::Request step(std::uint64_t sequence) {
   return ServiceHarness::step(sequence, support::step_columns(wire::Strategy::kForceDriven, kNodes, 1));
 }
 
-// Requires that a caller is refused who knows the session's id, its token and all its frames, but does not have its
-// key. No request of this caller may change or reveal anything.
+// A caller knows the id and the token of the session and all its frames, but does not have its key. Requires that the
+// server refuses this caller, and that no request of the caller changes or reveals anything.
 void expect_refused(DurableServer& server, const service::Caller& caller, std::uint64_t next) {
   for (const wire::Request& request :
        {opening(), resume(), step(next), step(next - 1), ServiceHarness::in_session(wire::CloseSession{}, next)}) {

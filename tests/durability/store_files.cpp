@@ -1,4 +1,4 @@
-// Checkpoints and journals as bytes: reading returns what was written, and refuses all other bytes.
+// The bytes of checkpoints and journals: a reader must return what was written, and must refuse all other bytes.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -121,8 +121,8 @@ TEST(Checkpoint, EveryTruncationIsRefused) {
     ASSERT_THROW(verified_image(Bytes(bytes).first(size), "file", 3), DamagedFile) << size << " bytes";
 }
 
-// HDF5 looks for a file of the same name on the disk even if it opens a file in memory. Such a file must have no
-// effect.
+// HDF5 looks for a file of the same name on the disk even if it opens a file in memory. A file of this name must have
+// no effect.
 TEST(Checkpoint, NoFileOfTheWorkingDirectoryIsTakenForItNorStandsInItsWay) {
   const test::Scratch scratch;
   const auto before = std::filesystem::current_path();
@@ -231,7 +231,8 @@ TEST(Journal, AFileMadeLongerBeforeItsDataCameIsTorn) {
     EXPECT_TRUE(segment.torn);
   }
   auto bytes = journal.bytes;
-  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});  // as if the end of the last record had not reached the disk
+  // as if the last bytes of the record had not reached the disk
+  std::fill(bytes.end() - 16, bytes.end(), std::byte{0});
   EXPECT_EQ(read_segment(bytes, "file").records.size(), 3u);
 }
 

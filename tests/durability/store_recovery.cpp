@@ -1,4 +1,4 @@
-// Tests of the store with a simple stand-in for a server, Counter. Whatever the disk does, recovery must return every
+// Tests of the store with a simple substitute for a server, Counter. Whatever the disk does, recovery must return every
 // settled record exactly once and in order, or report that it cannot.
 #include <gtest/gtest.h>
 
@@ -37,7 +37,7 @@ TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
   }
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(20));
-  EXPECT_EQ(again.store.counters().replayed, 2u);  // records 19 and 20 follow the last checkpoint
+  EXPECT_EQ(again.store.counters().replayed, 2u);  // the records after the last checkpoint, 19 and 20
 }
 
 TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
@@ -91,7 +91,7 @@ TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
 
 TEST(Store, AJournalWithAHoleIsRefused) {
   MemoryStorage disk;
-  for (std::uint64_t i = 1; i <= 3; ++i) Server(disk).run(i);  // each server writes its own segment
+  for (std::uint64_t i = 1; i <= 3; ++i) Server(disk).run(i);  // each server writes a journal segment of its own
   disk.remove(segment_name(2));
   EXPECT_THROW(Server{disk}, DamagedFile);
 }
@@ -117,7 +117,7 @@ TEST(Store, WithoutJournalTheLastCheckpointIsWhatRemains) {
   EXPECT_EQ(Server(disk, Durability::kNone).counter.seen, up_to(1));
 }
 
-// The result of a workload with checkpoints on a disk that fails at some call.
+// The result of a workload with checkpoints, on a disk that fails at one of its calls.
 struct Outcome {
   std::vector<std::uint64_t> answered;
   bool fired = false;
@@ -134,19 +134,19 @@ Outcome workload(MemoryStorage& disk, Durability durability) {
       } catch (const StorageError& fault) {
         if (server.store.failed()) throw;
         EXPECT_TRUE(fault.no_space());
-        break;  // the disk is full: the request is refused and has no effect
+        break;  // on a full disk a request is refused and has no effect
       }
       if (i % 2 == 0) server.checkpoint();
     }
   } catch (const StorageError&) {
-    // The server has stopped itself or has died. `outcome` contains the requests that it answered.
+    // The server has stopped itself or has died. `outcome` contains the requests that were answered before.
   }
   outcome.fired = disk.fired();
   return outcome;
 }
 
-// Requires that a new server recovers all answered requests in order, and after them at most one more: the request that
-// was running when the server ended.
+// Requires that a new server recovers all answered requests in order. It may recover one request more: the one that was
+// running when the earlier server ended.
 void expect_nothing_lost(MemoryStorage& disk, Durability durability, const std::vector<std::uint64_t>& answered,
                          const std::string& when) {
   SCOPED_TRACE(when);

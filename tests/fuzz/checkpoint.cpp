@@ -1,6 +1,6 @@
 // Fuzzes the reading of a checkpoint from a disk. The reader passes bytes to HDF5 only if their hash is right, and the
-// mutator of this target repairs only the sums of the footer. Content with a correct hash is fuzzed by the target
-// checkpoint_content.
+// mutator of this target repairs only the checksums of the footer. The fuzz target checkpoint_content covers content
+// with a correct hash.
 #include <xxhash.h>
 
 #include <cstring>
@@ -15,7 +15,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     const store::Snapshot snapshot =
         store::read_checkpoint(std::as_bytes(std::span(data, size)), "file", fuzz::kSampleGeneration);
-    // Only checkpoint_bytes() makes files with correct sums, so writing the snapshot again must give the same size.
+    // Only checkpoint_bytes() writes files with correct checksums, so a snapshot that was read must have the same size
+    // when it is written again.
     fuzz::require(store::checkpoint_bytes(snapshot, fuzz::kSampleGeneration).size() == size,
                   "what was read is what is written");
   } catch (const store::DamagedFile&) {

@@ -1,6 +1,6 @@
 // Fuzzes the reading of a checkpoint with wrong content but a correct hash. HDF5 calls change a sound file, which is
-// then hashed again. The bytes that HDF5 itself parses stay sound, because Debian's HDF5 1.10.8 is known to crash on
-// malformed bytes; that is also why the reader checks the hash first. The fuzzer's input is a list of edits of eight
+// then hashed again. The bytes that HDF5 itself parses stay sound, because HDF5 1.10.8 of Debian is known to crash on
+// malformed bytes; for this reason the reader checks the hash first. The fuzzer's input is a list of edits of eight
 // bytes each: operation, object and parameters.
 #include <hdf5.h>
 #include <xxhash.h>
@@ -22,13 +22,13 @@ namespace {
 
 constexpr std::size_t kMostEdits = 8;
 constexpr std::size_t kEditBytes = 8;
-constexpr std::size_t kMostBytes = 1 << 16;  // largest number of bytes that an edit writes
+constexpr std::size_t kMostBytes = 1 << 16;  // largest size of the content that one edit writes [bytes]
 constexpr std::uint64_t kMemory = std::uint64_t{1} << 20;
 using Edit = std::array<std::uint8_t, kEditBytes>;
 
 struct Target {
   std::string object;
-  std::string attribute;  // name of an attribute of the object; empty: the object itself
+  std::string attribute;  // name of an attribute of the object; empty: the edit applies to the object itself
 };
 
 hdf5::File open_to_write(const std::vector<std::byte>& image) {
@@ -110,8 +110,7 @@ hdf5::Space space_of(const Edit& edit) {
   return hdf5::Space(store::checked(H5Screate_simple(rank, extent, nullptr), "make a space"));
 }
 
-// Returns as many zero bytes as the dataspace has with values of `type`, or an empty string if these are more than
-// kMostBytes.
+// Returns zero bytes for as many values of `type` as the dataspace has, or an empty string if they exceed kMostBytes.
 std::string zeros_for(hid_t type, hid_t space) {
   const hssize_t count = H5Sget_simple_extent_npoints(space);
   const std::size_t size = H5Tget_size(type);
@@ -120,7 +119,7 @@ std::string zeros_for(hid_t type, hid_t space) {
   return std::string(size * static_cast<std::size_t>(count), '\0');
 }
 
-// Replaces the attribute or dataset by one of the same name with another type and extent.
+// Replaces an attribute or a dataset by one of the same name with another type and extent.
 void replace(hid_t file, const Target& target, const Edit& edit) {
   const hdf5::Type type = type_of(edit[3], edit[7]);
   const hdf5::Space space = space_of(edit);
@@ -139,7 +138,7 @@ void replace(hid_t file, const Target& target, const Edit& edit) {
   if (!zeros.empty()) H5Dwrite(made, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, zeros.data());
 }
 
-// Changes one value of the attribute or dataset; type and extent stay.
+// Changes one value of an attribute or a dataset; type and extent stay.
 void overwrite(hid_t file, const Target& target, const Edit& edit) {
   Random random(edit[3] + 256U * edit[4] + 65536U * edit[5]);
   if (!target.attribute.empty()) {
@@ -147,7 +146,8 @@ void overwrite(hid_t file, const Target& target, const Edit& edit) {
         store::checked(H5Aopen_by_name(file, target.object.c_str(), target.attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT),
                        "open an attribute"));
     const std::uint64_t value = random.number();
-    H5Awrite(attribute, H5T_NATIVE_UINT64, &value);  // fails for text, which then stays
+    // HDF5 refuses to write a number to a text, which then stays as it is
+    H5Awrite(attribute, H5T_NATIVE_UINT64, &value);
     return;
   }
   const hdf5::Dataset dataset(store::checked(H5Dopen2(file, target.object.c_str(), H5P_DEFAULT), "open a dataset"));
@@ -205,7 +205,7 @@ std::vector<std::byte> edited(const std::uint8_t* data, std::size_t size) {
       try {
         carry_out(edit, file);
       } catch (const store::Hdf5Error&) {
-        // An earlier edit removed the object, or HDF5 does not know the type.
+        // An edit that HDF5 refuses has no effect: an earlier edit removed the object, or HDF5 does not know the type.
       }
     }
     bytes = store::bytes_of_image(file);

@@ -1,4 +1,4 @@
-// Fuzzes the decoding of frames from a socket as a request and as a reply.
+// Fuzzes the decoding of frames from a socket, both as a request and as a reply.
 #include <optional>
 
 #include "proto/wire/codec.hpp"
@@ -17,7 +17,7 @@ std::optional<std::string> again(const Message& message) {
   try {
     return wire::encode_header(message);
   } catch (const wire::Error&) {
-    return std::nullopt;  // a message that was accepted may be too long when it is encoded again
+    return std::nullopt;  // encoding may make an accepted message longer than the limit
   }
 }
 

@@ -1,4 +1,4 @@
-// Fuzzes reading a journal segment from a disk, and the recovery of a server from it.
+// Fuzzes the reading of a journal segment from a disk, and the recovery of a server from the segment.
 #include <algorithm>
 
 #include "server/store/journal.hpp"
@@ -63,8 +63,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   return 0;
 }
 
-// Mutates mostly whole records and keeps their checksums correct, so that the input reaches the code that runs after
-// the checks.
+// Mutates mostly whole records of the journal and corrects their checksums, so that the input reaches the code that
+// runs after the checks.
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                                unsigned int seed) {
   using namespace shearbus;

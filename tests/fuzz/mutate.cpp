@@ -200,7 +200,7 @@ void mutate(Message& message, Random& random) {
   const auto& type = *message.GetDescriptor();
   const auto& at = *message.GetReflection();
   if (type.field_count() == 0) return;
-  // With probability 1/2 chooses a field among those that are set, otherwise among all fields.
+  // Chooses the field to mutate: with probability 1/2 among the fields that are set, otherwise among all fields.
   std::vector<const FieldDescriptor*> present;
   at.ListFields(message, &present);
   const FieldDescriptor* field =
@@ -210,7 +210,7 @@ void mutate(Message& message, Random& random) {
   if (field->is_repeated()) return add_or_remove(message, at, field, random);
   if (random.one_in(16)) return at.ClearField(&message, field);
   if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) return set_number(message, at, field, random);
-  // Setting another member of a oneof would discard the present member, so this is rare.
+  // To set another member of a oneof would discard the present member, so the mutator does it rarely.
   if (field->containing_oneof() != nullptr && !at.HasField(message, field) && !random.one_in(8)) return;
   mutate(*at.MutableMessage(&message, field), random);
 }

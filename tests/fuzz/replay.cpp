@@ -15,7 +15,7 @@
 namespace {
 
 constexpr std::size_t kLongest = std::size_t{1} << 16;
-std::mt19937 random_bytes;  // NOLINT(cert-msc51-cpp): the same mutations in every run
+std::mt19937 random_bytes;  // NOLINT(cert-msc51-cpp): fixed seed, for the same mutations in every run
 
 }  // namespace
 
@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
       std::vector<std::uint8_t> mutated = input;
       mutated.resize(std::max(kLongest, input.size()));
       mutated.resize(LLVMFuzzerCustomMutator(mutated.data(), input.size(), mutated.size(), i));
-      mutated.shrink_to_fit();  // lets sanitizers detect reads past the end of the input
+      mutated.shrink_to_fit();  // lets sanitizers detect reads past the end of the mutated input
       LLVMFuzzerTestOneInput(mutated.data(), mutated.size());
     }
     inputs += 1 + mutations;

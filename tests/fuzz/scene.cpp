@@ -1,5 +1,5 @@
-// Fuzzes the text of a scene. With each scene that the loader accepts a session is opened, which the service must be
-// able to run.
+// Fuzzes the text of a scene. For each scene that the loader accepts, a session is opened, and the service must be able
+// to step it.
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>
@@ -14,7 +14,7 @@
 namespace shearbus::fuzz {
 namespace {
 
-// Limit of the cells of scenes that are run; finer grids take longer and reveal no more.
+// Largest number of cells of scenes that are stepped; finer grids take longer and reveal no more faults.
 constexpr std::uint32_t kMostCells = 40;
 
 bool small(const v1::Scene& scene) {
@@ -39,7 +39,7 @@ void run(const std::string& text, wire::Strategy strategy) {
   }
 }
 
-// Returns words of the schema and of TOML, and numbers at the edges of their ranges.
+// Returns words of the schema and of TOML, and numbers at the edges of their ranges, which the mutator inserts.
 const Parts& words() {
   static const Parts all = [] {
     Parts found = {"=",        "[",     "]",          "[[",      "\"",
@@ -96,7 +96,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   const std::size_t at = random.below(text.size() + 1);
   if (random.one_in(2)) {
     text.insert(at, word);
-  } else {  // replaces a word
+  } else {  // replaces a word of the text
     const auto is_word = [&](std::size_t i) {
       return i < text.size() && (std::isalnum(static_cast<unsigned char>(text[i])) || text[i] == '_');
     };

@@ -1,4 +1,4 @@
-// Events that inputs of the fuzz target `service` contain in addition to requests.
+// Events other than requests that an input of the fuzz target `service` may contain.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// Writes initial inputs for the fuzz targets, with a directory for each target. The committed corpus was grown from
-// them. Usage:
+// Writes the initial inputs of the fuzz targets, into one directory for each target. The committed corpus was grown
+// from these inputs. Usage:
 //   shearbus-fuzz-seeds DIRECTORY
 #include <filesystem>
 #include <fstream>
@@ -15,7 +15,8 @@
 #include "tests/fuzz/target.hpp"
 #include "tests/support/wire_samples.hpp"
 
-// The targets' mutators are linked to this program and need this function, but they are not called, so it does nothing.
+// The mutators of the fuzz targets, which are linked to this program, refer to this function. The program calls none of
+// them, so the function does nothing.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t*, std::size_t size, std::size_t) {
   return size;
 }
@@ -49,8 +50,8 @@ Parts parts_of(const Message& message) {
   return parts;
 }
 
-// Builds a sequence of requests for the target `service`. Fields that a client would fill in stay empty, so that the
-// requests remain valid if a mutation reorders them.
+// Builds a sequence of requests for the fuzz target `service`. Fields that the target fills in as a client would stay
+// empty, so that the requests remain valid if a mutation reorders them.
 class Script {
  public:
   void ask(const wire::Request& request) {

@@ -53,7 +53,7 @@ class Conversation {
     expect_repeat(last, "P2: a repeated request has the same answer");
     last_.insert_or_assign(answer.reply.session_id, std::move(last));
 
-    header->set_epoch(0);  // the twin service never restarts, so no session of it is resumed
+    header->set_epoch(0);  // the twin service never restarts, so its sessions are never resumed and their epoch stays 0
     frames[0] = header->SerializeAsString();
     const support::Answer alike = twin_.ask_bytes(views_of(frames));
     require(alike.code() == wire::Code::kOk, "P3: the twin accepts what was accepted: " + alike.reply.status.text);
@@ -163,7 +163,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     case 3:
       mutate_reals(parts[at + 1], random);
       break;
-    case 4: {  // inserts a copy of a request at a random place
+    case 4: {  // inserts a copy of one request at a random place in the sequence
       const Parts pair(place, place + 2);
       parts.insert(parts.begin() + static_cast<std::ptrdiff_t>(2 * random.below(parts.size() / 2 + 1)), pair.begin(),
                    pair.end());
@@ -181,7 +181,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   return give(pack(parts), data, size, max_size);
 }
 
-// Joins the first requests of one input to the last requests of another.
+// Combines two inputs: the first requests of one input, followed by the last requests of the other.
 extern "C" std::size_t LLVMFuzzerCustomCrossOver(const std::uint8_t* data1, std::size_t size1,
                                                  const std::uint8_t* data2, std::size_t size2, std::uint8_t* out,
                                                  std::size_t max_size, unsigned int seed) {

@@ -63,8 +63,8 @@ Status refusal_of(const ClientOptions& options) {
   return {};
 }
 
-// Connects with a deadline of 60 s and returns the server's refusal, which must arrive long before. A client that does
-// not monitor its socket would wait for the whole deadline.
+// Connects with a deadline of 60 s and returns the refusal, which must arrive long before. A client that does not
+// monitor its socket would wait for the whole deadline.
 Status prompt_refusal_of(ClientOptions options) {
   options.connect_deadline = 60s;
   const auto started = std::chrono::steady_clock::now();
@@ -109,7 +109,7 @@ TEST_F(Keys, WhoIsOnTheListIsServedWhoIsNotIsToldAtOnceAndNeverHeard) {
     const std::string& tcp = server.endpoint("tcp");
     Client alice(client_options(tcp, alice_));
     EXPECT_EQ(alice.welcome().access, "key");
-    Client local = server.client("ipc");  // the server requires a key for tcp only
+    Client local = server.client("ipc");  // a client over ipc needs no key
     EXPECT_EQ(local.welcome().access, "uid");
     const std::uint64_t heard = alice.server_status().requests;
 
@@ -175,7 +175,7 @@ TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
   RunningServer plain({}, {"tcp://127.0.0.1:*"});
   const Status status = prompt_refusal_of(client_options(plain.endpoint("tcp"), alice_));
   EXPECT_EQ(status.code, Code::kAuth) << describe(status);
-  // Client or server may close the connection first, by chance; the client's message depends on that.
+  // By chance the client or the server closes the connection first, and the message of the client depends on this.
   EXPECT_THAT(status.text, AnyOf(HasSubstr("the server has no keys"), HasSubstr("or no keys")));
   EXPECT_EQ(Client({.endpoint = plain.endpoint("tcp")}).welcome().access, "anonymous");
   EXPECT_EQ(refusal_of(client_options("ipc:///tmp/bus", alice_)).code, Code::kAuth);
@@ -252,7 +252,7 @@ TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
   }
 }
 
-// Does everything that an operator does to set up keys, from keygen to a solver step with these keys.
+// Runs the programs as an operator does who sets up keys: from keygen to a step of the solver with these keys.
 TEST_F(Keys, ProgramsMakeAndUseKeys) {
   const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
   const auto run = [&](std::vector<std::string> arguments) {
@@ -302,8 +302,8 @@ TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {
   EXPECT_EQ(server.transport().received, 0u);
 }
 
-// Runs `act` in a child process as the user `uid`. Returns the exit code of the child: 0 if it was served, 1 if the
-// server refused it with the code AUTH, 2 otherwise.
+// Runs `act` in a child process as the user `uid`. Returns the exit code of the child: 0 if the server accepted the
+// user, 1 if it refused the user with the code AUTH, 2 otherwise.
 int as_user(uid_t uid, const std::function<void()>& act) {
   const pid_t child = ::fork();
   if (child == 0) {

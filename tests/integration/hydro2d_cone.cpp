@@ -1,4 +1,4 @@
-// Tests of the two-dimensional hydrocode coupled through the bus to the layer model.
+// Tests of the two-dimensional hydrocode, coupled to the layer model through the message bus.
 #include <gtest/gtest.h>
 
 #include "hydro_stub/cone_target.hpp"
@@ -18,7 +18,8 @@ using lagrange::Cycle;
 using lagrange::Ledger;
 
 // The middle of two plates behaves as two half-spaces until a wave arrives from an end of the plates. The expected
-// values are the exact solution for two half-spaces, server/physics/MEASURED.md, "Exact solutions".
+// values of stress, jump and temperature are the exact solution for two half-spaces, server/physics/MEASURED.md, "Exact
+// solutions".
 TEST(Hydro2dSubgrid, TwoHalfSpacesSlideAsTheVolterraEquationSays) {
   const hydro::SceneText scene{R"(
 name = "two_half_spaces_2d"
@@ -69,7 +70,7 @@ hydro::SceneText text_of(const guest::HydroScene& scene) {
 
 struct Outcome {
   Ledger start, end;
-  double slip = 0.0;  // slip of the middle node  [m]
+  double slip = 0.0;  // slip of the middle node of the interface  [m]
   double hottest = 0.0;
 };
 
@@ -101,7 +102,8 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   hydro::SubgridLaw subgrid(text_of(scene), hydro::node_ids(nodes), temperature);
   const Outcome outcomes[] = {run(scene, free), run(scene, stick), run(scene, macroscopic), run(scene, subgrid)};
   for (const Outcome& o : outcomes) {
-    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);  // no energy enters at the boundaries
+    // the total energy stays constant: no energy enters at the boundaries
+    EXPECT_NEAR(o.end.total_energy() / o.start.total_energy(), 1.0, 1e-13);
     EXPECT_NEAR(o.end.momentum.y / o.start.momentum.y, 1.0, 1e-12);
   }
   const auto& [slipping, sticking, law5, service] = outcomes;
@@ -109,13 +111,14 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   EXPECT_GT(law5.slip, 10.0 * sticking.slip);
   EXPECT_GT(slipping.slip, service.slip);
   EXPECT_GT(law5.end.friction_heat, 0.0);
-  EXPECT_GT(service.hottest, 2.0 * law5.hottest);  // the layer resolves a peak temperature that the zones cannot
+  // the layer resolves a temperature peak that the zones of the hydrocode cannot resolve
+  EXPECT_GT(service.hottest, 2.0 * law5.hottest);
   EXPECT_LT(service.hottest, problem.soft.strength.melting_temperature);
 }
 
-// Runs the cone twice: once with a scene that computes everything, and once with sleep, where nodes at rest are not
-// solved, and without junctions. The junctions of the first scene cover the whole area and do not harden, so they
-// change no bit of the answers.
+// Runs the cone with two scenes. The first has junctions and solves every node in every step. The second has no
+// junctions, and its nodes at rest sleep, so they are not solved. The junctions cover the whole area and do not harden,
+// so they change no bit of the answers.
 TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   guest::HydroScene everything = cone();
   everything.mutable_hydro()->set_end_time_s(12e-6);
@@ -150,8 +153,8 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
       stress_apart = std::max(stress_apart, std::abs(a.shear_stress[i] - b.shear_stress[i]));
     }
   }
-  EXPECT_LT(apart, 1e-6);         // largest difference  [K], of temperatures of about 1200 K
-  EXPECT_LT(stress_apart, 10.0);  // largest difference  [Pa], of stresses of about 1e8 Pa
+  EXPECT_LT(apart, 1e-6);         // largest difference of T0 between the two runs [K]; T0 reaches about 1200 K
+  EXPECT_LT(stress_apart, 10.0);  // largest difference of the stress between the two runs [Pa]; it is about 1e8 Pa
   sleeping.close();
   const auto lines = sleeping.omitted_cost().lines;
   ASSERT_EQ(lines.size(), 2U);
@@ -161,7 +164,7 @@ TEST(Hydro2dCone, WhatIsLeftOutIsNotMissed) {
   EXPECT_GT(std::stod(lines[1].second), 40.0);  // share of node-steps in which the node sleeps  [%]
 }
 
-// A step that the host takes back has no effect: the next step gives the same bits as if it had not been made.
+// After a step that the host takes back, the next step must give the same bits as if the first had not been made.
 TEST(Hydro2dSubgrid, AStepTakenBackLeavesNoTrace) {
   const guest::HydroScene scene = cone();
   constexpr std::size_t kNodes = 9;

@@ -1,4 +1,4 @@
-// Tests of the hydrocode coupled to an embedded server, for properties that the coupling of any host must have.
+// Tests of the hydrocode coupled to an embedded server, for properties that the coupling of every host must have.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,8 +17,7 @@ namespace {
 
 using hydro::ShearColumn;
 
-// Returns a scene with columns that stick, slip, melt, slip backwards and stop. There are more columns than nodes in a
-// tile.
+// Returns a scene whose columns stick, slip, melt, slip backwards and stop. It has more columns than a tile has nodes.
 hydro::SceneFile scene(const std::string& far_end = "free") {
   return hydro::parse_scene(R"(
 name = "coupled"
@@ -78,8 +77,8 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
   law.close();
 }
 
-// The velocity jump in the server's answer equals the jump that the momentum equations of both bodies, DLP (61), give
-// with the stress in the answer.
+// The momentum equations of both bodies, DLP (61), with the stress of the server's answer must give the velocity jump
+// of the same answer.
 TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
   const hydro::SceneFile of = scene();
   const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
@@ -107,7 +106,8 @@ TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
     hydro::SubgridLaw law = embedded(of, problem);
     ShearColumn column(problem);
     std::vector<double> heat(problem.columns, 0.0);
-    std::vector<double> clipped(problem.columns, 0.0);  // negative work in steps in which the jump reversed
+    // sum of the negative work s (V_old + V_new) dt / 2 of the steps in which the jump reversed
+    std::vector<double> clipped(problem.columns, 0.0);
     for (std::uint64_t step = 0; step < problem.steps; ++step) {
       column.advance(law);
       for (std::size_t i = 0; i < problem.columns; ++i) {

@@ -1,4 +1,4 @@
-// Tests for operators: shearbus-ctl against a running server, and a service manager that supervises the server.
+// Tests for operators: shearbus-ctl against a running server, and a server under a service manager.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
@@ -33,7 +33,7 @@ const std::vector<std::uint64_t> kNodes = support::node_ids(15);
 class Ctl {
  public:
   explicit Ctl(std::string endpoint) : endpoint_(std::move(endpoint)) {}
-  // Runs shearbus-ctl with these words as arguments. Returns its exit code and its output.
+  // Runs shearbus-ctl with `words` as arguments. Returns its exit code and its output.
   std::pair<int, std::string> operator()(std::vector<std::string> words) const {
     words.insert(words.end(), {"--server", endpoint_});
     return plain(std::move(words));
@@ -90,8 +90,8 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
 
   const auto [told, metrics] = ctl({"metrics"});
   EXPECT_EQ(told, 0);
-  // The metrics must follow the grammar of the Prometheus text format. The values in the buckets of a histogram must
-  // not decrease, and the last must equal its count.
+  // The metrics must follow the grammar of the Prometheus text format. In a histogram the values of successive buckets
+  // must not decrease, and the last value must equal the count.
   const std::regex line(
       R"((# (HELP|TYPE) shearbus_[a-z_]+ .+)|(shearbus_[a-z_]+(\{([a-z]+="[^"]*",?)+\})? [0-9.e+-]+))");
   std::istringstream lines(metrics);
@@ -113,8 +113,8 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
   EXPECT_NO_THROW(step(session, 21));
 }
 
-// If a host dies and its session ticket is lost, the session stays open. Only an operator can close it to free its
-// nodes, and only after it has been idle for some time.
+// If a host dies and its session ticket is lost, the session stays open. Only an operator can close the session to free
+// its nodes, and only after the session has been idle for some time.
 TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
@@ -131,8 +131,8 @@ TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   EXPECT_EQ(ctl({"close", "nobody", "--idle", "0"}).first, 1);
   step(session, 1);
 
-  // The operator lists the sessions, then the client makes a step. Closing the session as it was listed is refused,
-  // because the client is still active.
+  // The operator has listed the sessions; then the client makes a step. The server refuses to close the session as it
+  // was listed, because the client is still active.
   const auto seen = client.sessions();
   const auto info = std::ranges::find(seen, name, &wire::SessionInfo::name);
   ASSERT_NE(info, seen.end());
@@ -169,8 +169,8 @@ TEST(Operations, ADrainedServerEndsWithItsLastSession) {
   EXPECT_TRUE(std::filesystem::exists(scratch / "state" / "checkpoint-000000000001.h5"));
 }
 
-// A ping of a server process that is stopped by SIGSTOP fails after its time limit of 1 s, as a ping without a server
-// does.
+// A ping must fail after its time limit of 1 s if the server process is stopped by SIGSTOP, as it does if there is no
+// server.
 TEST(Operations, APingTellsWithinASecondThatNobodyAnswers) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
@@ -180,13 +180,13 @@ TEST(Operations, APingTellsWithinASecondThatNobodyAnswers) {
   server.process().signal(SIGSTOP);
   const auto started = std::chrono::steady_clock::now();
   EXPECT_EQ(ctl({"ping"}).first, 1);
-  // The limit of 4 s contains 1 s for the ping and some time to start the program; all other deadlines are longer.
+  // 4 s: 1 s for the ping and some time to start the program. All other deadlines of the program are longer.
   EXPECT_LT(std::chrono::steady_clock::now() - started, 4s);
   server.process().signal(SIGCONT);
   EXPECT_EQ(ctl({"ping", "--timeout", "20"}).first, 0);
 }
 
-// Stands in for systemd as the service manager: a datagram socket, whose path the server finds in its environment.
+// Takes the place of systemd as the service manager: a datagram socket, whose path the server finds in its environment.
 class Manager {
  public:
   explicit Manager(const std::string& watchdog_us) : file_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
@@ -207,7 +207,7 @@ class Manager {
   Manager(const Manager&) = delete;
   Manager& operator=(const Manager&) = delete;
 
-  // Receives messages for `time`, or until they contain the text `until`. Returns all messages received.
+  // Receives messages of the server for `time`, or until they contain the text `until`. Returns all messages received.
   std::string heard(std::chrono::milliseconds time, const std::string& until = "\1") {
     std::string all;
     const auto end = std::chrono::steady_clock::now() + time;
@@ -232,7 +232,7 @@ TEST(ServiceManager, IsToldReadyAliveAndStoppingByTheLoopThatCommits) {
   Manager manager("30000000");
   ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
   EXPECT_THAT(manager.heard(20s, "READY=1"), HasSubstr("READY=1\nSTATUS=listening on ipc://"));
-  Client client({.endpoint = scratch.ipc()});  // works only if the server listens
+  Client client({.endpoint = scratch.ipc()});  // succeeds only if the server listens
   EXPECT_THAT(manager.heard(5s, "WATCHDOG=1"), HasSubstr("WATCHDOG=1\n"));
   EXPECT_THAT(manager.heard(5s, "WATCHDOG=1"), HasSubstr("WATCHDOG=1\n"));
   server.process().signal(SIGSTOP);
@@ -270,12 +270,14 @@ TEST(ServiceManager, OneThatCannotBeReachedIsAnErrorAtTheStart) {
   EXPECT_THAT(server.log(), HasSubstr("NOTIFY_SOCKET"));
 }
 
-// Checks the unit file with systemd's own program, systemd-analyze, if it is installed.
+// systemd's own program, systemd-analyze, must find no fault in the unit file and must rate its isolation as good.
+// Skipped if the program is not installed.
 TEST(ServiceManager, TheUnitIsSoundAndShutIn) {
   if (!std::filesystem::exists("/usr/bin/systemd-analyze")) GTEST_SKIP() << "systemd-analyze is not installed";
   const ScratchDirectory scratch;
   std::string unit = support::text_of(SHEARBUS_SOURCE_DIR "/deploy/systemd/shearbus-server.service");
-  const std::string program = "/usr/bin/shearbus-server";  // path in the unit file; not installed here
+  // path in the unit file; the test replaces it by that of the build
+  const std::string program = "/usr/bin/shearbus-server";
   unit.replace(unit.find(program), program.size(), SHEARBUS_BINARY_DIR "/bin/shearbus-server");
   const std::string file = scratch / "shearbus-server.service";
   std::ofstream(file) << unit;

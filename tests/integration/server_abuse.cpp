@@ -1,5 +1,5 @@
-// Tests with floods of connections, too few file descriptors, and frozen clients. Connected clients must still be
-// served, and the server must recover.
+// Tests of a server under floods of connections, without free file descriptors, and with frozen clients. Connected
+// clients must still be served, and the server must recover.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -35,8 +35,8 @@ void step(Session& session, int number) {
   session.advance(support::step_columns(Strategy::kForceDriven, kNodes, number), {.dt_s = 1e-9});
 }
 
-// Returns the number of connections to open that never send anything: as many as this machine allows a process, up to
-// ten thousand.
+// Returns the number of connections that the test opens without sending anything: as many as this machine allows a
+// process, at most ten thousand.
 std::size_t silent_connections() {
   rlimit limit{};
   ::getrlimit(RLIMIT_NOFILE, &limit);
@@ -77,7 +77,7 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
     EXPECT_NO_THROW(Client(honest).server_status());
     EXPECT_LT(Clock::now() - asked, 4s) << "keys: " << keys;
     EXPECT_NO_THROW(step(session, 0));
-    // The server closes all silent connections after 5 s, its time limit for the handshake.
+    // The server closes connections that send nothing after 5 s, the time limit of its handshake.
     std::uint64_t files = ~0ULL;
     for (const auto end = Clock::now() + 20s; files > files_before + 5 && Clock::now() < end;) {
       std::this_thread::sleep_for(200ms);
@@ -88,7 +88,8 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
   }
 }
 
-// UBSan checks a virtual call by opening a pipe; if that fails, it reports every object as wrong.
+// UBSan checks a virtual call by opening a pipe. Without free file descriptors this fails, and UBSan then reports every
+// object as wrong, so this test does not run under sanitizers.
 #if !defined(__SANITIZE_ADDRESS__)
 TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   const ScratchDirectory scratch;
@@ -109,7 +110,8 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   {
     std::vector<RawStream> silent;
-    for (int i = 0; i < 150; ++i) silent.emplace_back(tcp);  // the kernel accepts connections that the server cannot
+    // the kernel accepts these connections, but the server has no file descriptor for them
+    for (int i = 0; i < 150; ++i) silent.emplace_back(tcp);
     for (int i = 0; i < 20; ++i) EXPECT_NO_THROW(step(session, i));
     EXPECT_TRUE(logged("ALARM: four fifths of the files", 10s)) << support::text_of(log);
     EXPECT_NO_THROW(step(session, 20));
@@ -122,8 +124,8 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
 }
 #endif
 
-// A client process that is stopped for longer than the heartbeat allows is disconnected. When it runs again, it
-// reconnects and continues.
+// A client process that stops for longer than the heartbeat allows is disconnected. When the process runs again, the
+// client reconnects and continues.
 TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});

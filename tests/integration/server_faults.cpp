@@ -1,6 +1,6 @@
-// Tests with faults and abuse over real sockets. After each of them the server must answer at once. A bystander is a
-// client with a session that takes no part in the abuse; its states must have the same bits as on a server that is left
-// alone.
+// Tests with faults and abuse over real sockets. After each fault the server must answer at once. The client of another
+// session, which takes no part in the abuse, is a bystander: its states must have the same bits as on a server without
+// abuse.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -57,8 +57,8 @@ std::vector<std::string> frames_of_reply(RawDealer& dealer) {
   return frames;
 }
 
-// A server that suffers the abuse and has the bystander's session, and a quiet server with the same session for
-// comparison.
+// Two servers with the same session of a bystander, a client that takes no part in the abuse: one server suffers the
+// abuse, the other is undisturbed, for comparison.
 class Faults : public testing::Test {
  protected:
   Faults()
@@ -114,15 +114,15 @@ TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {
   dealer.send(request);
   const auto first = frames_of_reply(dealer);
   ASSERT_EQ(first.size(), 2u);
-  // The same request is sent again, also on another connection. The payload of each reply must have the same bytes as
-  // the first.
+  // The same request is sent three more times, once on another connection. The payload of each reply must have the same
+  // bytes as that of the first reply.
   RawDealer elsewhere(server_.endpoint());
   for (RawDealer* from : {&dealer, &elsewhere, &dealer}) {
     from->send(request);
     const auto again = frames_of_reply(*from);
     ASSERT_EQ(again.size(), 2u);
     EXPECT_EQ(again[1], first[1]);
-    EXPECT_NE(again[0], first[0]);  // the new header marks the reply as a repetition
+    EXPECT_NE(again[0], first[0]);  // the header differs, because it marks the reply as a repetition
   }
   foreign_node_steps_ = kNodes.size();
   EXPECT_EQ(status().replayed, 3u);
@@ -182,14 +182,14 @@ TEST_F(Faults, GarbageIsMalformed) {
   EXPECT_EQ(status().sessions, 1u);
 }
 
-// Small messages for which a parser would allocate much memory are refused before they are parsed, by their size and
-// structure.
+// For these small messages a parser would allocate much memory. The server must refuse them before it parses them, by
+// their size and structure.
 TEST_F(Faults, AmplifyingBodiesAreRefused) {
   RawDealer dealer(server_.endpoint());
   const std::string good = RawDealer::frames_of(opening(1))[0];
-  std::string submessages = good;  // field 16 (hello) of length 0, many times: 3 bytes each
+  std::string submessages = good;  // appends many empty fields 16 (hello), 3 bytes each
   for (int i = 0; i < 3'000'000; ++i) submessages += std::string("\x82\x01\x00", 3);
-  std::string unknown = good;  // unknown field: number 1000, a varint
+  std::string unknown = good;  // appends many unknown fields of number 1000, 3 bytes each
   for (int i = 0; i < 2'000'000; ++i) unknown += std::string("\xc0\x3e\x01", 3);
   for (const std::string& header : {submessages, unknown}) {
     dealer.send({header});
@@ -239,7 +239,7 @@ TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   slow.send(opening(1, nodes));
   ASSERT_TRUE(slow.receive_status()->ok());
   const auto request = RawDealer::frames_of(step_request(1, 1, nodes));
-  for (int i = 0; i < 60; ++i) slow.send(request);  // the peer never receives
+  for (int i = 0; i < 60; ++i) slow.send(request);  // the peer sends 60 requests and never reads a reply
   foreign_node_steps_ = nodes.size();
   std::chrono::nanoseconds slowest{0};
   for (int i = 0; i < 50; ++i) {
@@ -250,10 +250,11 @@ TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   EXPECT_LT(slowest, 5s);
   for (int i = 0; i < 100 && server_.transport().peer_full == 0; ++i) {
     std::this_thread::sleep_for(20ms);
-    status();  // waits for a reply; then the server is idle, and its counters may be read
+    status();  // waits until the server is idle, so that its counters may be read
   }
   EXPECT_GT(server_.transport().peer_full, 0u);
-  // The server still has the last reply. A peer that repeats the request on another connection, and reads, receives it.
+  // The server still keeps the last reply: a peer that repeats the request on another connection, and reads, receives
+  // the reply.
   RawDealer again(server_.endpoint());
   again.send(request);
   EXPECT_TRUE(again.receive_status()->ok());
@@ -285,7 +286,7 @@ TEST_F(Faults, ManySilentConnectionsDoNotKeepAnHonestClientWaiting) {
   const auto started = std::chrono::steady_clock::now();
   Client honest = server_.client("tcp");
   EXPECT_LT(std::chrono::steady_clock::now() - started, 4s);
-  // The server closes a connection on which no handshake arrives.
+  // The server closes a connection on which no handshake arrives within its time limit.
   EXPECT_TRUE(silent.front().closed_within(8s));
 }
 

@@ -1,5 +1,5 @@
-// Tests with a proxy between client and server that loses chosen messages. The client repeats its request, and the
-// server gives the reply that it has kept.
+// Tests with a proxy between client and server that loses chosen messages. The client then repeats its request, and the
+// server answers with the reply that it has kept.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -22,7 +22,7 @@ using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(10);
 
-// A proxy that passes messages on. On demand it drops the next requests or replies.
+// A proxy between clients and a server. It passes messages on, and on demand drops the next requests or replies.
 class LossyBus {
  public:
   explicit LossyBus(const std::string& server) : front_(context_, zmq::socket_type::router) {
@@ -66,8 +66,8 @@ class LossyBus {
     return true;
   }
 
-  // Passes messages on, through one DEALER socket per client. In a message from a client its routing id precedes the
-  // request.
+  // Passes messages on, through one DEALER socket for each client. A message from a client begins with the client's
+  // routing id, followed by the request.
   void run(const std::string& server) {
     std::vector<std::pair<std::string, zmq::socket_t>> links;
     while (!stopping_) {
@@ -137,8 +137,8 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   EXPECT_EQ(losses, 10);
 }
 
-// start_trial() and finish_trial() together are one request. If the request or its reply is lost, the request is
-// repeated, but the server runs it only once.
+// start_trial() and finish_trial() together make one request. If the request or its reply is lost, the client repeats
+// the request, but the server runs it only once.
 TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   Client client(options());
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
@@ -149,7 +149,7 @@ TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
     if (step % 3 == 1) bus_.replies_to_lose = 1;
     if (step % 3 == 2) bus_.requests_to_lose = 1;
     session.start_trial(request, how);
-    std::this_thread::sleep_for(5ms);  // stands for other work of the host
+    std::this_thread::sleep_for(5ms);  // the time that the host spends on other work
     const auto& a = session.finish_trial();
     const auto& b = twin.trial(request, how);
     ASSERT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa())) << step;
@@ -191,7 +191,8 @@ TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
   bus_.replies_to_lose = 1000;
   EXPECT_THROW(client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"}), Error);
   bus_.replies_to_lose = 0;
-  // If the server ran the repeated opening a second time, its nodes would already belong to the session of the first.
+  // The server must recognise the repeated opening. If it ran the opening a second time, it would find its nodes owned
+  // by the session of the first opening.
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"});
   EXPECT_EQ(direct_.server_status().sessions, 1u);
   Session other =
@@ -235,7 +236,7 @@ TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
   } catch (const Error& fault) {
     EXPECT_EQ(fault.status().code, Code::kSequenceReused);
   }
-  // The session continues after the lost step.
+  // After a step whose reply was lost the session continues.
   EXPECT_EQ(session.advance(columns(1), {.dt_s = 1e-9}).upscale().state_version, 2u);
 }
 

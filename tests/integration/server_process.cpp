@@ -34,8 +34,8 @@ TEST(ServerProgram, SigtermWhenIdleIsAPromptGoodExit) {
   }
 }
 
-// A step that is being solved when SIGTERM arrives is still answered. After that the client learns that the server has
-// stopped.
+// When SIGTERM arrives, the server still answers the step that it is solving. Afterwards the client learns that the
+// server has stopped.
 TEST(ServerProgram, SigtermMidRunAnswersTheStepAndExitsWithZero) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
@@ -120,7 +120,7 @@ TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
     ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
         << step;
   }
-  // The server keeps the states of both sessions, because neither client has closed its session.
+  // The server keeps the sessions of both clients: the killed client and the other client have not closed them.
   EXPECT_EQ(client.server_status().sessions, 2u);
 }
 
@@ -189,8 +189,8 @@ TEST(ServerProgram, TheSocketIsForItsOwnerOnly) {
             std::filesystem::perms::none);
 }
 
-// The server must not regard the queue to a client that reads as full, even if the queue is short. Otherwise it would
-// drop an answer, and the client would wait until its retry.
+// The server may drop an answer only to a client that does not read. If it regarded the short queue to a reading client
+// as full, it would drop an answer, and the client would wait until its retry.
 TEST(ServerProgram, NoAnswerIsLostToAClientThatReads) {
   for (int round = 0; round < 5; ++round) {
     const ScratchDirectory scratch;

@@ -1,5 +1,5 @@
-// Tests of client and server over real sockets. The answers must have the same bits for every transport, number of
-// threads and message size.
+// Tests of client and server over real sockets. The answers must have the same bits for every transport, every number
+// of threads and every message size.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -53,7 +53,8 @@ INSTANTIATE_TEST_SUITE_P(Strategies, RoundTrip, testing::Values(Strategy::kVeloc
                          });
 
 TEST_P(RoundTrip, SameBitsByEveryTransportAndThreadCount) {
-  for (const std::size_t nodes : {10u, 300u}) {  // replies below and above the size from which ZeroMQ aligns them
+  // node counts with replies below and above the size from which ZeroMQ aligns frames
+  for (const std::size_t nodes : {10u, 300u}) {
     std::vector<std::byte> expected;
     for (const unsigned threads : {1u, 2u, 4u}) {
       server::ServerOptions options;
@@ -120,7 +121,8 @@ TEST(ClientSession, RequestsHaveTheColumnsOfTheScene) {
   Session session = client.open(support::text_of(support::force_scene()), "scene", ids);
   EXPECT_EQ(session.node_ids(), ids);
   EXPECT_GT(session.bytes_per_node(), 0u);
-  EXPECT_FALSE(session.warnings().empty());  // warns that an insulated layer of 20 um is valid for a limited time
+  // the server warns that an insulated layer of 20 um is valid for a limited time
+  EXPECT_FALSE(session.warnings().empty());
   const Batch all = session.request();
   EXPECT_EQ(all.columns().size(), 6u);
   EXPECT_EQ(all.f64(Field::kMassHard).size(), 3u);
@@ -140,7 +142,8 @@ TEST(ClientSession, InitialTemperaturesReachTheirNodes) {
   const std::vector<double> temperatures = {300, 400, 500, 600};
   Session session =
       client.open(support::text_of(support::velocity_scene()), "scene", ids, {.initial_temperature_k = temperatures});
-  const Batch still = session.request();  // all inputs 0: an open interface without slip, which keeps its temperature
+  // all inputs are 0: an open contact without slip, whose temperature does not change
+  const Batch still = session.request();
   const auto result = session.advance(still, {.dt_s = 1e-9}).interface_temperature_k();
   for (std::size_t i = 0; i < ids.size(); ++i) EXPECT_NEAR(result[i], temperatures[i], 1e-9);
 }

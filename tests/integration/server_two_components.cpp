@@ -1,4 +1,4 @@
-// Tests of slip with two components, from the client through the wire to the server and back.
+// Tests of slip with two tangential components, from the client through the wire to the server and back.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,8 +27,8 @@ v1::Scene plane_scene(Strategy strategy) {
 
 constexpr Field kTangential[] = {Field::kVelocityJump, Field::kStressSoft, Field::kStressHard};
 
-// Fills the columns of a request with those of a scalar step. Its vectors get the direction `angle` in the plane of the
-// interface.
+// Fills the columns of `request` with those of the scalar step `scalar`. Each vector of the request has the scalar's
+// value in the direction `angle` in the plane of the interface.
 void fill_along(double angle, const Batch& scalar, Batch& request) {
   for (const wire::Column& column : scalar.columns()) {
     const auto values = scalar.f64(column.field);
@@ -56,7 +56,7 @@ TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
   EXPECT_EQ(plane.opened().tangential_components, 2U);
-  // Each node has a second stress component in its committed and in its trial state.
+  // With two components a node has a second stress component, in its committed and in its trial state.
   EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));
   const double angle = 0.7;
   for (int step = 0; step < kSteps; ++step) {

@@ -1,5 +1,4 @@
-// Tests of the map that shows where the velocity-driven model is valid. The map is compared with relations in closed
-// form.
+// Tests of the map that shows where the velocity-driven model is valid: the map is compared with closed formulas.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -53,7 +52,8 @@ TEST(ValidityMap, WhatIsNotCarriedIsElastic) {
   }
 }
 
-// The layer yields when the elastic stress G0 V t / h reaches Y0 g(P, T_ref) / sqrt(3): a line that falls as 1/t.
+// The layer yields when the elastic stress G0 V t / h reaches Y0 g(P, T_ref) / sqrt(3): a limiting velocity V that
+// falls as 1/t.
 TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
   const physics::Material soft = physics::make_material("aluminium_dlp", {}).material;
   int drawn = 0;
@@ -65,7 +65,8 @@ TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
       EXPECT_EQ(line[p].has_value(), expected > 1.0) << p << ": " << expected;
       if (!line[p]) continue;
       ++drawn;
-      // The tolerance is 15 % because at the first node of the map that slips, the layer has already hardened.
+      // The tolerance is 15 % because the layer has already hardened at the lowest velocity of the map at which it
+      // slips.
       EXPECT_NEAR(*line[p] / expected, 1.0, 0.15) << p;
     }
   }
@@ -79,7 +80,7 @@ TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
     const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
     for (std::size_t p = 0; p < before.size(); ++p) {
       ASSERT_TRUE(before[p]);
-      // The velocity falls with time as s/t, less steeply than 1/t, because the stress s rises as the layer hardens.
+      // The limiting velocity falls as s/t, less steeply than 1/t, because the stress s rises as the layer hardens.
       const double elapsed = seen[k].time_s / seen[k - 1].time_s;
       if (after[p]) {
         EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;

@@ -1,5 +1,5 @@
-// A law of the tests: Bingham's viscous metal, whose viscosity and yield stress soften differently, so that rate and
-// temperature are coupled:
+// A flow law for tests, Bingham's viscous metal. Its viscosity and its yield stress soften differently, so that rate
+// and temperature are coupled:
 //   Y(dep/dt, T) = (A + eta (1 - T/T_melt) dep/dt) (1 - T/T_melt), with yield stress A and viscosity eta
 #pragma once
 
@@ -15,7 +15,8 @@ namespace shearbus::physics {
 class Bingham {
  public:
   static constexpr std::string_view kName = "bingham", kEquation = "Bingham 1922", kAdds = "viscosity", kWhen = "tests";
-  // the yield stress A [Pa] and the viscosity eta [Pa s]
+  // The constants of the law: the yield stress A [Pa], and the viscosity eta [Pa s] in the place of the hardening
+  // modulus.
   static constexpr std::array kConstants = {&Material::yield_strength, &Material::hardening_modulus};
   static constexpr bool kDependsOnRate = true;
   static constexpr bool kSeparable = false;
@@ -56,7 +57,8 @@ class Bingham {
       const bool solid = loaded.T[l] < loaded.T_melt[l];
       const double g = solid ? 1.0 - loaded.T[l] / loaded.T_melt[l] : 1.0;
       const double dep = solid ? A_ * (loaded.load[l] / g - 1.0) / (per_strain_ * g) : 1e50;
-      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);  // decrease of ln(g) by ln(a)
+      // relative decrease of the softening g = 1 - T/T_melt per increase of ln(stress)
+      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);
       const double slope = solid ? A_ * loaded.load[l] * (1.0 + lost) / (per_strain_ * g * g) + dep * lost : 1e50;
       take(l, excess[l] > 0.0 ? dep : 0.0, excess[l] > 0.0 ? slope : 0.0);
     }

@@ -1,5 +1,5 @@
-// A flow law that the server does not have, added by one file and one line in the list of laws, in the full
-// velocity-driven step.
+// A flow law that the server lacks is added by one file and one line in the list of laws, and then takes part in
+// complete velocity-driven steps.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,12 +19,12 @@ ModelOptions bingham_options() {
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   options.soft.flow_law = FlowLaws::place<Bingham>();
   options.soft.yield_strength = 200e6;
-  options.soft.hardening_modulus = 20.0;  // viscosity [Pa s]: 100 MPa at 5e6 1/s
+  options.soft.hardening_modulus = 20.0;  // the viscosity eta [Pa s]: 100 MPa at a rate of 5e6 1/s
   return options;
 }
 
-// Checks every equation of the step: the plastic strain increment of each vertex by the law, the balance of elastic and
-// plastic shear, the heat.
+// Checks every equation of the step: the flow law at each vertex for its plastic strain increment, the balance of
+// elastic and plastic shear, and the heat.
 TEST(PhysicsOwnLaw, IsSolvedThroughTheFullVelocityDrivenStep) {
   Rig rig(bingham_options());
   const ModelOptions& options = rig.model.options();

@@ -1,4 +1,4 @@
-// All pairs of materials in the catalog, soft on hard and hard on soft, in both strategies.
+// Every pair of materials in the catalog, soft on hard and hard on soft, steps in both strategies.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,7 +11,7 @@ namespace shearbus::testing {
 namespace {
 
 constexpr int kSteps = 50;
-constexpr double kStep = 6e-9;  // [s]
+constexpr double kStep = 6e-9;  // step length [s]
 
 ModelOptions pair_options(const CatalogEntry& soft, const CatalogEntry& hard, Strategy strategy) {
   ModelOptions options = graded(paper_options(strategy), 20, 1.25);
@@ -32,7 +32,8 @@ void expect_sound(const Rig& rig, int lane, double heat_in) {
   ASSERT_NEAR(rig.stored_heat(rig.model.options().initial_temperature, lane), heat_in, 1e-9 * heat_in + 1e-6);
 }
 
-// Steps every pair. The lanes have velocity jumps of 1 to 1000 m/s in both directions and pressures of 1 to 32 GPa.
+// Steps every pair of materials in the catalog. The lanes have velocity jumps of 1 to 1000 m/s in both directions and
+// pressures of 1 to 32 GPa.
 template <class Prepare, class Check>
 void run_every_pair(Strategy strategy, const Prepare& prepare, const Check& check) {
   for (const CatalogEntry& soft : catalog()) {
@@ -66,7 +67,8 @@ TEST(PhysicsCatalog, EveryPairShearsItsLayer) {
       [&](const Rig& rig) {
         const Material& soft = rig.model.options().soft;
         for (int l = 0; l < kLanes; ++l) {
-          // The plastic slip cannot exceed the imposed slip, and the stress stays below 1.2 G0.
+          // Bounds of a velocity-driven layer without a friction limit: its plastic slip cannot exceed the imposed
+          // slip, and its stress stays below 1.2 times the shear modulus G0.
           const double h = rig.model.options().grid.thickness;
           flowed += rig.outputs.sliding_velocity[l] != 0.0;
           ASSERT_LE(std::abs(rig.stress(l)), 1.2 * soft.shear_modulus * (1.0 + 1e-10));

@@ -1,4 +1,4 @@
-// Every pair of options, and every law with every option: each pair is either refused with its reason, or steps through
+// Every pair of options, and every law with every option: each pair is either refused with a reason, or steps through
 // random histories, checked by all invariants and against the scalar reference solver. The pairs are made from the rows
 // of server/physics/solver/parts.cpp and from the lists of laws: a new row or law is tested without an edit here.
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ void require_refusal(const ModelOptions& options) {
   throw Broken("a model is made of options that exclude each other");
 }
 
-// ---- How a model of a pair is stepped ----
+// ---- How the model of a pair of options is stepped ----
 
 int scenes() {
   const char* text = std::getenv("SHEARBUS_COMBINATION_SCENES");
@@ -44,16 +44,18 @@ int scenes() {
 
 constexpr int kHistorySteps = 10;
 constexpr int kTwinSteps = 3;
-constexpr int kMostEffort = 3000;  // evaluations in a fast step; beyond these the reference solver takes minutes
-constexpr double kStep = 1e-9;     // [s]
+// largest number of evaluations in a compared step; beyond it the reference solver takes minutes
+constexpr int kMostEffort = 3000;
+constexpr double kStep = 1e-9;  // step length [s]
 
-// Sets inputs of sliding bodies, under a pressure at which the interface law acts by its friction or its yield limit.
+// Sets inputs under which the bodies slide, at a pressure at which the interface law acts by its friction or by its
+// yield limit.
 void slide(Rig& rig) {
   rig.set_all(100.0, 2e9);
   for (int l = 0; l < kLanes; ++l) rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1.0 + l;
 }
 
-// Keeps the bodies at rest for long enough to fall asleep, and checks the invariants.
+// Keeps the bodies at rest until sleeping nodes are possible, and checks the invariants in every step.
 void rest(Rig& rig, Figures& figures) {
   rig.set_all(0.0, 2e9);
   for (int l = 0; l < kLanes; ++l) rig.inputs.stress_soft[l] = rig.inputs.stress_hard[l] = 0.0;
@@ -68,8 +70,8 @@ struct TwinStep {
   reference::NodeOutputs outputs;
 };
 
-// One step of the rig, and of lane `l` by the reference solver with `twin_options`. Returns nothing if the two cannot
-// be compared: the lane sleeps, the step has several answers, or the reference solver would take too long.
+// Steps the rig, and lane `l` also by the reference solver with `twin_options`. Returns nothing if the two answers
+// cannot be compared: the lane sleeps, the step has several answers, or the reference solver would take too long.
 std::optional<TwinStep> step_both(Rig& rig, const ModelOptions& twin_options, int l, double dt) {
   const ModelOptions& options = rig.model.options();
   const bool slept = rig.slept(l);
@@ -85,8 +87,8 @@ std::optional<TwinStep> step_both(Rig& rig, const ModelOptions& twin_options, in
   if (options.tolerance && effort.layer_sums + effort.limit_values > kMostEffort) return {};
   const bool first_order = (rig.outputs.outcome[l] & kFirstOrder) != 0;
   twin.outputs = reference::advance_one(twin_options, dt, inputs, twin.state);
-  // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone back to the
-  // first-order scheme. The reference solver then repeats the step with that scheme.
+  // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver, but not the reference
+  // solver, back to the first-order scheme. The reference solver then repeats the step with the first-order scheme.
   if (!options.tolerance && first_order && !twin.outputs.first_order) {
     inputs.backward_euler = true;
     twin.state = before;
@@ -104,13 +106,13 @@ void require_twin(Rig& rig, int l, double dt, long& compared) {
   const std::optional<TwinStep> twin = step_both(rig, options, l, dt);
   if (!twin) return;
   ++compared;
-  if (options.tolerance) {  // both solvers promise an error below their estimates
+  if (options.tolerance) {  // with a tolerance both solvers promise that their errors of T0 are below their estimates
     const double range = options.soft.melting_temperature - options.initial_temperature;
     require_near(rig.outputs.interface_temperature[l], twin->outputs.interface_temperature,
                  range * (rig.outputs.error_estimate[l] + twin->outputs.error_estimate) + 1e-8, "T0 under a tolerance");
     return;
   }
-  if (options.inertia) {  // PhysicsWavesReference compares the fields inside the layer
+  if (options.inertia) {  // for a layer with inertia PhysicsWavesReference compares the fields, and this test only s(0)
     require_near(rig.outputs.shear_stress[l], twin->outputs.shear_stress,
                  1e-6 * std::abs(twin->outputs.shear_stress) + 1.0, "s of a layer with inertia");
     return;
@@ -123,8 +125,8 @@ struct Counts {
   long steps = 0, compared = 0;
 };
 
-// Steps one model through random histories and states, checked by all invariants, and then compares steps with the
-// reference solver.
+// Steps one model through random histories and states, checked by all invariants. Then compares some of its steps with
+// the reference solver.
 void require_sound_model(Draw& draw, const ModelOptions& options, Counts& counts) {
   Figures figures;
   {
@@ -143,7 +145,7 @@ void require_sound_model(Draw& draw, const ModelOptions& options, Counts& counts
   counts.steps += figures.node_steps;
 }
 
-// ---- The tests ----
+// ---- The tests of all pairs ----
 
 struct Case {
   Strategy strategy;
@@ -174,7 +176,7 @@ TEST_P(PhysicsCombinations, EachPairIsRefusedWithItsReasonOrHolds) {
   Draw draw(1000 + first + (strategy == Strategy::kForceDriven ? 500 : 0));
   Counts counts;
   int made = 0, refused = 0;
-  for (std::size_t second = first; second < all.size(); ++second) {  // second == first: the item alone
+  for (std::size_t second = first; second < all.size(); ++second) {  // the pair with second == first is the item alone
     for (int scene = 0; scene < 2 * scenes(); ++scene) {
       SCOPED_TRACE(all[first].name + " and " + all[second].name);
       const bool rubs = scene % 2 == 0;
@@ -199,14 +201,15 @@ TEST_P(PhysicsCombinations, EachPairIsRefusedWithItsReasonOrHolds) {
   }
 }
 
-// Shows that the test above can fail: a solver that takes the default law in place of the chosen one is noticed in the
-// comparison. Here the reference solver is given the default law.
+// Shows that the comparison with the reference solver finds a solver that uses the default law in place of the chosen
+// law. Here it is the reference solver that gets the default law.
 class PhysicsForgottenLaws : public ::testing::TestWithParam<Case> {};
 
 TEST_P(PhysicsForgottenLaws, AreSeenWithEveryOption) {
   const auto [strategy, first] = GetParam();
   const std::vector<Item> all = items();
-  // A friction law affects the stress where friction limits it, a flow law where the yield limit or the layer does.
+  // A friction law affects the stress only where friction limits it, a flow law only where the yield stress of the
+  // interface or the layer limits it.
   const bool is_friction = all[first].kind == Kind::kFrictionLaw;
   int made = 0;
   for (const Item& other : all) {
@@ -238,7 +241,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsCombinations, ::testing::ValuesIn(cases(false)
 INSTANTIATE_TEST_SUITE_P(, PhysicsForgottenLaws, ::testing::ValuesIn(cases(true)),
                          [](const auto& test) { return name_of(test.param); });
 
-// If an exclusion is missing from the table, nothing is decided about its pair, and such a pair is refused.
+// A row is removed from the table of exclusions. Its pair of properties is then neither allowed nor excluded, and must
+// be refused nevertheless.
 TEST(PhysicsExclusions, APairWhoseExclusionIsMissingIsRefusedAllTheSame) {
   const std::span<const Exclusion> all = exclusions();
   const std::vector<Item> list = items();
@@ -261,7 +265,8 @@ TEST(PhysicsExclusions, APairWhoseExclusionIsMissingIsRefusedAllTheSame) {
   EXPECT_GT(tried, 100);
 }
 
-// A property that the table of exclusions does not mention, as a new law or option may have, is refused in every scene.
+// A property that the table of exclusions does not mention, as a new law or option may have, must be refused in every
+// scene.
 TEST(PhysicsExclusions, APropertyThatNoRowHasDecidedAboutIsRefusedEverywhere) {
   std::vector<Part> more(parts().begin(), parts().end());
   more.push_back({.property = static_cast<Property>(kProperties),
@@ -274,12 +279,12 @@ TEST(PhysicsExclusions, APropertyThatNoRowHasDecidedAboutIsRefusedEverywhere) {
   }
 }
 
-// ---- Friction laws that only the tests have ----
+// ---- Incomplete friction laws, which must not satisfy FrictionLawClass ----
 
 struct CompleteLaw : ConstantFriction {};
 static_assert(FrictionLawClass<CompleteLaw>);
 
-// This law does not declare whether it depends on slip.
+// An incomplete friction law: it does not declare whether it depends on slip.
 struct ForgetfulLaw {
   static constexpr std::string_view kName = "forgetful", kEquation = "", kAdds = "", kWhen = "";
   static constexpr bool kDependsOnTemperature = false;
@@ -289,14 +294,14 @@ struct ForgetfulLaw {
 };
 static_assert(!FrictionLawClass<ForgetfulLaw>);
 
-// This law depends on the temperature and gives no bound of its slope, so no search can know whether an answer is the
-// only one.
+// An incomplete friction law: it depends on the temperature and gives no bound of its slope. Without this bound no
+// search can know whether an answer is the only one.
 struct UnboundedLaw : CompleteLaw {
   static constexpr bool kDependsOnTemperature = true;
 };
 static_assert(!FrictionLawClass<UnboundedLaw>);
 
-// This law depends on slip and has no solution of a step.
+// An incomplete friction law: it depends on slip and has no solution of a step.
 struct UnsolvedLaw : CompleteLaw {
   static constexpr bool kDependsOnSlip = true;
 };

@@ -1,4 +1,4 @@
-// The invariants of server/physics/MODEL.md, "What always holds", over random scenes, states and inputs.
+// Checks the invariants of server/physics/MODEL.md, "What always holds", for random scenes, states and inputs.
 #include <gtest/gtest.h>
 
 #include <cctype>
@@ -17,7 +17,7 @@ void PrintTo(const RandomKind& kind, std::ostream* os) {
 namespace {
 
 constexpr long kNodeSteps = 24000;
-constexpr long kExtremeNodeSteps = 36000;  // more, because extreme scenes rarely reach some regimes
+constexpr long kExtremeNodeSteps = 36000;  // larger than kNodeSteps, because extreme scenes rarely reach some regimes
 
 class PhysicsInvariants : public ::testing::TestWithParam<std::tuple<RandomKind, bool>> {};
 
@@ -34,7 +34,7 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesStatesAndInputs) {
       figures.regime(Regime::kTresca), figures.regime(Regime::kMelting), figures.divided, figures.flowing_resolved,
       figures.flowing, figures.heat_residual);
   EXPECT_GE(10 * figures.flowing_resolved, 6 * figures.flowing);
-  // The draws must reach every regime, or the invariants of a regime would not be tested.
+  // The random steps must reach every regime, or the invariants of a regime would not be tested.
   for (const Regime regime : {Regime::kStick, Regime::kCoulomb, Regime::kTresca, Regime::kMelting})
     EXPECT_GT(figures.regime(regime), 100);
 }

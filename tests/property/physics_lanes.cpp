@@ -31,7 +31,7 @@ bool same_bits(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
-// Lane j of `b` must have the same outputs and states as lane i of `a`, bit for bit.
+// Requires that lane j of `b` has the same outputs and states as lane i of `a`, bit for bit.
 void expect_same(const Rig& a, int i, const Rig& b, int j) {
   const TileOutputs& x = a.outputs;
   const TileOutputs& y = b.outputs;
@@ -137,8 +137,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsLanes,
                          [](const auto& test) { return name_of(test.param); });
 
 // For any factor L, the scaling (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) of velocity, time, depth,
-// layer thickness, step length and mass changes neither temperature nor stress. The numerical scheme must preserve
-// this.
+// layer thickness, step length and mass changes neither temperature nor stress. The numerical scheme must keep this
+// property of the equations.
 class PhysicsSimilarity : public ::testing::TestWithParam<Strategy> {};
 
 TEST_P(PhysicsSimilarity, ScaledProblemsHaveTheSameAnswer) {

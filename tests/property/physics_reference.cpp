@@ -1,4 +1,4 @@
-// The fast solvers against the slow reference solver, from states that random histories reach.
+// The fast solvers are compared with the slow scalar reference solver, from states that random histories reach.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -44,13 +44,14 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
         twins.push_back(reference::advance_one(options, dt, rig.node_inputs(l), twin_states.back()));
       }
       rig.step(dt);
-      // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone back to the
-      // first-order scheme. The reference solver then repeats the step with that scheme.
+      // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver, but not the
+      // reference solver, back to the first-order scheme. The reference solver then repeats the step with the
+      // first-order scheme.
       for (int l = 0; l < lanes[scene % 3]; ++l) {
         if (!(rig.outputs.outcome[l] & kFirstOrder) || twins[l].first_order) continue;
         reference::NodeInputs inputs = rig.node_inputs(l);
         inputs.backward_euler = true;
-        std::swap(rig.committed, rig.trial);  // back to the states before the step
+        std::swap(rig.committed, rig.trial);  // rig.committed becomes the state before the step
         twin_states[l] = rig.node_state(l);
         std::swap(rig.committed, rig.trial);
         twins[l] = reference::advance_one(options, dt, inputs, twin_states[l]);
@@ -63,11 +64,12 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
           ++ambiguous;
           continue;
         }
-        if (options.plastic_layer && twins[l].answers > 1) {  // the criterion assumes a layer that does not flow
+        // with a flowing layer several answers may exist even if the criterion of a unique answer holds
+        if (options.plastic_layer && twins[l].answers > 1) {
           ++several;
           continue;
         }
-        ASSERT_EQ(twins[l].answers, 1);  // the step was not divided, so the criterion promised one answer
+        ASSERT_EQ(twins[l].answers, 1);  // an undivided step has one answer, by the criterion of a unique answer
         try {
           require_agreement(rig, strains[l], twins[l], twin_states[l], l, dt, worst);
         } catch (const Broken& broken) {
@@ -108,7 +110,7 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsReference, ::testing::Values(Strategy::kVeloci
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
-// In no history does friction do more work than the heat that two half-spaces take in while their interface is held at
+// In any history the work of friction is at most the heat that two half-spaces take in while their interface is held at
 // the melting temperature.
 TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
   Draw draw(12);
@@ -129,7 +131,8 @@ TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
       }
       rig.step(dt);
       const double t = n * dt;
-      // After n steps backward Euler may have taken in more heat than the exact solution, by a share of about 1/(8n).
+      // Bound of the work [J/m2]: the heat of half-spaces held at melting. After n steps of backward Euler this heat
+      // may exceed the exact heat by a share of about 1/(8n).
       const double bound = 2 * e * (1220 - 300) * std::sqrt(t / M_PI) * (1 + 0.25 / n);
       for (int l = 0; l < kLanes; ++l) {
         work[l] += rig.outputs.friction_heat[l] / heat_partition(options.soft, options.hard);
@@ -137,7 +140,7 @@ TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
         fullest = std::max(fullest, work[l] / bound);
       }
     }
-    EXPECT_GT(fullest, 0.5);  // the bound is near enough to mean something
+    EXPECT_GT(fullest, 0.5);  // the work comes near its bound, so the test of the bound has a meaning
   }
 }
 

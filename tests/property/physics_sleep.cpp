@@ -1,5 +1,6 @@
 // Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"), with everything that can be combined with it: in each
-// single step a sleeping node must answer as if it were awake. tests/unit/physics_sleep.cpp compares over many steps.
+// single step a sleeping node must answer as if it were awake. tests/unit/physics_sleep.cpp compares models over many
+// steps.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,8 +24,8 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   return options;
 }
 
-// Behaviour of the host towards each lane during a number of steps: whether the contact is open, whether the host
-// leaves the bodies nearly at rest, and whether it unloads the layer.
+// What the host does to each lane during a number of steps: whether the contact is open, whether the host leaves the
+// bodies nearly at rest, and whether it unloads the layer.
 struct Phase {
   bool open[kLanes], quiet[kLanes], lets_go[kLanes];
 };
@@ -39,7 +40,7 @@ Phase begin_phase(Draw& draw, Rig& rig, bool extreme) {
     if (!phase.open[l] && rig.inputs.pressure[l] <= 0.0) rig.inputs.pressure[l] = draw.log_uniform(1e6, 30e9);
     if (phase.open[l]) rig.inputs.pressure[l] = -1.0;
     if (!phase.quiet[l]) continue;
-    // A quiet lane has a small share of its far stresses, and no slip if the host imposes the jump.
+    // The inputs of a quiet lane: its far stresses are a small share of those drawn, and the velocity jump is 0.
     const double share = draw.log_uniform(1e-3, 1.0);
     TileInputs& in = rig.inputs;
     in.velocity_jump[l] = in.second_velocity_jump[l] = in.soft_plastic_strain_rate[l] = 0.0;
@@ -81,7 +82,8 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
     for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
       if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
       within_phase(phase, rig, forced);
-      // 1. Give the model without sleep the same states, with the temperatures that the sleeping node represents.
+      // 1. Give the model without sleep the same states. A sleeping node keeps its heat in modes, so its temperatures
+      // are computed from the modes.
       std::copy_n(rig.committed.begin(), layout.doubles, awake.committed.begin());
       std::uint32_t slept = 0;
       for (int l = 0; l < kLanes; ++l) {
@@ -93,7 +95,8 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
       const double dt = random_dt(draw, extreme);
       rig.step(dt);
       awake.step(dt);
-      // 2. Compare: all bits must be equal, except those of T0 in lanes that continue to sleep.
+      // 2. Compare the models with and without sleep: all bits must be equal, except those of T0 in lanes that continue
+      // to sleep.
       for (int l = 0; l < kLanes; ++l) {
         const TileOutputs &here = rig.outputs, &there = awake.outputs;
         const bool sleeps = (here.outcome[l] & kAsleep) != 0;

@@ -1,5 +1,5 @@
-// Slip with two tangential components is isotropic: a rotated problem has the rotated answer, and a problem along an
-// axis has the answer of the scalar problem.
+// Slip with two tangential components is isotropic: a rotated problem has the rotated answer, and a problem with slip
+// along an axis has the answer of the scalar problem.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,14 +26,15 @@ void copy_turned(const Rig& from, double angle, Rig& to) {
        to.inputs.second_velocity_jump);
   turn(from.inputs.stress_soft, from.inputs.second_stress_soft, to.inputs.stress_soft, to.inputs.second_stress_soft);
   turn(from.inputs.stress_hard, from.inputs.second_stress_hard, to.inputs.stress_hard, to.inputs.second_stress_hard);
-  // Each step starts from the same state, rotated, because near melting the rounding errors grow from step to step.
+  // Each step of the rotated problem starts from the rotated state of the original problem: near melting rounding
+  // errors would grow from step to step.
   to.committed = from.committed;
   const TileLayout& layout = from.model.layout();
   turn(from.committed.data() + layout.shear_stress, from.committed.data() + layout.second_stress,
        to.committed.data() + layout.shear_stress, to.committed.data() + layout.second_stress);
 }
 
-// The hardening exponent n of a flow law that has one, otherwise the law's `flow_exponent`.
+// Returns the hardening exponent n of a flow law that has one, otherwise the law's `flow_exponent`.
 double exponent_of(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_exponent) ? m.hardening_exponent : flow_exponent(m);
 }
@@ -59,7 +60,7 @@ TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
       for (int l = 0; l < kLanes; ++l) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         if ((rig.outputs.outcome[l] | turned.outputs.outcome[l]) & kSubstepped)
-          continue;  // several answers exist, and rounding chooses one
+          continue;  // a divided step has several answers, and rounding chooses one
         const double T0 = rig.outputs.interface_temperature[l];
         const double to_melting =
             std::max(1e-6, std::abs(at_pressure(options.soft, rig.inputs.pressure[l]).melting_temperature - T0));
@@ -133,8 +134,8 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         const TileOutputs& want = scalar.outputs;
         ASSERT_EQ(first.outputs.shear_stress[l], want.shear_stress[l]);
-        // With a tolerance, the slip of an open contact is a mean over substeps, which the two models round
-        // differently.
+        // With a tolerance, the slip of an open contact is a mean over substeps. The models with one and with two
+        // components round this mean differently.
         const bool rounded = plane.tolerance && want.regime[l] == Regime::kOpen;
         const double ulps = rounded ? 1e-14 * std::abs(want.sliding_velocity[l]) : 0.0;
         ASSERT_NEAR(first.outputs.sliding_velocity[l], want.sliding_velocity[l], ulps);
@@ -160,8 +161,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, ::testing::Values(Strategy::kVe
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
-// The scalar reference model solves the problem along the trial stress. This test projects the inputs itself,
-// independently of the solver's vector code.
+// With two components a step is the scalar step along the trial stress. The scalar reference model computes this step
+// from inputs that the test projects itself, independently of the solver's vector code.
 TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
   Draw draw(63);
   int compared = 0;
@@ -208,8 +209,8 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
   EXPECT_GT(compared, 150);
 }
 
-// The slip turns by 90 degrees. The stress turns with it: its old component decays while the new one grows along the
-// new direction of the trial stress.
+// After a turn of the slip by 90 degrees the stress follows: its old component decays, and its new component grows
+// along the new direction of the trial stress.
 TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   ModelOptions options = graded(paper_options());
   options.tangential_components = 2;
@@ -232,8 +233,8 @@ TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
   EXPECT_LT(rig.stress(), 1e-3 * before);
 }
 
-// A jump of denormal numbers has too few digits for a unit vector. The stress, which comes from the host's plastic
-// shear, must still have the size of the scalar answer.
+// A velocity jump of denormal numbers has too few digits for a unit vector. The stress, which comes from the plastic
+// shear of the host's zone, must still have the magnitude of the scalar answer.
 TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
   ModelOptions options = graded(paper_options(Strategy::kForceDriven));
   options.plastic_layer = true;
@@ -261,7 +262,7 @@ TEST(PhysicsTwoComponentsPath, OneComponentPaysNothing) {
   EXPECT_EQ(Model(options).layout().doubles, one.doubles + kLanes);
 }
 
-// The energy ledger of a rotated problem equals that of the scalar problem.
+// The energy ledger of a rotated problem must equal that of the scalar problem.
 TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
   Draw draw(77);
   for (int scene = 0; scene < 60; ++scene) {
@@ -292,8 +293,8 @@ TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
       plane.model.record_energy(*plane.operators, plane.inputs, plane.outputs, plane.trial.data(),
                                 plane.committed.data(), two);
       for (int l = 0; l < kLanes; ++l) {
-        // Rounding of the rotation grows near melting and from step to step. Lanes whose stresses differ by more than
-        // 1e-9 are skipped.
+        // Rounding errors of the rotation grow near melting and from step to step, so the test skips lanes whose
+        // stresses differ by more than 1e-9.
         const double apart = std::abs(std::hypot(plane.outputs.shear_stress[l], plane.outputs.second_shear_stress[l]) -
                                       std::abs(scalar.outputs.shear_stress[l]));
         if (!(apart <= 1e-9 * std::abs(scalar.outputs.shear_stress[l]))) continue;

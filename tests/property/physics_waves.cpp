@@ -1,4 +1,4 @@
-// A layer with inertia over random scenes, states and inputs: every equation of the step holds to rounding.
+// A layer with inertia in random scenes, states and inputs: every equation of the step holds to rounding.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,12 +15,12 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kTiny = 1e-280;
-// Residuals are relative to the largest stress or velocity of the node, but at least to these values, because a layer
-// close to melting carries a stress that is smaller by many decades.
-constexpr double kLeastStress = 1e6;      // least scale of the stresses  [Pa]
-constexpr double kLeastVelocity = 1e-20;  // least scale of the velocities  [m/s]
+// Residuals are relative to the largest stress plus kLeastStress, or the largest velocity plus kLeastVelocity, because
+// a layer close to melting may carry almost no stress.
+constexpr double kLeastStress = 1e6;      // added to the largest stress, to which residuals are relative  [Pa]
+constexpr double kLeastVelocity = 1e-20;  // added to the largest velocity, to which residuals are relative  [m/s]
 
-// Relative tolerance of the stress limit of a vertex: 1e-9, and the change that an ulp of its temperature causes.
+// Relative tolerance of the flow stress of a vertex: 1e-9, and the change that an ulp of the temperature causes.
 double limit_tolerance(const Material& soft, double pressure, double T) {
   const Softening soften = softening(soft, pressure, T);
   if (soften.g <= 0.0) return 1.0;
@@ -56,7 +56,7 @@ class Step {
     return v;
   }
 
-  // Residual of DLP (36): the largest imbalance of momentum of a cell.
+  // Residual of DLP (36): the largest error of the momentum balance of a cell, relative to momentum_size().
   double momentum_fault() const {
     double worst = 0.0;
     for (int c = 0; c < cells(); ++c) {
@@ -69,15 +69,15 @@ class Step {
 
   double mass(int cell) const { return soft_.density * step_.grid->width[cell]; }
 
-  // Scale of a cell's momentum balance: its momentum and the impulse of the stresses. A velocity is known to an ulp
-  // only, so the impulse of the stress that such an ulp makes in the two vertices is included, with a large factor.
+  // Scale of the momentum balance of cell c: its momentum plus the impulse of the stresses on it. A velocity is known
+  // to an ulp only; the impulse of the stress that this ulp makes in the two vertices is added with a large factor.
   double momentum_size(int c) const {
     const double ulp_stress = soft_.shear_modulus * step_.dt * 2.2e-16 * largest_velocity() *
                               (1 / step_.grid->weight[c] + 1 / step_.grid->weight[c + 1]);
     return step_.dt * (largest_stress() + kLeastStress + 1e10 * ulp_stress) + mass(c) * largest_velocity();
   }
 
-  // Residual of DLP (37), stress and shear of a vertex: the largest of all vertices.
+  // Residual of DLP (37), stress over shear: the largest of all vertices.
   double kinematic_fault() const {
     double worst = 0.0;
     for (int i = 0; i <= cells(); ++i) {
@@ -111,8 +111,8 @@ class Step {
     }
   }
 
-  // Residual of the energy balance: work done on the layer = kinetic and elastic energy gained + plastic work + the
-  // numerical dissipation of backward Euler, which is never negative.
+  // Residual of the energy balance of a step: work done on the layer = gain of kinetic and elastic energy + plastic
+  // work + numerical dissipation of backward Euler, which is never negative.
   double energy_fault() const {
     double balance = step_.dt * after_.stress[cells()] * step_.jump - step_.dt * after_.stress[0] * velocity(-1);
     double size = std::abs(balance);
@@ -162,7 +162,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
       random_inputs(draw, rig, extreme);
       const double dt = random_dt(draw, extreme);
       rig.operators = rig.model.operators(dt);
-      std::deque<Step> solved;  // not a vector: a Step holds pointers into itself
+      std::deque<Step> solved;  // not a vector, which would move a Step: a Step holds pointers into itself
       for (int l = 0; l < kLanes; ++l) solved.emplace_back(rig, l);
       rig.step(dt);
       for (int l = 0; l < kLanes; ++l) {
@@ -183,7 +183,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         ASSERT_LE(step.kinematic_fault(), 1e-12);
         ASSERT_LE(step.energy_fault(), 1e-9);
         step.expect_flow_law();
-        // The step of the whole tile must have given the lane the same results.
+        // The step of the whole tile must give this lane the same results as the step of the lane alone.
         ASSERT_EQ(rig.outputs.shear_stress[l], step.fields().stress[0]);
         ASSERT_EQ(rig.outputs.friction_heat[l], step.answer().flux * dt);
         ASSERT_NEAR(step.answer().flux,
@@ -219,7 +219,8 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
   EXPECT_LE(failed, extreme ? steps / 5000 : 0);
 }
 
-// Newton's method, and the bracketing search that replaces Newton's method if it fails, must find the same answer.
+// A step with inertia is solved by Newton's method and, if this fails, by a bracketing search. Both must find the same
+// answer.
 TEST_P(PhysicsWaves, TheSearchThatCannotFailFindsTheSameAnswer) {
   const bool extreme = GetParam();
   Draw draw(43 + (extreme ? 1 : 0));

@@ -1,4 +1,5 @@
-// Layers with inertia: the fast solver against the slow reference solver, from states that random histories reach.
+// The fast solver of layers with inertia is compared with the slow reference solver, from states that random histories
+// reach.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,8 +21,8 @@ void expect_agreement(const Rig& rig, int l, const reference::NodeOutputs& twin,
                       double dt, Worst& worst) {
   const TileOutputs& out = rig.outputs;
   const double V = std::abs(rig.inputs.velocity_jump[l]);
-  // Scales of stress [Pa] and velocity [m/s]. The scale of stress is at least 1 MPa, because a layer close to melting
-  // carries almost no stress.
+  // Scales s [Pa] and v [m/s] of stress and velocity, to which differences are relative. s is at least 1 MPa, because a
+  // layer close to melting carries almost no stress.
   double s = 1e6, v = V;
   for (double stress : state.stress_field) s = std::max(s, std::abs(stress));
   for (double velocity : state.layer_velocity) v = std::max(v, std::abs(velocity));

@@ -1,5 +1,5 @@
-// Damaged messages and scenes from a fixed seed: decoding must end in a value or in a typed error. The sanitizers check
-// the same runs for invalid memory accesses.
+// Messages and scenes with random damage from a fixed seed: decoding must return a value or throw a typed error. The
+// same tests run under the sanitizers, which find invalid memory accesses.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ class Mutator {
 
   std::size_t below(std::size_t n) { return n == 0 ? 0 : random_() % n; }
 
-  // Applies one to four small damages, as networks, disks and attackers cause them.
+  // Applies one to four small damages of kinds that networks, disks and attackers cause.
   void damage(Bytes& bytes, const Bytes& donor) {
     for (std::size_t times = 1 + below(4); times > 0; --times) damage_once(bytes, donor);
   }
@@ -56,11 +56,11 @@ class Mutator {
       }
       case 5:
         insert(bytes, at, piece(donor, below(donor.size() + 1)));
-        break;  // inserts a piece of another message
+        break;  // end of case 5: a piece of another message has been inserted
       case 6:
         insert(bytes, at, piece(bytes, at));
-        break;  // repeats a piece of the message
-      default:  // a random number of eight bytes, in place of a size, an offset or a double
+        break;  // end of case 6: a piece of the message has been repeated
+      default:  // writes a random 8-byte number over a size, an offset or a double
         if (bytes.size() >= 8) {
           const std::uint64_t number = below(2) == 0 ? random_() : ~std::uint64_t{0} >> below(64);
           std::memcpy(bytes.data() + below(bytes.size() - 7), &number, sizeof number);
@@ -112,7 +112,8 @@ Tally bombard(const std::vector<std::pair<std::string, Message>>& messages, std:
       continue;
     }
     ++tally.taken;
-    // An accepted message can be encoded again, and the memory of its columns lies within its payload.
+    // Decoding accepted the message: it must be possible to encode it again, and the memory of its columns must lie
+    // within its payload.
     const Frames again = samples::frames_of(found);
     EXPECT_EQ(again.frames.size(), found.batch.columns().empty() ? 1U : 2U);
     for (const Column& column : found.batch.columns())
@@ -124,7 +125,7 @@ Tally bombard(const std::vector<std::pair<std::string, Message>>& messages, std:
 TEST(Mutations, DamagedRequestsEndInAValueOrATypedError) {
   const Tally tally = bombard(samples::requests(), 80'000, 1);
   EXPECT_GT(tally.refused, 40'000U);
-  EXPECT_GT(tally.taken, 1'000U);  // the damage is small enough to pass the first checks
+  EXPECT_GT(tally.taken, 1'000U);  // the damage is so small that many messages pass
 }
 
 TEST(Mutations, DamagedRepliesEndInAValueOrATypedError) {

@@ -1,4 +1,5 @@
-// Solvers with deliberate errors must fail under the invariants that judge the campaign.
+// The stability campaign judges the model by its invariants. The same invariants must find faults in solvers with
+// deliberate errors.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -1,4 +1,5 @@
-// A short run of the random campaign. "shearbus-study stability --random" runs for as long as its user asks.
+// A short run of the stability campaign with random scenes. "shearbus-study stability --random" runs as long as its
+// user asks.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-// Options that the subcommands of shearbus-study have in common, and functions that write their results.
+// Options that the subcommands of shearbus-study have in common, and functions that write the results of a study.
 #pragma once
 
 #include <filesystem>
@@ -12,17 +12,17 @@ class App;
 namespace shearbus::study {
 
 struct CommandOptions {
-  std::filesystem::path scene;  // file of the user's scene; empty: no scene
+  std::filesystem::path scene;  // file of a scene that the study uses in place of its fixed problems; empty: none
   std::filesystem::path out = "out/study";
   bool plot = true;
 };
 
-// Adds the subcommand `name` with these options; `scene` is the help text of the argument SCENE.
+// Adds the subcommand `name` with the common options `options`; `scene` is the help text of the argument SCENE.
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options);
 
-// Writes the study as NAME.json, preceded by its name, the version, the commit, the date and the processor, and draws
-// it with plot_NAME.py. Throws std::runtime_error if either fails.
+// Writes the study as NAME.json, after the name, the version, the commit, the date and the processor, and draws it with
+// plot_NAME.py. Throws std::runtime_error if the file cannot be written or the script fails.
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study);
 
 }  // namespace shearbus::study

@@ -1,5 +1,5 @@
-// shearbus-study has four studies: the cost of accuracy, the errors delivered under a tolerance, stability at extreme
-// inputs, and the map of pressures and velocities in which the velocity-driven model is valid. They run on fixed
+// shearbus-study has four studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
+// inputs, and the map of pressures and velocities in which the velocity-driven model is valid. A study runs on fixed
 // problems or on a user's scene.
 #include <fmt/format.h>
 

@@ -86,7 +86,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Runs one tile whose lanes are all equal, and calls `watch` after each step.
+// Runs one tile whose lanes all have the same inputs, and calls `watch` after each step.
 template <class Watch>
 void run_tile(const StudyCase& study_case, const physics::Model& model, double dt, int steps, const Watch& watch) {
   std::vector<double> committed(model.layout().doubles), trial(model.layout().doubles);
@@ -116,7 +116,7 @@ bool allows(const StudyCase& study_case, const Setting& setting) {
     service::scene_model(scene_with(study_case, setting));
     return true;
   } catch (const wire::Error&) {
-    return false;  // the scene with this setting is invalid
+    return false;  // a server would refuse the scene with this setting
   }
 }
 
@@ -129,10 +129,10 @@ Answer combined(const Answer& a, double wa, const Answer& b, double wb) {
   return sum;
 }
 
-// Computes a reference by Richardson extrapolation from the finest settings. The error in space, if there are cells, is
-// assumed proportional to h^2. The error in time is assumed proportional to dt^2 (sdirk2) or dt (backward Euler). The
-// uncertainty is the difference between two such extrapolations: from sdirk2 and from backward Euler or, if sdirk2 is
-// not allowed, from backward Euler with two step lengths.
+// Computes a reference solution by Richardson extrapolation from the finest settings. The error in space, if there are
+// cells, is assumed proportional to h^2. The error in time is assumed proportional to dt^2 (sdirk2) or dt (backward
+// Euler). The uncertainty is the difference between two such extrapolations: from sdirk2 and from backward Euler or, if
+// sdirk2 is not allowed, from backward Euler with two step lengths.
 Reference by_extrapolation(const StudyCase& study_case, bool quick) {
   const bool modes = allows(study_case, {.accuracy = 1e-9, .steps = 1000});
   const bool second_order = allows(study_case, {.cells = 60, .grading = 1.08, .sdirk2 = true, .steps = 1000});
@@ -271,7 +271,7 @@ Result sweep(const StudyCase& study_case, const SweepOptions& options) {
         if (!std::isfinite(outcome.temperature_error)) outcome.failure = "not a number";
         result.outcomes.push_back(outcome);
       } catch (const wire::Error&) {
-        break;  // the scene with this setting is invalid
+        break;  // a server would refuse the scene with this setting
       }
     }
   }
@@ -309,7 +309,7 @@ double message_ns(const StudyCase& study_case, const Setting& setting) {
     const StepResult& result = session.advance(request, {.dt_s = study_case.end / setting.steps});
     spent.push_back(static_cast<double>(result.round_trip().count()) - static_cast<double>(result.upscale().solver_ns));
   }
-  // The smallest time contains the least waiting for a processor.
+  // Of all measured round trips the shortest has waited least for a processor.
   return *std::ranges::min_element(spent) / static_cast<double>(kNodes);
 }
 

@@ -1,5 +1,6 @@
 // Work-precision study. Every combination of grid, step length, time integrator and heat method solves a problem. The
-// study reports its error against a reference solution, its cost, and which combinations are efficient.
+// study reports the error of each combination against a reference solution, its cost, and which combinations are
+// efficient.
 #pragma once
 
 #include <cstdint>
@@ -17,29 +18,31 @@ struct Setting {
   std::uint32_t cells = 0;  // number of cells of the layer; 0: modes instead of a temperature profile
   double grading = 1.0;
   bool sdirk2 = false;
-  double accuracy = 0.0;  // accuracy of the modes, if cells is 0
+  double accuracy = 0.0;  // accuracy of the modes, used only if cells is 0
   int steps = 0;
-  double tolerance = 0.0;  // if positive, the server chooses all settings except the number of steps
+  // if positive, a tolerance with which the server chooses all settings except the number of steps
+  double tolerance = 0.0;
 
   std::string text() const;
 };
 
-// Errors and cost of a setting. The errors are NaN if the run failed.
+// Errors and cost of a setting of the solver. The errors are NaN if the run failed.
 struct Outcome {
   Setting setting;
   double temperature_error = 0.0;  // largest |T0 - reference|, relative to T_melt minus the initial temperature
-  double impulse_error = 0.0;      // relative error of the impulse
+  double impulse_error = 0.0;      // relative error of the impulse, the sum of |s| dt
   double work_error = 0.0;         // relative error of the friction work
-  double ns_per_node_step = 0.0;   // CPU time of the solver alone, median of the repeats
-  double ns_per_node = 0.0;        // CPU time of the solver in the whole run
-  double message_ns = 0.0;         // time of a message round trip without the solver, per node-step; 0: not measured
-  double solves_per_step = 0.0;    // number of temperatures or modes updated per node and step, summed over stages
+  double ns_per_node_step = 0.0;   // CPU time of the solver alone per node and step, median of the repeats
+  double ns_per_node = 0.0;        // CPU time of the solver per node in the whole run
+  double message_ns = 0.0;  // time of a message round trip without the solver, per node and step; 0: not measured
+  // number of temperatures or modes that a node updates in a step, summed over the stages
+  double solves_per_step = 0.0;
   std::uint64_t state_bytes = 0;   // bytes per node in a shard: committed and trial state, index and list entries
   double first_order_share = 0.0;  // share of the sdirk2 steps that fell back to backward Euler
   double divided_share = 0.0;      // share of the steps that were divided into substeps
-  double estimate = 0.0;           // largest error estimate that was reported, for a setting with a tolerance
-  std::string failure;             // empty: the run succeeded
-  bool efficient = false;          // no setting of at most the same cost has a smaller error of T0
+  double estimate = 0.0;           // largest error estimate that the server reported, for a setting with a tolerance
+  std::string failure;             // error message of a run that failed; empty: the run succeeded
+  bool efficient = false;          // true if no setting of at most the same cost has a smaller error of T0
 };
 
 struct Result {
@@ -50,11 +53,11 @@ struct Result {
 
 struct SweepOptions {
   int repeats = 5;
-  bool quick = false;  // few settings, for tests
+  bool quick = false;  // if true, the study runs few settings, for tests
 };
 
 v1::Scene scene_with(const StudyCase& study_case, const Setting& setting);
-// Returns T_melt at the pressure of the case, minus the initial temperature  [K].
+// Returns the melting temperature at the pressure of the case, minus the initial temperature  [K].
 double melting_range(const StudyCase& study_case);
 std::function<double(double)> at_samples(const Answer& answer, double end);
 
@@ -67,8 +70,8 @@ Result sweep(const StudyCase& study_case, const SweepOptions& options);
 // Returns the cheapest outcome whose temperature_error is at most `tolerance`, or null if there is none.
 const Outcome* cheapest(const Result& result, double tolerance);
 
-// Returns the time of a message round trip without the solver, per node-step, measured with an embedded server and
-// 1,000 nodes  [ns].
+// Returns the time [ns] of a message round trip without the solver, per node and step, measured with an embedded server
+// and 1,000 nodes.
 double message_ns(const StudyCase& study_case, const Setting& setting);
 
 std::string table(const Result& result);

@@ -28,7 +28,7 @@ void set_all(double (&lanes)[kLanes], double value) {
   std::fill_n(lanes, kLanes, value);
 }
 
-// A host that imposes a constant velocity jump. In a force-driven scene the bodies are so heavy that friction does not
+// A host that imposes a constant velocity jump. In a force-driven scene its bodies are so heavy that friction does not
 // change the jump.
 class ImposedJump : public Host {
  public:
@@ -52,10 +52,10 @@ test::HalfSpaces volterra_of(const StudyCase& study_case) {
           .yield_strength = study_case.scene.interface().yield_strength_pa()};
 }
 
-// Host of two elastic half-spaces with shear impedances Z. It computes the bodies by a leapfrog scheme at unit Courant
-// number, at which the scheme is exact. Half a zone has the mass Z dt/2, and its far stress is that of the waves that
+// Host of two elastic half-spaces with shear impedances Z. It computes the bodies by a leapfrog scheme at Courant
+// number 1, at which the scheme is exact. Half a zone has the mass Z dt/2, and its far stress is that of the waves that
 // the interface has emitted so far. The mean velocity jump of a step is then V0 - s (1/Z_soft + 1/Z_hard). The first
-// step starts from the jump that follows the first contact.
+// step starts from the jump at the instant after the first contact.
 class HalfSpaces : public Host {
  public:
   HalfSpaces(const StudyCase& study_case, double) : pair_(volterra_of(study_case)) {
@@ -79,7 +79,7 @@ class HalfSpaces : public Host {
   double jump_;
 };
 
-// Host of two plates under an alternating force: they slide, stop, stick and slide in the other direction.
+// Host of two plates under an alternating force, which makes them slide, stop, stick and slide in the other direction.
 class Shaken : public Host {
  public:
   Shaken(const StudyCase& study_case, double) : case_(study_case) {}
@@ -88,7 +88,8 @@ class Shaken : public Host {
     set_all(inputs.pressure, case_.pressure);
     set_all(inputs.mass_soft, case_.mass);
     set_all(inputs.mass_hard, case_.mass);
-    // The force is averaged over the step, so that runs with different step lengths receive the same impulse.
+    // The alternating stress is averaged over the step, so that runs with different step lengths receive the same
+    // impulse.
     const double omega = 2.0 * std::acos(-1.0) * 2.5 / case_.end;
     const double mean = kPull * (std::cos(omega * time) - std::cos(omega * (time + dt))) / (omega * dt);
     set_all(inputs.stress_soft, mean);
@@ -97,7 +98,7 @@ class Shaken : public Host {
   void take(const physics::TileOutputs& outputs) override { jump_ = outputs.velocity_jump_new[0]; }
 
  private:
-  static constexpr double kPull = 500e6;  // amplitude of the alternating stress  [Pa]
+  static constexpr double kPull = 500e6;  // amplitude of the far stresses of the two plates  [Pa]
   const StudyCase& case_;
   double jump_ = 0.0;
 };
@@ -113,8 +114,8 @@ Reference constant_flux_reference(const StudyCase& study_case) {
           "exact: 2 q sqrt(alpha t / pi) / k"};
 }
 
-// Limit of a value for vanishing grid spacing h, extrapolated from three grids by eliminating errors proportional to
-// h^2 and h^3. `change` is the effect of eliminating h^3.
+// Limit of a computed value as the grid spacing h goes to 0, extrapolated from three grids by eliminating errors
+// proportional to h^2 and h^3. `change` is the effect of eliminating h^3.
 struct Limit {
   double value, change;
 };
@@ -136,9 +137,9 @@ Integrals integrals_of(const std::vector<test::HalfSpaceState>& states) {
   return sum;
 }
 
-// Returns a reference from the Volterra equation. `solve` solves it by product integration; solutions on three grids
-// are extrapolated at the times of the coarsest grid. Between these times the temperature is interpolated with cubics
-// in sqrt(t).
+// Returns a reference solution from the Volterra equation, which `solve` solves by product integration. The solutions
+// on three grids are extrapolated at the times of the coarsest grid. Between these times the temperature is
+// interpolated with cubics in sqrt(t).
 template <class Solve>
 Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
   constexpr int kCoarse = 400;
@@ -177,7 +178,7 @@ Reference half_spaces_reference(const StudyCase& study_case) {
   return from_volterra(study_case, [&](int n) { return test::solve_two_half_spaces(pair, study_case.end, n); });
 }
 Reference extrapolated(const StudyCase&) {
-  return {};  // without an exact solution the caller extrapolates
+  return {};  // no exact solution: the caller must compute a reference
 }
 
 template <class H>

@@ -1,4 +1,4 @@
-// The fixed problems of the studies: a scene, the inputs of a host and a reference solution.
+// The fixed problems of the studies. Each has a scene, a host that gives the inputs, and a reference solution.
 #pragma once
 
 #include <functional>
@@ -14,7 +14,7 @@ namespace shearbus::study {
 // Results of a run: the interface temperature T0 at some times, and sums over all steps.
 struct Answer {
   std::vector<double> time;         // times of the samples  [s]
-  std::vector<double> temperature;  // interface temperature T0 at these times  [K]
+  std::vector<double> temperature;  // interface temperature T0 at the times of `time`  [K]
   double impulse = 0.0;             // sum of |s| dt over the steps  [Pa s]
   double work = 0.0;                // friction work  [J/m2]
 };
@@ -29,26 +29,26 @@ class Host {
 };
 
 struct Reference {
-  // Returns T0 at a time. An empty function means that there is no exact solution; the caller must then compute a
-  // reference.
+  // Returns the exact T0 at a time. Without an exact solution the function is empty, and the caller must compute a
+  // reference solution.
   std::function<double(double)> temperature;
   double impulse = 0.0;
   double work = 0.0;
-  double uncertainty = 0.0;  // uncertainty of T0, relative to T_melt minus the initial temperature
+  double uncertainty = 0.0;  // uncertainty of the reference T0, relative to T_melt minus the initial temperature
   std::string method;
 };
 
 struct StudyCase {
   std::string name;
   std::string title;
-  v1::Scene scene;  // the studies replace the layer's grid and methods
+  v1::Scene scene;  // scene of the problem; a study replaces the grid and the methods of the layer
   double end;       // duration of the run  [s]
   std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
   Reference (*reference)(const StudyCase&);
   double velocity_jump = 100.0;  // initial or imposed jump  [m/s]
-  double pressure = 11.2e9;      // [Pa]
-  double mass = 1.0;             // mass of each side  [kg/m2]
-  bool coupled = false;          // the inputs of a step depend on the answers before
+  double pressure = 11.2e9;      // compression of the contact [Pa]
+  double mass = 1.0;             // mass per area of each body  [kg/m2]
+  bool coupled = false;          // true if the inputs of a step depend on the answers of earlier steps
 };
 
 inline constexpr int kSamples = 10;  // number of samples of T0 in a run, at equal intervals

@@ -18,11 +18,11 @@ constexpr double kQuickRequests[] = {1e-2, 1e-4};
 constexpr int kSteps[] = {10, 100, 1000};
 constexpr int kQuickSteps[] = {20};
 
-// Resolution of a reference solution.
+// Resolution of a reference solution in time and space.
 struct Fineness {
   int substeps;     // number of substeps in the whole run
   int cells;        // number of cells of each graded grid; not used by a model with modes
-  double accuracy;  // accuracy of the modes, for a model with modes
+  double accuracy;  // accuracy of the modes; used only by a model with modes
 };
 constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
 constexpr int kQuickCoarser = 4;
@@ -60,9 +60,10 @@ Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fine
   return answer;
 }
 
-// Computes a reference for runs with `steps` steps of the host. A host that reacts to the answers has a time error of
-// its own, which the layer cannot reduce. The reference is therefore a finer layer driven by the same host in the same
-// steps. The difference to a solution with half the resolution is the uncertainty.
+// Computes a reference solution for runs with `steps` steps of the host. A host that reacts to the answers has a time
+// error of its own, which the layer cannot reduce. The reference is therefore a finer layer that is driven by the same
+// host in the same steps. The difference between the reference and a solution with half its resolution is the
+// uncertainty.
 Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   StudyCase strict = study_case;
   strict.scene = scene_with(study_case, {.tolerance = kRequests[std::size(kRequests) - 1]});

@@ -1,4 +1,4 @@
-// Study of tolerances: compares the actual error of scenes with a tolerance with the tolerance, at several step lengths
+// Study of tolerances: compares the error of scenes with a tolerance with the tolerance itself, at several step lengths
 // of the host.
 #pragma once
 

@@ -29,7 +29,8 @@ inline void follow_flow_law(Material& soft, FlowLaw law) {
     if (entry.material.flow_law != law) continue;
     const Material aluminium = soft;
     soft = entry.material;
-    // These constants give the compression at a pressure; not every metal of the catalog has them.
+    // Sound speed, slope of the Hugoniot, Grueneisen coefficient and volume correction give the compression at a
+    // pressure. Some metals of the catalog lack them; these get the constants of aluminium.
     if (!std::isfinite(soft.sound_speed)) soft.sound_speed = aluminium.sound_speed;
     if (!std::isfinite(soft.hugoniot_slope)) soft.hugoniot_slope = aluminium.hugoniot_slope;
     if (!std::isfinite(soft.grueneisen)) soft.grueneisen = aluminium.grueneisen;
@@ -39,7 +40,8 @@ inline void follow_flow_law(Material& soft, FlowLaw law) {
   throw Broken(fmt::format("no material of the catalog follows {}", FlowLaws::name_of(law)));
 }
 
-// Returns a material with the strength and flow law of one metal and the heat and melting constants of the other.
+// Returns a material with the heat and melting constants of the metal `heat` and all other constants of the metal
+// `strength`.
 inline Material with_strength_of(const Material& heat, Material strength) {
   strength.conductivity = heat.conductivity;
   strength.specific_heat = heat.specific_heat;
@@ -50,7 +52,8 @@ inline Material with_strength_of(const Material& heat, Material strength) {
   return strength;
 }
 
-// Returns all laws and options. Laws come first, because typical values of an option may depend on the material.
+// Returns all laws and options. Laws come before options, because typical values of an option may depend on the
+// material.
 inline std::vector<Item> items() {
   std::vector<Item> all;
   for (int n = 2; const auto law = FlowLaws::numbered(n); ++n)
@@ -72,14 +75,14 @@ inline std::vector<Item> items() {
 }
 
 // Returns the options of a strategy with the chosen items. If `rubs` is true, the friction coefficient is so small that
-// friction limits the shear stress. Otherwise it is so large that the yield strength of the interface or the flow of
-// the layer limits the stress.
+// friction limits the shear stress. Otherwise the coefficient is so large that the yield strength of the interface or
+// the flow of the layer limits the stress.
 inline ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen, bool rubs) {
   ModelOptions options = graded(paper_options(strategy), 6, 1.4);
   options.grid.far_boundary = rubs ? FarBoundary::kHalfSpace : FarBoundary::kInsulated;
   options.interface.friction_coefficient = rubs ? 0.02 : 2.0;
   options.initial_temperature = 600.0;
-  std::sort(chosen.begin(), chosen.end());  // sorts in the order of items(): laws first
+  std::sort(chosen.begin(), chosen.end());  // laws first, then options
   for (const Item* item : chosen) item->apply(options);
   if (options.friction_coefficient) options.friction_coefficient = rubs ? 0.005 : 2.0;
   if (options.tolerance) options = discretised(options, 1e-2);
@@ -96,7 +99,7 @@ inline std::optional<ModelOptions> possible(Strategy strategy, const std::vector
     std::vector<const Item*> more = chosen;
     more.push_back(&companion);
     options = combined(strategy, more, rubs);
-    // The additional item must leave the chosen items in effect.
+    // An item may be added only if the chosen items stay in effect.
     Properties wanted = properties_of(combined(strategy, chosen, rubs));
     const Properties found = properties_of(options);
     bool kept = true;

@@ -28,7 +28,7 @@ struct DurableServer {
     service.recover();
   }
 
-  // Returns nothing if the service does not answer.
+  // Returns the service's answer, or nothing if the service does not answer.
   std::optional<Answer> try_ask(service::Frames frames, const service::Caller& caller = {}) {
     auto answered = service.handle(frames, caller);
     if (!answered) return std::nullopt;

@@ -14,8 +14,8 @@
 
 namespace shearbus::test {
 
-// Advances lane 0 of a model by substeps. If the slip of a force-driven substep reverses or stops, the substep is
-// halved again and again, which isolates the time of the reversal.
+// Advances lane 0 of a model by substeps of a given length. A force-driven substep in which the slip reverses or stops
+// is halved up to 24 times, which isolates the time of the reversal.
 class FineLayer {
  public:
   FineLayer(const physics::ModelOptions& options, double substep)
@@ -32,8 +32,8 @@ class FineLayer {
     return options.hard_grid ? 1.0 : physics::heat_partition(options.soft, options.hard);
   }
 
-  // Advances lane 0 by one substep, which is the fraction `share` of the host's step. Adds the contribution of the
-  // substep to the outputs `step` of the whole step, and stores the new velocity jump in `inputs` for the next substep.
+  // Advances lane 0 by one substep, which is the fraction `share` of the host's step. Adds the substep's part to
+  // `step`, the outputs of the host's step, and stores the new velocity jump in `inputs` for the next substep.
   void advance(physics::TileInputs& inputs, double share, physics::TileOutputs& step, std::size_t cuts = 0) {
     physics::TileOutputs out{};
     model_.advance(*operators_[cuts], inputs, state_.data(), next_.data(), out);

@@ -63,7 +63,7 @@ inline hydro::Metal plastic_metal(const MieGrueneisen& eos, double shear_modulus
   return {.eos = eos, .strength = constant_yield(eos.density, shear_modulus, yield)};
 }
 
-// Returns the computed value of the comparison with the name `what`.
+// Returns the computed value of the comparison with the name `what`; a comparison pairs a computed with an exact value.
 inline double found(const std::vector<hydro::Comparison>& comparisons, const std::string& what) {
   for (const hydro::Comparison& c : comparisons) {
     if (c.what == what) return c.found;

@@ -1,4 +1,5 @@
-// Two elastic plates of the paper's metals on a slide line: sliding problems with exact solutions.
+// Two elastic plates, of the aluminium and the steel of the DLP paper, on a slide line: sliding problems with exact
+// solutions.
 #pragma once
 
 #include "tests/support/hydro2d.hpp"

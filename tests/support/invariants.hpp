@@ -20,22 +20,22 @@
 
 namespace shearbus::testing {
 
-// Invariants 1, 3 and 5: the answer is finite, temperatures are in their range, friction dissipates, heat and work
-// balance.
+// Invariants 1, 3 and 5 of MODEL.md, "What always holds": the answer is finite, temperatures are in their range,
+// friction dissipates, heat and work balance.
 inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;
   require_numbers(a);
   require_temperatures(rig, a, lane, figures);
-  // With inertia the slip velocity [v] is that of the whole layer. Stresses of both signs may occur in the layer, so
-  // the stress at the interface times [v] may be negative.
+  // The check that stress times slip is not negative does not apply to a layer with inertia: the slip velocity [v] is
+  // that of the whole layer, in which stresses of both signs may occur.
   if (options.inertia) {
     require(a.heat >= 0.0, "heat {} < 0", a.heat);
   } else {
     require_dissipation(a);
   }
-  // A model without a temperature profile has modes of heat conduction. They give the stored heat only for an insulated
-  // slab, whose mode with decay rate 0 contains all heat.
+  // Without a temperature profile the heat is kept in modes. They give the stored heat only for an insulated slab,
+  // whose mode with decay rate 0 contains all heat.
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {
     require_heat_balance(rig.stored_heat_of(rig.trial, 0.0, lane), rig.stored_heat(0.0, lane), a.heat, figures);
   }

@@ -1,9 +1,9 @@
-// A disk in memory. It can fail at any of its calls. At any call the server's process may also die, or the machine may
-// lose power.
+// A disk in memory for tests. It can fail at any of its calls. At any call the process of the server may also die, or
+// the machine may lose power.
 //
-// Each file has a written and a synced content; the directory has written and synced names. After a death of the
-// process the next server finds everything that was written. After a loss of power it finds what was synced, and a
-// random part of what was only written.
+// Each file has a written and a synced content, and the directory has written and synced names. If the process dies,
+// the next server finds everything that was written. If the power is lost, it finds what was synced and a random part
+// of what was only written.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@
 
 namespace shearbus::support {
 
-// Thrown by every call after the server has died.
+// The exception of the call at which the server dies, and of every later call.
 struct Died : store::StorageError {
   Died() : StorageError("the machine has died", EIO) {}
 };
@@ -28,10 +28,10 @@ class MemoryStorage final : public store::Storage {
  public:
   enum class Call { kAppend, kOverwrite, kTruncate, kSync, kCreate, kRename, kRemove, kSyncDirectory, kRead, kList };
   struct Fault {
-    std::uint64_t at_call = 0;  // number of the call, from 1, among the calls selected by `of`
-    int code = 0;               // errno of the failure; 0: process or machine dies at this call
-    bool for_ever = false;      // all later calls selected by `of` fail, too
-    std::optional<Call> of;     // kind of call that fails; absent: every kind
+    std::uint64_t at_call = 0;  // number of the failing call, from 1, counted among the calls selected by `of`
+    int code = 0;               // errno of the failing call; 0: process or machine dies at this call
+    bool for_ever = false;      // after the failing call all later calls selected by `of` fail, too
+    std::optional<Call> of;     // kind of the calls that are counted and fail; absent: every kind
   };
 
   void plan(Fault fault) {
@@ -52,7 +52,7 @@ class MemoryStorage final : public store::Storage {
   void die_of_power(std::mt19937& random) {
     dead_ = false;
     heal();
-    // Of the changes of names since the last sync of the directory, a random number of the first ones survive.
+    // A random number of the first changes of names since the last sync of the directory survive.
     const std::size_t kept =
         changes_.empty() ? 0 : std::uniform_int_distribution<std::size_t>(0, changes_.size())(random);
     auto names = durable_names_;
@@ -68,7 +68,7 @@ class MemoryStorage final : public store::Storage {
         const std::size_t more =
             std::uniform_int_distribution<std::size_t>(0, file.written.size() - file.synced.size())(random);
         file.written.resize(file.synced.size() + more);
-        // The last blocks of a file that grew may have never been written: they read as zeros.
+        // A file system may not have written the last blocks of a file that grew: they then read as zeros.
         if (random() % 4 == 0)
           std::fill(file.written.begin() + static_cast<std::ptrdiff_t>(file.synced.size()), file.written.end(),
                     std::byte{0});
@@ -116,7 +116,7 @@ class MemoryStorage final : public store::Storage {
     changes_.clear();
   }
 
-  // Gives access to the bytes, for tests that damage files.
+  // Gives access to the bytes of a file, for tests that damage files.
   std::vector<std::byte>& bytes(const std::string& name) { return find(name)->written; }
   void put(const std::string& name, std::vector<std::byte> bytes) {
     names_[name] = std::make_shared<Node>(Node{bytes, bytes});
@@ -143,7 +143,8 @@ class MemoryStorage final : public store::Storage {
       std::vector<std::byte> all;
       for (const store::Bytes part : parts) all.insert(all.end(), part.begin(), part.end());
       const bool fails = disk_.fails(Call::kAppend);
-      // A failing call may have written any part; half of it is hardest to distinguish from all of it.
+      // A failing call may have written any part of its data. Half of the data is hardest to distinguish from all of
+      // it.
       if (fails) all.resize(all.size() / 2);
       node_->written.insert(node_->written.end(), all.begin(), all.end());
       if (fails) disk_.fail();

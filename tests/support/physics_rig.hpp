@@ -1,4 +1,4 @@
-// A model with one tile of states for tests. It sets inputs, takes steps and reads lanes.
+// A model with one tile of states for tests. It sets inputs, takes steps and reads the states of lanes.
 #pragma once
 
 #include <algorithm>
@@ -51,7 +51,7 @@ inline double shortest_step(const ModelOptions& options) {
   return options.modes ? std::max(controlled, options.modes->shortest_step) : controlled;
 }
 
-// Returns the index, in a tile of states, of a lane's value in `row` of the array that starts at `part`. Row 0 is the
+// Returns the index of a lane's value in a tile of states, in `row` of the array that starts at `part`. Row 0 is the
 // interface, z = 0; rows in the hard body are negative.
 inline std::size_t place(std::size_t part, int row, int lane) {
   return part + static_cast<std::size_t>(std::ptrdiff_t{row} * kLanes + lane);
@@ -74,7 +74,8 @@ class Rig {
 
   void start(const double (&temperature)[kLanes]) { model.initialise(committed.data(), temperature); }
 
-  // Sets the temperature of a conducting hard body, so that the interface need not be the hottest place.
+  // Sets the temperature of a conducting hard body before the first step, so that the interface need not be the hottest
+  // place.
   void start_hard(double temperature) {
     const TileLayout& layout = model.layout();
     std::fill_n(committed.data() + layout.first_temperature(), layout.num_hard_vertices * kLanes, temperature);
@@ -94,7 +95,8 @@ class Rig {
     }
   }
 
-  // Returns the temperature of an awake lane at a vertex. Negative vertices belong to a conducting hard body.
+  // Returns the temperature at a vertex for a lane that does not sleep. Negative vertices belong to a conducting hard
+  // body.
   double T(int vertex, int lane = 0) const { return committed[place(model.layout().temperature, vertex, lane)]; }
   double ep(int vertex, int lane = 0) const { return ep_of(committed, vertex, lane); }
   double ep_of(const std::vector<double>& tile, int vertex, int lane) const {
@@ -109,7 +111,7 @@ class Rig {
 
   const HeatGrid& heat_grid() const { return heat_grid_; }
 
-  // Returns the temperatures of a lane in a tile of states, one for each row of heat_grid(). For a sleeping lane they
+  // Returns the temperatures of a lane in a tile of states, one for each row of heat_grid(). Those of a sleeping lane
   // are computed from its modes. A model without a temperature profile has one temperature only, T0.
   std::vector<double> temperatures(const std::vector<double>& tile, int lane) const {
     const TileLayout& layout = model.layout();
@@ -136,13 +138,13 @@ class Rig {
     return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
   }
 
-  // Returns the heat stored above the temperature `reference`, (k/alpha) integral(T - reference), in all conducting
-  // bodies. The integral has the weights of the conduction scheme  [J/m2].
+  // Returns the heat [J/m2] stored in all conducting bodies above the temperature `reference`, (k/alpha) integral(T -
+  // reference). The integral has the weights of the conduction scheme.
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
   double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
     if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
-      // Without a temperature profile the heat is known only for an insulated slab. Its mode with decay rate 0 is the
-      // mean temperature.
+      // Without a temperature profile the stored heat is known only for an insulated slab: its mode with decay rate 0
+      // is the mean temperature.
       const double* rows = tile.data() + layout.heat_modes + lane;
       const ModelOptions& o = model.options();
       return o.soft.conductivity / o.soft.diffusivity * o.grid.thickness * (rows[0] + rows[kLanes] - reference);
@@ -155,7 +157,8 @@ class Rig {
     return sum;
   }
 
-  // Returns the share of the friction power that heats the conducting bodies.
+  // Returns the share of the friction power that enters the bodies whose conduction is computed: beta_T, or 1 if both
+  // bodies conduct.
   double conducted_share() const {
     const ModelOptions& o = model.options();
     return o.hard_grid ? 1.0 : heat_partition(o.soft, o.hard);
@@ -221,7 +224,7 @@ class Rig {
   }
 
   HeatGrid heat_grid_;
-  std::optional<HeatBasis> basis_;  // set only if the model has the option `sleep`
+  std::optional<HeatBasis> basis_;  // modes of the grid, set only if the model has the option `sleep`
 };
 
 }  // namespace shearbus::testing

@@ -1,4 +1,4 @@
-// Random states and histories; every step is checked against the invariants.
+// Random states and histories for tests; every step of a history is checked against the invariants.
 #pragma once
 
 #include <algorithm>
@@ -10,15 +10,16 @@
 
 namespace shearbus::testing {
 
-// Draws a state that need not be reachable by any history: temperatures that fall with the distance from the interface,
-// any strain, and a stress left from a higher pressure.
+// Draws a state of a node that need not be reachable by any history: temperatures that fall with the distance from the
+// interface, any plastic strain, and a stress left from a higher pressure.
 inline void random_state(Draw& draw, Rig& rig) {
   const TileLayout& layout = rig.model.layout();
   const ModelOptions& options = rig.model.options();
   const Grid& grid = rig.model.grid();
   const HeatGrid& heat = rig.heat_grid();
   const double T_melt = options.soft.melting_temperature;
-  if (layout.heat_modes != TileLayout::kAbsent) return;  // modes depend on a whole history and cannot be drawn
+  // modes cannot be drawn, because they depend on a whole history
+  if (layout.heat_modes != TileLayout::kAbsent) return;
   for (int l = 0; l < kLanes; ++l) {
     const auto set = [&](std::size_t part, int row, double value) {
       rig.committed[part + static_cast<std::size_t>(row * kLanes + l)] = value;

@@ -1,4 +1,4 @@
-// Peers without the client library: a plain DEALER socket and a plain stream socket.
+// Peers that do not use the client library: a plain DEALER socket and a plain stream socket.
 #pragma once
 
 #include <arpa/inet.h>
@@ -27,7 +27,7 @@ class RawDealer {
   explicit RawDealer(const std::string& endpoint, int receive_hwm = 1000)
       : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
-    // Sending to a server that refused the connection would block; this limits the wait to 1 s.
+    // Sending to a server that has refused the connection would block; this option limits the wait to 1 s.
     socket_.set(zmq::sockopt::sndtimeo, 1000);
     socket_.set(zmq::sockopt::rcvhwm, receive_hwm);
     socket_.connect(endpoint);
@@ -107,7 +107,7 @@ class RawStream {
     return ::send(file_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
   }
 
-  // Returns true if the server closes the connection within `time`; bytes that it sends before are discarded.
+  // Returns true if the server closes the connection within `time`. Bytes that the server sends before are discarded.
   bool closed_within(std::chrono::milliseconds time) {
     const auto end = std::chrono::steady_clock::now() + time;
     while (std::chrono::steady_clock::now() < end) {

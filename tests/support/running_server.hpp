@@ -62,7 +62,7 @@ class RunningServer {
 
   server::Server& server() { return server_; }
 
-  // Returns the counters. Call it only while the server is stopped, or idle after a reply.
+  // Returns the counters of the transport. The server must be stopped, or idle after a reply.
   const transport::RouterCounters& transport() const { return server_.transport(); }
 
  private:

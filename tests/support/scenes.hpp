@@ -1,4 +1,4 @@
-// Small scenes of both strategies, and input columns that differ from node to node.
+// Small scenes of both strategies, and input columns of steps that differ from node to node.
 #pragma once
 
 #include <cstddef>
@@ -54,8 +54,8 @@ inline std::vector<std::uint64_t> node_ids(std::size_t count, std::uint64_t firs
   return ids;
 }
 
-// Returns one input of node `id` in step number `step`. Nodes differ: some slip slowly, fast or backwards, some stick,
-// and some have an open interface in some steps.
+// Returns the value of one input field for node `id` in step number `step`. Nodes differ: some slip slowly, fast or
+// backwards, some stick, and some have an open contact in some steps.
 inline double input_of(wire::Field field, std::uint64_t id, int step) {
   const double a = static_cast<double>(id % 17) / 17.0;
   switch (field) {
@@ -76,7 +76,8 @@ inline double input_of(wire::Field field, std::uint64_t id, int step) {
   }
 }
 
-// Returns the columns of a step, with rows in the order of `ids`. `with_ids` adds the node_id column.
+// Returns the input columns of a step, with one row for each of `ids` in their order. `with_ids` adds the node_id
+// column.
 inline wire::Batch step_columns(wire::Strategy strategy, std::span<const std::uint64_t> ids, int step,
                                 bool with_ids = false) {
   std::vector<wire::Field> fields;

@@ -1,4 +1,4 @@
-// A temporary directory of a test, removed at its end. Its name is short enough for the path of a socket.
+// A temporary directory of a test, removed at the end of the test. Its name is short enough for the path of a socket.
 #pragma once
 
 #include <stdlib.h>

@@ -50,7 +50,7 @@ class Process {
   pid_t id() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
 
-  // Returns the exit code (128 + n for signal n), or nothing if the process still runs after `time`.
+  // Returns the exit code of the process (128 + n for signal n), or nothing if the process still runs after `time`.
   std::optional<int> exit_code(std::chrono::milliseconds time) {
     const auto end = std::chrono::steady_clock::now() + time;
     while (!exit_code_) {
@@ -96,7 +96,7 @@ class ServerProcess {
     }
     return false;
   }
-  // Returns the server's TCP endpoint with the port chosen by the kernel, or an empty text.
+  // Returns the server's TCP endpoint with the port that the kernel has chosen, or an empty text if there is none.
   std::string tcp_endpoint() const {
     const std::string text = log();
     const std::string line = "listening on tcp://";
@@ -112,7 +112,7 @@ class ServerProcess {
   std::ptrdiff_t listening() const {
     std::istringstream lines(log());
     std::ptrdiff_t count = 0;
-    for (std::string line; std::getline(lines, line) && !lines.eof();)  // reads complete lines only
+    for (std::string line; std::getline(lines, line) && !lines.eof();)  // an incomplete last line is not read
       if (line.find("listening on ") != std::string::npos) ++count;
     return count;
   }

@@ -11,16 +11,16 @@
 
 namespace shearbus::testing {
 
-// The largest differences between solver and reference twin in a run.
+// The largest differences between a fast solver and the reference twin (the slow scalar solver) in a run.
 struct Worst {
   double stress = 0.0, temperature = 0.0, slip = 0.0;
-  int shapes = 0;  // number of comparisons of heat_shape values with a tolerance below 1e-4
+  int shapes = 0;  // number of compared heat_shape values whose tolerance is below 1e-4
 };
 
 // Returns the relative difference of stress to expect between two solvers of the same balance. Each solver stops when a
-// Newton step is below 1e-10 of the stress; that step may cross the kink of the balance at which a vertex begins to
-// flow. In addition an error of one ulp of T0 changes the stress, by a factor that grows with the steepness of thermal
-// softening.
+// Newton step is below 1e-10 of the stress; this last step may cross the kink of the balance at which a vertex begins
+// to flow. In addition an error of one ulp of T0 changes the stress, by a factor that grows with the steepness of
+// thermal softening.
 inline double resolution(const ModelOptions& options, const Material& m, double pressure, double T0) {
   const Softening soften = softening(m, pressure, T0);
   if (soften.g == 0.0) return 1.0;
@@ -47,8 +47,8 @@ inline void require_agreement(const Rig& rig, const std::vector<double>& ep_old,
   const double size = std::abs(rig.inputs.velocity_jump[l]) + std::abs(twin.sliding_velocity) +
                       rig.model.options().grid.thickness * std::abs(rig.inputs.soft_shear_rate[l]) +
                       rig.model.options().grid.thickness * s / (soft.shear_modulus * dt);
-  // The reference twin evaluates DLP (48) as printed, with differences of strains. Their rounding error, times the
-  // thickness over dt, is an error of the velocity.
+  // The reference twin evaluates DLP (48) as printed, with differences of plastic strains. The rounding error of these
+  // strains, times the thickness over dt, is an error of the slip velocity.
   double strain = strain_scale(soft);
   for (double ep : twin_state.plastic_strain) strain = std::max(strain, ep);
   double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * flow_exponent(soft));
@@ -68,8 +68,8 @@ inline void require_agreement(const Rig& rig, const std::vector<double>& ep_old,
   for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
     require_near(rig.T(static_cast<int>(i), l), twin_state.temperature[i], 1e-9, "T of the soft body");
   }
-  // A heat_shape value is a ratio of strain increments of the step and has their relative error, which is largest at
-  // the hottest vertex.
+  // Tolerance of heat_shape values: each is a ratio of strain increments of the step and has their relative error,
+  // which is largest at the hottest vertex.
   const double share_noise = 1e-6 + 100.0 * noise / std::abs(twin.sliding_velocity) +
                              1e3 * resolution(rig.model.options(), soft, rig.inputs.pressure[l], T_hottest);
   for (std::size_t i = 0; i < twin_state.heat_shape.size() && twin.sliding_velocity != 0.0; ++i) {

@@ -1,6 +1,6 @@
-// Two elastic half-spaces that slide under the thermally softened interface law (server/physics/MEASURED.md, "Exact
-// solutions"), written as one Volterra equation that is solved to high accuracy. Shares no code with the layer, the
-// hydrocode or the bus.
+// Two elastic half-spaces that slide under an interface law that softens with T0 (server/physics/MEASURED.md, "Exact
+// solutions"), written as one Volterra equation and solved to high accuracy. The solution shares no code with the
+// layer, the hydrocode or the bus.
 #pragma once
 
 #include <cmath>
@@ -10,11 +10,11 @@ namespace shearbus::test {
 
 struct HalfSpaces {
   double initial_jump;          // velocity jump before the contact, V0  [m/s]
-  double pressure;              // [Pa]
+  double pressure;              // compression of the contact [Pa]
   double friction_coefficient;  // friction coefficient mu
   double yield_strength;        // yield strength of the interface  [Pa]
   double initial_temperature = 300.0;
-  // The remaining constants are the paper's for aluminium on steel, in SI units.
+  // The other constants of the two bodies: aluminium on steel of the DLP paper, in SI units.
   double density_soft = 2703.0, density_hard = 7900.0;
   double modulus_soft = 27.6e9, modulus_hard = 77e9;
   double conductivity_soft = 117.0, conductivity_hard = 16.1;
@@ -84,9 +84,9 @@ inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& probl
   return states;
 }
 
-// Solves for the same interface between two free plates, which friction brakes: d[V]/dt = -mobility * s, where mobility
-// = 1/m_soft + 1/m_hard and m is the mass of a plate per area. The heat integral uses the product integration
-// of solve_two_half_spaces(), the integral of the momentum the trapezoidal rule.
+// Solves for an interface between two free plates that friction brakes: d[V]/dt = -mobility * s, where mobility =
+// 1/m_soft + 1/m_hard and m is the mass of a plate per area. The heat integral uses the product integration of
+// solve_two_half_spaces(), the integral of the momentum the trapezoidal rule.
 inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
                                                        int intervals) {
   const double pi = std::acos(-1.0);

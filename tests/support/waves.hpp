@@ -1,4 +1,5 @@
-// The fields of one lane of a layer with inertia, and a step of these fields without the rest of the model.
+// Stress, velocity and temperature fields of one lane of a layer with inertia, and a step of these fields without the
+// rest of the model.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +44,7 @@ inline WaveStep wave_step(const Rig& rig, int lane, const Material& soft_at_pres
       .coulomb = o.friction_coefficient ? *o.friction_coefficient * pressure : std::numeric_limits<double>::infinity()};
 }
 
-// Computes the fields from which the lane's next step starts; temperatures include the conduction of that step.
+// Computes the fields from which the next step of a lane starts. The temperatures include the conduction of that step.
 inline void fill_fields(const Rig& rig, int lane, WaveFields& fields) {
   const HeatGrid& grid = rig.heat_grid();
   std::vector<double> T(rig.committed.size());

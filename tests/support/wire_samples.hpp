@@ -1,4 +1,4 @@
-// One message of every kind with every field set, and its frames as a socket delivers them.
+// One sample message of every kind, with every field set, and the frames of the message as a socket delivers them.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The components of the two-dimensional hydrocode, and the conservation laws of its step.
+// Tests of the components of the two-dimensional hydrocode, and of the conservation laws of its time step.
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -14,7 +14,7 @@ namespace {
 
 using namespace test;  // NOLINT(google-build-using-namespace)
 
-// Hugoniot pressure [Pa] at a density [kg/m3].
+// Pressure [Pa] on the Hugoniot of a material at a given density [kg/m3].
 double hugoniot_pressure(const MieGrueneisen& m, double density) {
   const double n = 1.0 - m.density / density;
   const double d = 1.0 - n * (m.s1 + n * (m.s2 + n * m.s3));
@@ -169,7 +169,7 @@ TEST(Hydro2dStrength, ARigidTurnKeepsTheInvariantsAndTurnsTheAxes) {
   const physics::Material metal = constant_yield(2700.0, 27e9, 1e12);
   lagrange::Deviator s = {2e8, -0.5e8, 1e8};
   const double start = equivalent_stress(s);
-  // A quarter turn in 50 steps: xx and yy exchange their values, and xy changes its sign.
+  // A rotation by 90 degrees in 50 steps exchanges the stress components xx and yy and changes the sign of xy.
   const double angle = 2.0 * std::tan(0.25 * std::numbers::pi / 50.0);
   const lagrange::Gradient spin = {0.0, -angle, angle, 0.0, 0.0};
   for (int i = 0; i < 50; ++i) s = advance_deviator(metal, s, spin, 1.0, 0.0, 0.0, 300.0).deviator;
@@ -251,7 +251,7 @@ TEST(Hydro2dEos, HugoniotOfAluminiumPassesTheMeltingTemperatureAt46GPa) {
 TEST(Hydro2dEos, TemperatureStaysOnTheIsentrope) {
   const MieGrueneisen m = steel_304();
   const Eos eos(m);
-  double energy = 0.0;  // integrates de = -P dV by the midpoint rule
+  double energy = 0.0;  // internal energy [J/kg] on the isentrope: de = -P dV by the midpoint rule
   double volume = 1.0 / m.density;
   for (int i = 0; i < 20000; ++i) {
     const double step = -1e-5 * 0.25 / m.density / 2.0;
@@ -357,7 +357,7 @@ TEST(Hydro2dCycle, AStepThatTurnsAZoneInsideOutIsTakenBack) {
   fill(bodies, 0, 2703.0, 0.0, {});
   for (std::size_t n = 0; n < bodies.velocity.size(); ++n) bodies.velocity[n].x = n % 5 < 2 ? 1500.0 : 0.0;
   bodies.time_step.first = 1e-6;
-  bodies.time_step.cfl = 1e3;  // CFL limit off: only the volume limits the step
+  bodies.time_step.cfl = 1e3;  // CFL limit off: only the volume change of the zones limits the time step
   bodies.time_step.volume_change = 0.2;
   Cycle cycle(std::move(bodies));
   cycle.advance(1.0);

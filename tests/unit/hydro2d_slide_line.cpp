@@ -21,7 +21,8 @@ using lagrange::surface;
 
 constexpr Symmetry kBoth[] = {Symmetry::kPlane, Symmetry::kAxisymmetric};
 
-// Two blocks in contact along y = slope x. The upper one is soft, and the numbers of zones along the line may differ.
+// Two blocks in contact along the line y = slope * x. The upper block is soft. The numbers of zones along the line
+// (`soft_across`, `hard_across`) may differ.
 Bodies two_blocks(Symmetry symmetry, int soft_across, int hard_across, double slope, double length = 4e-3) {
   Mesh mesh(symmetry);
   const auto block = [&](int nx, double from, double to) {
@@ -105,7 +106,8 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
           bodies.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
         const lagrange::Block& b = bodies.mesh.blocks()[0];
         for (int n = b.first_node; n < b.first_node + b.num_nodes(); ++n) {
-          bodies.velocity[n].x = 5e4 * bodies.mesh.places()[n].x;  // radial velocity: the soft block slides
+          // the velocity grows with x, so the soft block slides
+          bodies.velocity[n].x = 5e4 * bodies.mesh.places()[n].x;
         }
       }
       ConstantFrictionLaw law(limit);
@@ -160,8 +162,8 @@ TEST(Hydro2dSlideLine, ACycleThatIsGivenTheMemoryOfAnotherGoesOnToTheBit) {
   EXPECT_GT(straight.ledger().friction_heat, 0.0);
 }
 
-// The time step must not become much shorter than usual in order to reach a given time exactly, because the slide line
-// closes its gaps within one step.
+// A host may ask for a state at an exact time. To reach it, the time step must not become much shorter than usual: the
+// slide line closes a gap within one step, at a velocity of gap/dt.
 TEST(Hydro2dSlideLine, TimesThatMustBeMetCostNoSliverOfAStep) {
   Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
   fill(bodies, 0, 2703.0, 0.0, {30.0, -100.0});
@@ -189,8 +191,8 @@ TEST(Hydro2dSlideLine, BodiesThatFlyApartDoNotKnowEachOther) {
   }
 }
 
-// Friction stronger than the soft zones makes them flow in shear. The plastic strain rate that the contact passes to
-// the law must integrate to the zone's plastic strain, and must not depend on the angle of the line.
+// Friction stronger than the soft zones makes these zones flow in shear. The plastic strain rate that the contact
+// passes to the interface law must integrate to the plastic strain of the zone, for any angle of the slide line.
 TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
   for (const double angle : {0.0, 0.7}) {
     Plates p;
@@ -208,7 +210,7 @@ TEST(Hydro2dSlideLine, TheLawIsToldThePlasticShearOfTheSoftZones) {
       const hydro::InterfaceInputs& in = cycle.contact().inputs();
       ASSERT_GE(in.soft_plastic_strain_rate[middle], 0.0);
       const double begin = in.time - in.dt;
-      sum += in.soft_plastic_strain_rate[middle] * (begin - time);  // the rate is that of the previous step
+      sum += in.soft_plastic_strain_rate[middle] * (begin - time);  // the contact passes the rate of the previous step
       time = begin;
     }
     const double strain = cycle.contact().inputs().zone_plastic_strain[middle];
@@ -231,15 +233,15 @@ class TearsOnce : public hydro::FreeSlipLaw {
   }
   void take_back() override { ++taken_back; }
 
-  std::vector<double> asked_for;  // dt of each call [s]
+  std::vector<double> asked_for;  // dt of each call of the law [s]
   int taken_back = 0;
 
  private:
   bool tears_;
 };
 
-// The cycle rejects a step that the law's answer makes invalid, calls `take_back` on the law and repeats the step with
-// a shorter dt. The result must equal that of a run that began with the shorter dt.
+// The cycle rejects a step that becomes invalid by the answer of the interface law: it calls `take_back` on the law and
+// repeats the step with a shorter dt. The result must equal that of a run that began with the shorter dt.
 TEST(Hydro2dSlideLine, AStepThatTheLawsAnswerSpoilsIsTakenBackFromTheLawToo) {
   Plates p;
   p.length = 1e-3;
@@ -267,7 +269,8 @@ TEST(Hydro2dSlideLine, AStepThatTheLawsAnswerSpoilsIsTakenBackFromTheLawToo) {
   EXPECT_EQ(a.deviator_xy, b.deviator_xy);
 }
 
-// A gap of a fifth of a zone closes at time gap / speed; before that the contact pressure is 0.
+// Two surfaces approach each other from a distance of a fifth of a zone. The contact closes at the time distance /
+// speed, and the contact pressure is 0 before.
 TEST(Hydro2dSlideLine, AGapClosesWhenTheSurfacesMeet) {
   Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
   Mesh mesh(Symmetry::kPlane);
@@ -323,7 +326,7 @@ TEST(Hydro2dSlideLine, ADiscTurnsFreelyInARing) {
   bodies.slide_lines.push_back({surface(soft, Side::kBottom), surface(bodies.mesh.blocks()[1], Side::kTop)});
   Cycle cycle(std::move(bodies));
   const double start = angular(cycle, 0);
-  cycle.run_to(20e-6);  // a tenth of a turn: more than four sides of the ring's polygon
+  cycle.run_to(20e-6);  // the disc turns by 0.1 rad, a little more than one side of its polygon
   std::printf("angular momentum kept by the disc: %.6f, passed to the ring: %.2e\n", angular(cycle, 0) / start,
               angular(cycle, 1) / start);
   EXPECT_NEAR(angular(cycle, 0) / start, 1.0, 0.01);

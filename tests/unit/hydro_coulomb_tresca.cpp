@@ -1,4 +1,4 @@
-// The macroscopic limit law, DLP (5), at one interface node and between two plates.
+// The Coulomb-Tresca law of the hydrocode, DLP (5), at one interface node and between two plates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -32,7 +32,8 @@ TEST(CoulombTresca, SlidesInTheStateThatSlipsMost) {
     const double found = physics::sliding_stress(kPaper, pressure, velocity, compliance);
     const auto residual = [&](double s) { return kPaper.coefficient(velocity - compliance * s) * pressure - s; };
     ASSERT_LT(std::abs(residual(found)), 1e-11 * pressure) << draw;
-    // The stress found is the smallest root, which is the state with the most slip: below it the residual is positive.
+    // The stress found is the smallest root of mu(v) P - s = 0, hence the state with the most slip: for all smaller
+    // stresses the residual is positive.
     int changes = 0;
     for (int k = 0; k < 500; ++k) ASSERT_GT(residual(found * (k + 0.5) / 500.5), 0.0) << draw;
     for (int k = 1; k <= 500; ++k) {

@@ -1,4 +1,5 @@
-// The lists of values in a shear column's scene, paired or combined, and the columns that result from them.
+// A scene of the hydrocode's shear column may give lists of values. Paired or combined, they make one column for each
+// entry or for each combination.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -28,14 +28,14 @@ TEST(ShearColumn, ConstantFrictionGivesTheExactJumpFromTheFirstInstant) {
   ConstantFrictionLaw law(50e6);
   const double exact = 100.0 - 50e6 * (1.0 / std::sqrt(2703.0 * 27.6e9) + 1.0 / std::sqrt(7900.0 * 77e9));
   EXPECT_NEAR(exact, 92.184, 5e-4);
-  for (int step = 0; step < 1000; ++step) {  // twenty crossings of the columns: no wave may return from the far ends
+  for (int step = 0; step < 1000; ++step) {  // waves cross the columns 20 times: none may return from a far end
     column.advance(law);
     ASSERT_NEAR(jump(column), exact, 1e-9) << "step " << step;
   }
 }
 
-// A plate of impedance Z with a free back: the velocity of its face falls by 2 s / Z, with the friction stress s, at
-// every return of the wave.
+// A plate of impedance Z rubs at one face, with friction stress s; its back is free. At every return of the wave from
+// the back the velocity of the rubbing face falls by 2 s / Z.
 TEST(ShearColumn, FinitePlateSlowsByTwiceTheWaveAtEveryReturn) {
   hydro::ColumnProblem problem = aluminium_on_steel({100.0}, 200);
   problem.soft.far_end = guest::FAR_END_FREE;
@@ -143,8 +143,8 @@ TEST(ShearColumn, LedgersCloseToRoundingForAnyLaw) {
   }
 }
 
-// Largest velocity error of a free plate in its second standing wave, V = cos(2 pi z / L) cos(2 pi c t / L), after 1.3
-// periods L / c.
+// Largest velocity error of a free plate of length L and wave speed c in its second standing wave, V = cos(2 pi z / L)
+// cos(2 pi c t / L), after 1.3 periods L / c.
 double standing_wave_error(std::size_t zones, double courant) {
   hydro::ColumnProblem problem = aluminium_on_steel({0.0}, zones, 2e-3, courant);
   problem.soft.far_end = guest::FAR_END_FREE;
@@ -179,8 +179,8 @@ TEST(ShearColumn, SmoothWavesConvergeWithSecondOrder) {
   EXPECT_LT(standing_wave_error(50, 1.0), 2e-3);
 }
 
-// The reflection coefficient stated for a transmitting end, measured with a wave packet of 16 zones per wavelength.
-// There is no reflection at Courant number 1.
+// A transmitting far end reflects a known part of a wave, which depends on the wavelength and on the Courant number.
+// This part is measured with a wave packet of 16 zones per wavelength; at Courant number 1 it is 0.
 TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
   constexpr std::size_t kZones = 1280;
   constexpr std::size_t kStart = 960;  // zone at which the packet starts; half of it travels each way
@@ -193,7 +193,7 @@ TEST(ShearColumn, TransmittingEndReflectsOnlyWhatItStates) {
     }
     ConstantFrictionLaw law(test::kFreeSlip);
     const int steps =
-        // Enough steps for one half of the packet to travel to the end and back, while the other half is well inside.
+        // Number of steps in which one half of the packet travels to the far end and back to the middle of the column.
         static_cast<int>(640.0 / courant);
     for (int step = 0; step < steps; ++step) column.advance(law);
     double reflected = 0.0;

@@ -9,7 +9,7 @@
 namespace shearbus::testing {
 namespace {
 
-// FNV-1a hash of the states of a tile after a history in which the lanes load, flow, melt, open and stick.
+// FNV-1a hash of the state of a tile at the end of a history in which its lanes load, flow, melt, open and stick.
 std::uint64_t fingerprint(const ModelOptions& options) {
   Rig rig(options);
   for (int l = 0; l < kLanes; ++l) {

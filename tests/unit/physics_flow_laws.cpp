@@ -1,4 +1,5 @@
-// What every flow law declares, and that a law without the declarations is no flow law.
+// Every flow law must declare its properties. A class that lacks a declaration does not satisfy the concept
+// FlowLawClass.
 #include "server/physics/material/flow_laws.hpp"
 
 #include <gtest/gtest.h>
@@ -12,7 +13,7 @@ namespace {
 static_assert(FlowLawClass<SteinbergCochranGuinan>);
 static_assert(FlowLawClass<JohnsonCook>);
 
-// A law that declares no properties, and a law with one of its properties hidden.
+// Two classes that are no flow laws: one declares no properties, the other hides one of its properties.
 struct Undeclared {
   static constexpr std::string_view kName = "undeclared";
 };
@@ -24,7 +25,7 @@ struct WithoutRate : Law {
 static_assert(!DeclaresFlowLawProperties<Undeclared>);
 static_assert(!FlowLawClass<WithoutRate<SteinbergCochranGuinan>>);
 
-// A law whose strength does not vanish at melting.
+// A class that declares all properties and yet is no flow law: its strength does not vanish at melting.
 struct Undying : SteinbergCochranGuinan {
   using SteinbergCochranGuinan::SteinbergCochranGuinan;
   static constexpr bool kVanishesAtMelting = false;

@@ -83,8 +83,9 @@ TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
 }
 
-// The example of server/physics/MEASURED.md, "Exact solutions": zones of 5 um, dt = 1 ns, T_ad = 1215 K before the heat
-// of the step, mean jump without friction [V]mid = 33.888 m/s, interface yield strength 0.68 GPa.
+// The step of server/physics/MEASURED.md, "Exact solutions", that has three answers: zones of 5 um, dt = 1 ns, T_ad =
+// 1215 K before the heat of the step, mean jump without friction [V]mid = 33.888 m/s, interface yield strength 0.68
+// GPa.
 struct ThreeRoots {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   ThreeRoots() {
@@ -93,7 +94,7 @@ struct ThreeRoots {
   }
   StressLimit limit() const { return {0.3 * 11.2e9, 0.68e9 / kSqrt3, 11.2e9, &options.soft}; }
   FrictionHeating heating() const {
-    // The example takes the temperature rise per unit flux at z = 0, B0, from a half-space without a grid.
+    // MEASURED.md computes B0, the temperature rise per unit flux at z = 0, for a half-space without a grid.
     const double B0 = std::sqrt(options.soft.diffusivity * 1e-9) / options.soft.conductivity;
     const double b = 0.5 * 1e-9 * (1 / (2703 * 2.5e-6) + 1 / (7900 * 2.5e-6));
     return {1215.0, heat_partition(options.soft, options.hard) * B0, 33.888, b};
@@ -114,7 +115,7 @@ TEST(PhysicsForceDriven, AStepNearMeltingHasThreeAnswers) {
     }
     before = a;
   }
-  ASSERT_EQ(T0.size(), 2u);  // sticking is the third answer
+  ASSERT_EQ(T0.size(), 2u);  // temperatures of the two slipping answers; the third answer sticks
   EXPECT_NEAR(T0[0], 1218.688, 0.001);
   EXPECT_NEAR(T0[1], 1218.161, 0.001);
   EXPECT_GE(spare_strength(limit, heating, a_stick), 0.0);
@@ -139,8 +140,8 @@ TEST(PhysicsForceDriven, AStepWithSeveralAnswersIsDivided) {
     const double heat_before = rig.stored_heat(300.0);
     rig.step(1e-9);
     EXPECT_EQ(rig.outputs.outcome[0], kSubstepped);
-    // A node at rest below the stress limit stays at rest, whatever its previous regime was, because each of the short
-    // substeps has only one answer.
+    // The node sticks, whatever its previous regime was: the substeps are so short that each of them has only one
+    // answer.
     EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
     EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
     EXPECT_NEAR(rig.stored_heat(300.0) - heat_before, rig.outputs.friction_heat[0], 1e-9 * heat_before);

@@ -98,7 +98,7 @@ TEST(PhysicsHeat, OneLaneConductsAsTheTileDoes) {
   for (std::size_t i = 0; i < tile.size(); ++i) ASSERT_EQ(one[i], i % kLanes == 5 ? all[i] : tile[i]);
 }
 
-// `add_flux` skips the vertices at which the added heat would not change the bits of the temperature.
+// `add_flux` may skip a vertex only where the added heat would not change the bits of the temperature.
 TEST(PhysicsHeat, FluxLeavesOutOnlyWhatKeepsItsBits) {
   ModelOptions two = two_sided(graded(paper_options()));
   for (const HeatGrid& grid : {HeatGrid(Grid({20e-6, 60, 1.08}), FarBoundary::kHalfSpace), Rig(two).heat_grid()}) {
@@ -125,8 +125,8 @@ TEST(PhysicsHeat, FluxLeavesOutOnlyWhatKeepsItsBits) {
   }
 }
 
-// In an open contact heat is only conducted: the sum of the heat does not change, and no temperature leaves the initial
-// range.
+// Heat in an open contact is only conducted: the sum of the heat does not change, and no temperature leaves the range
+// of the initial temperatures.
 TEST(PhysicsHeat, AnOpenLayerOnlyConducts) {
   for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
     ModelOptions options = graded(paper_options());

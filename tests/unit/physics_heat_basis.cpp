@@ -1,5 +1,5 @@
-// Heat represented by the modes of its grid (server/physics/METHODS.md, "Sleep"): the decay of the modes must equal
-// steps of the heat operator.
+// The modes of a grid represent its heat (server/physics/METHODS.md, "Sleep"): the decay of the modes must equal steps
+// of the heat operator.
 #include <gtest/gtest.h>
 
 #include <algorithm>

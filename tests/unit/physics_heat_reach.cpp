@@ -1,5 +1,5 @@
-// Conduction skips the vertices that heat has not reached, and yet its results must have the bits of sweeps over the
-// whole grid.
+// `conduct` skips the vertices that heat has not reached. Its results must have the same bits as sweeps over the whole
+// grid.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,8 @@ std::vector<std::uint64_t> bits(const std::vector<double>& values) {
   return all;
 }
 
-// Conducts one lane for one step by sweeps over the whole grid, with the factors of the operator.
+// Conducts one lane for one step by sweeps over the whole grid, with the elimination and substitution factors of the
+// heat operator.
 std::vector<double> swept_from_end_to_end(const HeatOperator& heat, const std::vector<double>& old) {
   const std::size_t n = old.size();
   const auto m = static_cast<std::size_t>(heat.interface);
@@ -71,38 +72,38 @@ class Draw {
                          : HeatGrid(Grid(soft), soft.far_boundary, Grid(hard), hard.far_boundary);
   }
 
-  // A random temperature profile of one lane. Some of the kinds drawn are unlikely in a run.
+  // A random temperature profile of one lane, of one of eight kinds. Some kinds are unlikely in a real run.
   std::vector<double> profile(const HeatOperator& heat) {
     const int n = static_cast<int>(heat.outward.size());
     const double far = between(1.0, 1500.0);
     std::vector<double> T(static_cast<std::size_t>(n), far);
     const int soft = heat.interface + below(n - heat.interface), hard = below(heat.interface + 1);
     switch (below(8)) {
-      case 0:  // uniform
+      case 0:  // the temperature is uniform
         break;
-      case 1:  // heated at z = 0 over some steps, as by friction
+      case 1:  // flux at z = 0 heats a uniform profile over some steps, as friction does
         for (int steps = below(12), step = 0; step < steps; ++step) {
           T = swept_from_end_to_end(heat, T);
           const double flux = decades(-20.0, 3.0) / heat.response[heat.interface];
           for (int i = 0; i < n; ++i) T[i] += flux * heat.response[i];
         }
         break;
-      case 2:  // heat in some vertices around z = 0
+      case 2:  // random heat in some vertices around z = 0, a uniform temperature elsewhere
         for (int i = hard; i <= soft; ++i) T[i] += decades(-18.0, 3.0);
         break;
-      case 3:  // one vertex is hotter by one ulp
+      case 3:  // one vertex is hotter than the others by one ulp
         T[below(n)] = std::nextafter(far, 2.0 * far);
         break;
-      case 4:  // heat everywhere
+      case 4:  // random heat in every vertex
         for (double& t : T) t += decades(-18.0, 3.0);
         break;
-      case 5:  // a random temperature at each vertex of the hard body
+      case 5:  // a random temperature at each vertex of the hard body, a uniform one in the soft body
         for (int i = 0; i <= heat.interface; ++i) T[i] = between(1.0, 1500.0);
         break;
-      case 6:  // colder around z = 0 than far away
+      case 6:  // the vertices around z = 0 are colder than the others
         for (int i = hard; i <= soft; ++i) T[i] *= between(0.6, 1.0);
         break;
-      default:  // z = 0 is the coldest place
+      default:  // the vertex at z = 0 is colder than the others
         T[heat.interface] *= 0.9;
     }
     return T;
@@ -142,8 +143,8 @@ TEST(PhysicsHeatReach, TheBitsAreThoseOfSweepsFromEndToEnd) {
   EXPECT_GT(tails, cases / 10);
 }
 
-// The outermost vertex of each body at which the temperature of any lane differs from that at the body's end of the
-// grid.
+// The outermost vertex of each body that heat has reached: its temperature differs, in any lane, from that at the far
+// end of the body.
 struct Reach {
   int hard, soft;
 };
@@ -196,7 +197,8 @@ TEST(PhysicsHeatReach, WhereNoHeatHasArrivedNothingIsComputed) {
         forget(least, heated, felt, 0, 0);
         conduct(least, n, T.data(), again.data());
         ASSERT_EQ(bits(again), bits(after)) << "step " << step;
-        // If one factor more is missing, in either sweep, the result changes.
+        // If the factors of one more vertex are missing, in the elimination or in the substitution, the result of
+        // `conduct` changes.
         for (int spared = 0; spared < 2 && step > 0; ++spared) {
           HeatOperator too_little(grid, options.soft, options.hard, 1e-9);
           forget(too_little, heated, felt, spared, 1 - spared);
@@ -210,8 +212,8 @@ TEST(PhysicsHeatReach, WhereNoHeatHasArrivedNothingIsComputed) {
   }
 }
 
-// Operators of shorter steps are created on first use, here by two threads at once, and must equal operators that were
-// made for this dt.
+// The model creates heat operators of shorter steps on first use, here by two threads at once. They must equal
+// operators that were made directly for the shorter dt.
 TEST(PhysicsHeatReach, OperatorsOfShorterStepsAreThoseOfTheirLength) {
   ModelOptions profile = graded(paper_options(Strategy::kForceDriven)), modes = profile;
   modes.modes = {.accuracy = 1e-4, .shortest_step = 1e-9, .longest_time = 1e-6};

@@ -1,5 +1,5 @@
-// A layer with inertia, as a host sees it. The equations of the layer are tested in tests/property, exact solutions in
-// tests/convergence.
+// Steps of a layer with inertia, as a host sees them. Its equations are tested in tests/property, its exact solutions
+// in tests/convergence.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@ namespace shearbus::testing {
 namespace {
 
 constexpr double kPressure = 1e9;  // [Pa]
-constexpr double kElastic = 3.0;   // velocity jump whose waves stay below the yield stress [m/s]
+constexpr double kElastic = 3.0;   // velocity jump for which the layer stays elastic [m/s]
 
 TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   const ModelOptions options = with_inertia(paper_options());
@@ -22,14 +22,14 @@ TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   const double Z = impedance(coarse.soft);
   Rig rig(coarse, 1);
   rig.set_all(0.0, kPressure);
-  rig.step(1e-12);  // the first step: at rest and in contact
+  rig.step(1e-12);  // closes the contact with the layer at rest
   rig.set_all(kElastic, kPressure);
   const double dt = 4e-12;
   double arrived = 0.0;
   for (int n = 1; n * dt < 2.9 * cross; ++n) {
     rig.step(dt);
     const double t = n * dt;
-    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // half of the stress behind the wave
+    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // when s(0) passes half of its final value, 2 Z V
     if (t < 0.85 * cross) {
       ASSERT_LT(std::abs(rig.stress()), 1e-3 * Z * kElastic) << t;
     }
@@ -54,13 +54,13 @@ TEST(PhysicsInertia, AContactThatClosesMeetsTheLayerMovingWithItsBody) {
   EXPECT_EQ(rig.outputs.regime[0], Regime::kOpen);
   EXPECT_EQ(rig.outputs.sliding_velocity[0], kElastic);
   for (int c = 0; c < 60; ++c) EXPECT_EQ(velocity_in(rig, c), kElastic);
-  // The contact closes: the layer stops at z = 0 at once, and the stress is that of a wave into the layer.
+  // When the contact closes, the layer stops at z = 0, and s(0) is the stress Z V of a wave that runs into the layer.
   rig.set_all(kElastic, kPressure);
   for (int n = 0; n < 100; ++n) rig.step(1e-11);
   EXPECT_NEAR(rig.stress(), impedance(options.soft) * kElastic, 1e-3 * impedance(options.soft) * kElastic);
   EXPECT_NEAR(velocity_in(rig, 0), 0.0, 1e-3 * kElastic);
   EXPECT_NEAR(velocity_in(rig, 59), kElastic, 1e-3 * kElastic);
-  // The contact opens again: no stress is kept.
+  // When the contact opens again, every stress in the layer becomes 0.
   rig.set_all(kElastic, 0.0);
   rig.step(1e-10);
   for (int i = 0; i <= 60; ++i) EXPECT_EQ(stress_at(rig, i), 0.0);
@@ -75,10 +75,11 @@ TEST(PhysicsInertia, CoulombHoldsTheInterfaceAndTheLayerSlipsThere) {
   for (int n = 0; n < 50; ++n) rig.step(1e-11);
   EXPECT_EQ(rig.stress(), 0.01 * kPressure);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-  // A wave of stress mu P leaves z = 0 and slows the layer's face by mu P / Z. The rest of the jump is slip.
+  // Friction sends a wave of stress mu P into the layer, which slows the layer's face at z = 0 by mu P / Z (Z:
+  // impedance). The rest of the jump is slip of the interface.
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], 20.0 - 0.01 * kPressure / impedance(options.soft), 1e-3);
   EXPECT_EQ(rig.plastic_slip(), 0.0);
-  // The whole imposed jump heats, not only the slip.
+  // DLP (18): the heat is that of the whole imposed jump, not only of the slip.
   EXPECT_NEAR(rig.outputs.friction_heat[0], rig.conducted_share() * 0.01 * kPressure * 20.0 * 1e-11, 1e-12);
 }
 

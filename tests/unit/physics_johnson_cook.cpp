@@ -1,4 +1,5 @@
-// Johnson and Cook's law: the printed formula, its inversion in the layer, the constants that a scene must give.
+// Johnson and Cook's flow law: the printed formula, the inversion of the formula in the layer, and the constants that a
+// scene must give.
 #include "server/physics/material/johnson_cook.hpp"
 
 #include <gtest/gtest.h>
@@ -54,7 +55,8 @@ TEST(PhysicsJohnsonCook, SlopesAreItsDerivatives) {
     const double dt = 1e-9;
     for (double ep : {0.0, 1e-3, 2.0}) {
       for (double dep : {1e-12, 1e-6, 1e-2}) {
-        if (dep < 1e-6 * ep) continue;  // finite differences of H cannot resolve such a small increment
+        // finite differences of the strength cannot resolve such a small strain increment
+        if (dep < 1e-6 * ep) continue;
         const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt, 0.0, 300.0); };
         const double slope = (H(dep * 1.00001) - H(dep * 0.99999)) / (2e-5 * dep);
         EXPECT_NEAR(hardening_slope(m, ep, dep, dt, 0.0, 300.0), slope, 1e-4 * slope) << ep << " " << dep;
@@ -78,7 +80,8 @@ TEST(PhysicsJohnsonCook, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// A layer of one cell at a uniform temperature. The tests insert its flow under a stress into the flow law.
+// A layer of one cell at a uniform temperature. The tests compute its plastic strain increment under a stress and
+// insert this increment into the flow law.
 struct OneVertex {
   explicit OneVertex(const Material& material) : soft(material) {
     std::fill_n(T_ad, 2 * kLanes, 500.0);
@@ -137,7 +140,7 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
       }
       (dep[l] > m.reference_strain_rate * dt ? rated : slow) += 1;
       if (dep[l] > 1e60) continue;
-      // Relative change of the stress that an ulp of the strains causes.
+      // Relative change of the flow stress that an ulp of the plastic strain causes.
       const double ulp =
           4e-16 * (ep + dep[l]) * hardening_slope(m, ep, dep[l], dt, 0.0, T) / hardened_strength(m, ep, 0.0, 0.0, T);
       const double error = std::abs(flow_stress(m, ep + dep[l], 0.0, T, dep[l] / dt) / (kSqrt3 * a[l]) - 1.0);
@@ -163,10 +166,10 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
   EXPECT_LT(worst_slope, 1e-3);
 }
 
-// The heat of the step softens the metal that flows, and the slope of the flow must include this.
+// The heat of the step softens the metal that flows. The slope of the plastic slip over the stress must include this.
 TEST(PhysicsJohnsonCook, HeatingEntersTheSlope) {
   OneVertex vertex(copper());
-  const double a0 = 150e6, heating = 2e-6;  // the stress heats the metal by heating * a0 = 300 K, from 500 K
+  const double a0 = 150e6, heating = 2e-6;  // the stress a heats the metal by heating * a: 300 K at a0
   const auto slip = [&](double a) {
     double all[kLanes], dep[kLanes];
     std::fill_n(all, kLanes, a);
@@ -205,7 +208,8 @@ TEST(PhysicsJohnsonCook, ConstantsOfAnotherLawAreRefusedAndItsOwnAreNeeded) {
                            [](const auto& c) { return c.first == "hardening_coefficient"; }));
   EXPECT_EQ(constants_of(make_material("steel_dlp", constants, law).material), constants);
 
-  // The yield strength in the catalog belongs to the flow law of the catalog entry and does not replace a missing one.
+  // The yield strength of a catalog entry belongs to the flow law of that entry: a scene with another flow law must
+  // give a yield strength.
   EXPECT_EQ(make_material("steel_dlp", Given(given.begin() + 1, given.end()), law).fault_field, "yield_strength_pa");
   EXPECT_EQ(make_material("steel_dlp", Given{{"hardening_modulus_pa", 1e8}}).fault_field, "hardening_modulus_pa");
   given.emplace_back("hardening_coefficient", 43);

@@ -1,5 +1,5 @@
-// Junctions (MODEL.md, "Junctions"): DLP (49-54) in their limiting cases, the search for the answer of a step, and the
-// size of a state without junctions.
+// Junctions (MODEL.md, "Junctions"): DLP (49-54) in limiting cases, the search for the answer of a step, and the size
+// of a node's state without junctions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +30,8 @@ void expect_same_bits(const Rig& with, const Rig& without, int lane) {
   ASSERT_EQ(with.outputs.outcome[lane], without.outputs.outcome[lane]);
 }
 
-// With full contact (f = 1) and no hardening, junctions are exactly DLP (65), bit for bit and for any inputs.
+// With full contact (f = 1) and no hardening the step with junctions is exactly that of DLP (65), bit for bit and for
+// any inputs.
 TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   Draw draw(31);
   int compared = 0;
@@ -39,14 +40,16 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
     options.plastic_layer = false;
     options.junctions.reset();
-    options.time_integrator = TimeIntegrator::kBackwardEuler;  // the only integrator that junctions allow
+    // the only time integrator that is allowed with junctions
+    options.time_integrator = TimeIntegrator::kBackwardEuler;
     ModelOptions junctions = options;
     junctions.junctions = {1.0, 1e-7, options.soft};
     junctions.junctions->metal.flow_law = {};
     junctions.junctions->metal.yield_strength = options.interface.yield_strength;
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;
-    junctions.junctions->metal.hardening_exponent = 0.1;  // the flow law of the soft metal may have none
+    // a valid exponent: that of the soft metal may be invalid for this flow law
+    junctions.junctions->metal.hardening_exponent = 0.1;
     if (!refusals(junctions).empty()) continue;  // friction that depends on slip excludes junctions
     ++compared;
     Rig rig(junctions), other(options);
@@ -62,8 +65,8 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   }
 }
 
-// Junctions of almost zero height reach their saturation strength within the first slip. With full contact the answer
-// is that of DLP (65) with this strength, to the last bit.
+// Junctions of almost zero height reach their saturation strength within the first slip. With full contact (f = 1) the
+// answer then equals that of DLP (65) with the saturation strength, to the last bit.
 TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
   ModelOptions options = with_junctions(1.0, 1e-12);
   options.junctions->metal.yield_strength_max = 350e6;
@@ -117,7 +120,7 @@ TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   }
 }
 
-// Only slip strains the junctions: open and sticking contacts leave their strain unchanged.
+// Only slip strains the junctions: their plastic strain stays unchanged while the contact is open or sticks.
 TEST(PhysicsJunctions, OnlySlipWorksThem) {
   Rig rig(with_junctions(0.5, 1e-7), 1);
   rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 0.01;
@@ -136,9 +139,9 @@ TEST(PhysicsJunctions, OnlySlipWorksThem) {
   EXPECT_EQ(rig.junction_strain(), worked);
 }
 
-// Near melting a step may have several answers. The search must return the one with the most slip, which is the first
-// zero found by a scan of the stress from 0, however steeply the junctions harden. The criterion of a unique answer
-// must not accept a step that has two.
+// Near melting a step with junctions may have several answers. The search must return the answer with the most slip,
+// which is the first zero of the balance in a scan of the stress from 0. The criterion of a unique answer must not
+// accept a step that has two.
 TEST(PhysicsJunctions, TheSearchForTheMostSlipFindsTheFirstZero) {
   const ModelOptions paper = paper_options(Strategy::kForceDriven);
   const double rise =

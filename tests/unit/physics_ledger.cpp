@@ -1,5 +1,5 @@
-// The energy ledger (METHODS.md, "Energy ledger"): which balances close to rounding, and bounds of the residuals of the
-// others.
+// The energy ledger (METHODS.md, "Energy ledger"): which balances close to rounding, and how large the residuals of the
+// other balances may be.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -31,8 +31,8 @@ double sum_of_sizes(TileLedger& ledger, int lane) {
 
 class PhysicsLedger : public ::testing::TestWithParam<Strategy> {};
 
-// Every scheme conserves heat in any state: the heat released equals the growth of the heat stored, to rounding of the
-// heat stored.
+// Every scheme conserves heat in any state: the heat released in a step equals the growth of the stored heat, to
+// rounding relative to the stored heat.
 TEST_P(PhysicsLedger, HeatReleasedIsHeatStored) {
   Draw draw(41);
   for (int scene = 0; scene < 80; ++scene) {
@@ -83,7 +83,8 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
         const double s = std::abs(rig.outputs.shear_stress[l]);
         const double driven =
             dt * (std::abs(in.stress_soft[l]) / in.mass_soft[l] + std::abs(in.stress_hard[l]) / in.mass_hard[l]);
-        // Tolerance for rounding: jumps are computed as differences of velocities, and flow as a difference of strains.
+        // Tolerance [J/m2] for rounding: jumps are computed as differences of velocities, and flow as a difference of
+        // strains.
         double grain = kNothing + 1e-12 * s * (std::abs(in.velocity_jump[l]) + driven) * dt;
         if (rig.model.options().plastic_layer) grain += 1e-8 * s * (rig.plastic_slip(l) + driven * dt);
         const double size = sum_of_sizes(ledger, l);
@@ -152,8 +153,8 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   EXPECT_NEAR(work - heat - 0.1 * plastic, residual, 2.0 * most_elastic);
 }
 
-// The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, but the ledger uses the
-// stress at the end of the step. The residual is at most |change of s| times the slip of the step.
+// The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, but the ledger computes the
+// work with the stress at the end of the step. The energy residual is at most |change of s| times the slip of the step.
 TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   ModelOptions options = graded(paper_options());
   options.time_integrator = TimeIntegrator::kSdirk2;

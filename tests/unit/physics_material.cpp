@@ -72,7 +72,8 @@ TEST(PhysicsMaterial, HardeningSaturatesAtItsMaximum) {
   EXPECT_NEAR(hardened_strength(m, 0.0, 0.0, 0.0, 300.0), 290e6, 1.0);
   EXPECT_NEAR(hardened_strength(m, 0.1, 0.0, 0.0, 300.0), 290e6 * std::pow(1 + 12.5, 0.1), 1.0);
   EXPECT_EQ(hardened_strength(m, 1e9, 0.0, 0.0, 300.0), 0.68e9);
-  EXPECT_GT(hardened_strength(aluminium(), 1e9, 0.0, 0.0, 300.0), 2e9);  // the paper's aluminium has no maximum
+  // the material aluminium_dlp has no largest yield strength
+  EXPECT_GT(hardened_strength(aluminium(), 1e9, 0.0, 0.0, 300.0), 2e9);
 }
 
 TEST(PhysicsMaterial, HeatPartitionOfThePaperIs0Point6772) {
@@ -84,8 +85,8 @@ TEST(PhysicsMaterial, HeatPartitionOfThePaperIs0Point6772) {
 TEST(PhysicsMaterial, CatalogEntriesAreCompleteAndSourced) {
   for (const CatalogEntry& entry : catalog()) {
     EXPECT_FALSE(entry.source.empty()) << entry.name;
-    // The constants of an entry make the same material again: none that its flow law needs is missing, and none belongs
-    // to another law only.
+    // The constants of a catalog entry make the same material again: they contain every constant that its flow law
+    // needs and none that only another law needs.
     const Given constants = constants_of(entry.material);
     const MaterialResult again = make_material("", constants, entry.material.flow_law);
     EXPECT_EQ(again.fault, "") << entry.name << " " << again.fault_field;
@@ -94,8 +95,8 @@ TEST(PhysicsMaterial, CatalogEntriesAreCompleteAndSourced) {
   }
 }
 
-// Published tables differ. These are the values of the sources that the catalog names, in SI units with the powers of
-// ten of the printed units (GPa, MPa, 1/TPa, 1/kK).
+// Published tables differ from each other. These are the values of the sources that the catalog names, in SI units
+// times the powers of ten of the printed units (GPa, MPa, 1/TPa, 1/kK).
 TEST(PhysicsMaterial, CatalogHoldsThePublishedConstants) {
   const Material copper = make_material("copper_ofhc", {}).material;
   EXPECT_DOUBLE_EQ(copper.shear_modulus, 47.7e9);
@@ -105,7 +106,8 @@ TEST(PhysicsMaterial, CatalogHoldsThePublishedConstants) {
   EXPECT_DOUBLE_EQ(copper.temperature_coefficient, 0.377e-3);
   const Material steel = make_material("steel_4340_jc", {}).material;
   EXPECT_EQ(FlowLaws::name_of(steel.flow_law), "johnson_cook");
-  // Johnson and Cook 1985, steel 4340: 792 + 510 ep^0.26 [MPa] at rest and room temperature, 9.67 % more at 1000/s.
+  // Flow stress of steel 4340 by Johnson and Cook 1985: 792 + 510 ep^0.26 [MPa] at the reference rate and at room
+  // temperature; 9.67 % more at 1000/s.
   EXPECT_NEAR(flow_stress(steel, 0.1, 0.0, 298.0), 1072.26e6, 0.01e6);
   EXPECT_NEAR(flow_stress(steel, 0.1, 0.0, 298.0, 1000.0) / flow_stress(steel, 0.1, 0.0, 298.0), 1.0967, 1e-4);
 }

@@ -25,7 +25,7 @@ ModelOptions with_profile(ModelOptions options) {
   return options;
 }
 
-// Bodies that slide, stop and reverse. Every third lane opens for a while.
+// Inputs of step n: the bodies slide, stop and reverse, and every third lane opens for a while.
 void fill(TileInputs& in, const TileOutputs& last, int n) {
   for (int l = 0; l < kLanes; ++l) {
     in.velocity_jump[l] = n % 90 == 0 ? (l % 2 == 0 ? 40.0 : -25.0) + 7.0 * l : last.velocity_jump_new[l];
@@ -38,12 +38,12 @@ void fill(TileInputs& in, const TileOutputs& last, int n) {
 class ModesAndProfile : public ::testing::TestWithParam<TimeIntegrator> {};
 
 // The exact interface temperature T0 under a constant flux is known, and modes reproduce it to their accuracy. The
-// difference between the models is therefore the error of the temperature profile, which METHODS.md, "Conduction" gives
-// for each scheme.
+// difference between modes and a temperature profile is therefore the error of the profile, which METHODS.md,
+// "Conduction" gives for each scheme.
 TEST_P(ModesAndProfile, UnderConstantFluxTheDistanceIsTheProfilesOwnError) {
   Rig rig(without_profile(GetParam())), profile(with_profile(without_profile(GetParam())));
   const ModelOptions& o = rig.model.options();
-  rig.set_all(100.0, 1e8);  // slip at mu P; the bodies are too heavy to stop
+  rig.set_all(100.0, 1e8);  // the interface slips at mu P, and the heavy bodies keep their jump
   rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
   profile.inputs = rig.inputs;
   const double flux = rig.conducted_share() * 0.3e8 * 100.0;
@@ -72,8 +72,8 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ModesAndProfile,
                            return param.param == TimeIntegrator::kSdirk2 ? "Sdirk2" : "BackwardEuler";
                          });
 
-// Modes whose longest time is too short forget heat that still matters. The error of such modes is far larger than
-// their accuracy, and the comparison with a profile must show it.
+// Modes whose `longest_time` is too short forget heat that still matters. Their error is far larger than their
+// accuracy, and the comparison with a temperature profile must show it.
 TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
   double apart[2];
   for (const bool forgets : {false, true}) {
@@ -90,12 +90,13 @@ TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
           apart[forgets], std::abs(profile.outputs.interface_temperature[0] - rig.outputs.interface_temperature[0]));
     }
   }
-  EXPECT_LT(apart[0], 5.0);  // difference of T0 [K]; T0 rises by up to about 900 K, until melting
+  // largest difference of T0 between modes and profile [K]; T0 itself rises by up to about 900 K
+  EXPECT_LT(apart[0], 5.0);
   EXPECT_GT(apart[1], 20.0 * apart[0]);
 }
 
-// For a scene with a tolerance the server chooses modes. A model with a temperature profile and the same tolerance must
-// give the same answers, to within that tolerance.
+// For a scene with a tolerance the server keeps the heat in modes. A model that keeps a temperature profile must give
+// the same answers, within that tolerance.
 TEST(PhysicsModesAndProfile, UnderAToleranceBothAreWithinIt) {
   constexpr double kTolerance = 1e-3;
   ModelOptions options = paper_options(Strategy::kForceDriven);

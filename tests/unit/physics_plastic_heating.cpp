@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kDt = 1e-9;  // [s]
+constexpr double kDt = 1e-9;  // step [s]
 
 ModelOptions heated(ModelOptions options, double factor = 1.0) {
   options = two_sided(std::move(options));
@@ -30,9 +30,9 @@ double shape_sum(const Rig& rig) {
   return sum;
 }
 
-// The response is the temperature rise that one step with a heat flux of 1 W/m2 causes. If all the heat enters at
-// z = 0, it must equal that of the heat operator. For any distribution of the heat over the vertices the response holds
-// exactly the heat of one step, summed over both bodies.
+// B_phi, the temperature rise in one step with a heat flux of 1 W/m2, for heat distributed over the vertices as phi. If
+// all heat enters at z = 0, B_phi equals the response of the heat operator. For any phi it contains exactly the heat of
+// one step, summed over both bodies.
 TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
   const ModelOptions o = paper_options();
   for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
@@ -80,8 +80,8 @@ TEST(PhysicsPlasticHeating, PaperCaseIsHotInsideAndColdAtTheInterface) {
     work += rig.stress() * 100.0 * kDt;
     heat += rig.outputs.friction_heat[0];
     ASSERT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-10) << n;
-    // No vertex melts, so the work is bounded: the layer holds at most its heat at melting, and the rest flows into the
-    // bodies from a face at the melting temperature at most.
+    // No vertex may melt, so the work is bounded by the heat that the bodies can take: the layer holds at most its heat
+    // at melting, and the rest flows into the bodies from faces that are at most at the melting temperature.
     const double most = 20e-6 * options.soft.conductivity / options.soft.diffusivity * (1220 - 300) +
                         2 * e * (1220 - 300) * std::sqrt(n * kDt / M_PI);
     ASSERT_LE(work, most) << n;
@@ -109,7 +109,7 @@ TEST(PhysicsPlasticHeating, TheFactorIsTheShareOfTheWorkThatHeats) {
   EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-11);
 }
 
-// The heat of a step is distributed like the plastic slip of the previous step.
+// The heat of a step is distributed over the vertices like the plastic slip of the last step in which the layer flowed.
 TEST(PhysicsPlasticHeating, HeatFollowsTheFlow) {
   Rig rig(heated(graded(paper_options())), 1);
   for (int n = 0; n < 500; ++n) {
@@ -144,7 +144,7 @@ TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
     surface.step(kDt);
     ASSERT_NEAR(rig.outputs.friction_heat[0] / surface.outputs.friction_heat[0], 1.0, 1e-13);
   }
-  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference that the first steps made dies out
+  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference of the first five steps decays
 }
 
 TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
@@ -159,8 +159,8 @@ TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
   EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-12);
 }
 
-// With a largest yield strength Y_max the weakest vertex, wherever it is, takes the surplus slip, and the layer carries
-// the whole jump.
+// With a largest yield strength Y_max the weakest vertex of the layer, wherever it lies, takes the surplus slip, and
+// the layer carries the whole jump.
 TEST(PhysicsPlasticHeating, TheCeilingHoldsAtEveryVertex) {
   ModelOptions options = heated(graded(paper_options()));
   options.soft.yield_strength_max = 0.25e9;

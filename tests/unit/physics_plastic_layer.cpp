@@ -1,5 +1,5 @@
-// The force-driven step with a flowing layer (MODEL.md, "Plastic layer"): its limiting cases, its order of accuracy,
-// and artefacts that it must not show.
+// The force-driven step with a flowing layer (MODEL.md, "Plastic layer"): limiting cases, order of accuracy, and
+// oscillations that it must not show.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,11 +31,13 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
   Draw draw(21);
   for (int scene = 0; scene < 60; ++scene) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, scene % 2 == 1);
-    if (!properties_of(options.soft.flow_law).has_ceiling) continue;  // only Steinberg's law can be made so strong
+    if (!properties_of(options.soft.flow_law).has_ceiling) continue;  // other flow laws cannot be made strong enough
     options.soft.yield_strength = 1e300;
-    options.soft.melting_curve = MeltingCurve::kConstant;  // a vertex molten by pressure release has no strength
+    // a layer that melts as the pressure falls would have no strength
+    options.soft.melting_curve = MeltingCurve::kConstant;
     options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
-    options.interface.friction_law = FrictionLaw{};  // Coulomb, the only law that a flowing layer allows
+    // Coulomb's law, the only friction law allowed with a plastic layer
+    options.interface.friction_law = FrictionLaw{};
     options.plastic_layer = true;
     options.junctions.reset();
     options.modes.reset();
@@ -46,7 +48,7 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     for (int step = 0; step < 20; ++step) {
       random_inputs(draw, rig, scene % 2 == 1);
       for (int l = 0; l < kLanes; ++l) {
-        rig.inputs.soft_plastic_strain_rate[l] = 0.0;  // without a plastic layer this input has no effect
+        rig.inputs.soft_plastic_strain_rate[l] = 0.0;  // a model without a plastic layer ignores this input
         // A server refuses smaller masses. Below 1e-9 kg/m2 rounding of the jump would decide whether the interface
         // sticks.
         rig.inputs.mass_soft[l] = std::max(rig.inputs.mass_soft[l], 1e-9);
@@ -78,13 +80,13 @@ TEST(PhysicsPlasticLayer, StateIsThereOnlyWhenAskedFor) {
   const TileLayout without = Model(options).layout();
   EXPECT_EQ(without.plastic_strain, TileLayout::kAbsent);
   EXPECT_EQ(without.sticking, TileLayout::kAbsent);
-  EXPECT_EQ(without.doubles, (61u + 2u) * kLanes);  // rows T (61 vertices), s and regime
+  EXPECT_EQ(without.doubles, (61u + 2u) * kLanes);  // doubles per lane: T at 61 vertices, s, regime
   EXPECT_EQ(with.doubles, without.doubles + (61u + 1u) * kLanes);
 }
 
 // Heavy bodies keep their jump, so the force-driven layer must flow like the velocity-driven layer. The interface is
-// stronger than the layer: all shear is flow and none is friction heat. The jump is low (1 m/s) because the
-// velocity-driven law does heat z = 0, which must stay negligible.
+// stronger than the layer, so that all shear is flow and none is friction heat. The jump is only 1 m/s because the
+// velocity-driven step heats z = 0, and this heat must stay negligible.
 TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
   ModelOptions options = plastic_options();
   options.interface = {10.0, 1e12};
@@ -100,8 +102,8 @@ TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
     other.step(1e-7);
     ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump, 1e-4);
   }
-  // The velocity-driven balance includes the elastic shear of the layer, DLP (64) does not.
-  // Their slips differ by h s / G0.
+  // The velocity-driven balance includes the elastic shear of the layer, DLP (64) does not: the plastic slips of the
+  // two steps differ by h s / G0.
   const double elastic = options.grid.thickness * other.stress() / options.soft.shear_modulus;
   EXPECT_NEAR(rig.plastic_slip(), other.plastic_slip() + elastic, 1e-3 * rig.plastic_slip());
   EXPECT_EQ(rig.outputs.regime[0], Regime::kTresca);
@@ -144,7 +146,8 @@ TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
     double zone, prestrain, end;
     bool interface_slips;
   };
-  // Second case: the prestrain hardens the layer to exactly mu P, so it flows only because friction at mu P heats it.
+  // In the second case the prestrain hardens the layer to exactly mu P, so the layer flows only because friction at mu
+  // P heats it.
   const double carried = 210e6;
   const Material soft = plastic_options().soft;
   const double hardened = carried * kSqrt3 / flow_stress(soft, 0.0, 11.2e9, 300.0);
@@ -154,7 +157,7 @@ TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
     SCOPED_TRACE(c.name);
     const auto stop = [&](int steps) { return stop_bodies(c.interface, c.zone, c.prestrain, c.end / steps, c.end); };
     const Stop exact = stop(4096);
-    EXPECT_GT(exact.jump, 1.0);  // the bodies still move, so the comparison is not one of bodies at rest
+    EXPECT_GT(exact.jump, 1.0);  // [m/s]: the bodies still slide when their states are compared
     const double before = kSqrt3 * 20e-6 * c.prestrain;
     EXPECT_GT(exact.plastic_slip, before * 1.001);
     double error[3][4];
@@ -168,7 +171,7 @@ TEST(PhysicsPlasticLayer, ShorterStepsConvergeAtFirstOrder) {
     constexpr const char* kNames[] = {"s", "T0", "[V]", "layer slip"};
     for (int i = 0; i < 4; ++i) {
       std::printf("%s, %s: relative error %.2e %.2e %.2e\n", c.name, kNames[i], error[0][i], error[1][i], error[2][i]);
-      if (error[2][i] < 1e-10) continue;  // when sliding at mu P, s and [V] do not depend on the step length
+      if (error[2][i] < 1e-10) continue;  // at the constant stress mu P, s and [V] do not depend on the step length
       EXPECT_NEAR(error[0][i] / error[1][i], 2.0, 0.25) << kNames[i];
       EXPECT_NEAR(error[1][i] / error[2][i], 2.0, 0.25) << kNames[i];
       EXPECT_LT(error[2][i], 0.01) << kNames[i];
@@ -197,7 +200,7 @@ TEST(PhysicsPlasticLayer, StickingDoesNotRing) {
     } else {
       ++flowing;
       ASSERT_GT(rig.plastic_slip(), strain) << n;
-      // Flow has the direction of the stress: the jump does not change its sign from step to step.
+      // The jump never points against the stress, so it does not change its sign from step to step.
       ASSERT_GE(jump * rig.stress(), 0.0) << n << " from " << before;
     }
     strain = rig.plastic_slip();
@@ -233,12 +236,12 @@ TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
   }
 }
 
-// Heating softens the layer until mu P exceeds its strength. Slip and flow then share the jump such that T0 stays at
-// the temperature at which the stress ceiling of the layer equals mu P.
+// Heat softens the layer until mu P exceeds its strength. Slip of the interface and flow of the layer then share the
+// jump such that T0 stays where the stress ceiling of the layer, Y_max g(T0) / sqrt(3), equals mu P.
 TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
   ModelOptions options = plastic_options();
   options.soft.yield_strength_max = 300e6;
-  options.interface = {0.0125, 1e9};  // mu P = 140 MPa, below 300 MPa g / sqrt(3) of the cold layer
+  options.interface = {0.0125, 1e9};  // mu P = 140 MPa, less than the ceiling Y_max g / sqrt(3) of the cold layer
   Rig rig(options, 1);
   rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e3;
   bool shared = false;
@@ -262,7 +265,7 @@ TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {
 }
 
 // The cold hard body cools the layer at z = 0, so the layer is hottest and weakest at its far face (vertex 60). The
-// stress ceiling of the layer must act at that face, and the surplus flow must go there.
+// stress ceiling Y_max g / sqrt(3) must be that of the far face, and the surplus flow must go there.
 TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   ModelOptions options = two_sided(plastic_options());
   options.soft.hardening_coefficient = 0.0;
@@ -282,8 +285,8 @@ TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   EXPECT_EQ(rig.committed[rig.model.layout().sticking], 1.0);
 }
 
-// Vernotte's solution: if the grids of both bodies are scaled with their diffusion lengths, the bodies share the heat
-// exactly as the partition coefficient beta_T says.
+// Two half-spaces share the heat of their contact as the partition coefficient beta_T says (Vernotte). Grids that are
+// scaled with the diffusion lengths of the bodies must do so exactly.
 TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   ModelOptions options = plastic_options();
   options.interface.yield_strength = 230e6;
@@ -328,11 +331,11 @@ TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
   EXPECT_GT(varying.T(0), 1300.0);
 }
 
-// The host passes the plastic strain rate Ep_dot of its zone, which adds sqrt(3) h Ep_dot to the slip velocity [v], DLP
-// (64). At a sticking interface [v] = 0, so the jump must end at -sqrt(3) h Ep_dot.
+// The host passes the plastic strain rate Ep_dot of its soft zone, which adds sqrt(3) h Ep_dot to the slip velocity
+// [v], DLP (64). At a sticking interface [v] = 0, so that [V]new = -sqrt(3) h Ep_dot.
 TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
   ModelOptions options = plastic_options();
-  options.soft.yield_strength = 1e12;  // too strong to flow
+  options.soft.yield_strength = 1e12;  // so strong that the layer does not flow
   Rig rig(options, 1), still(options, 1);
   for (Rig* r : {&rig, &still}) {
     set_masses(*r);

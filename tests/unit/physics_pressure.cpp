@@ -29,7 +29,8 @@ TEST(PhysicsPressure, CompressionIsOnTheHugoniot) {
 
 TEST(PhysicsPressure, MeltingTemperatureIsSteinbergs) {
   Material m = aluminium();
-  EXPECT_EQ(at_pressure(m, 11.2e9).melting_temperature, 1220.0);  // without a melting curve T_melt is constant
+  // a material without a melting curve has a constant T_melt
+  EXPECT_EQ(at_pressure(m, 11.2e9).melting_temperature, 1220.0);
   m.melting_curve = MeltingCurve::kLindemann;
   EXPECT_NEAR(at_pressure(m, 11.2e9).melting_temperature, 1743.4, 0.1);
   EXPECT_EQ(at_pressure(m, 0.0).melting_temperature, 1220.0);
@@ -54,8 +55,8 @@ TEST(PhysicsPressure, TheCompressedTermDividesByTheCubeRootOfEta) {
   EXPECT_EQ(softening(m, 0.0, 500.0).g, softening(aluminium(), 0.0, 500.0).g);
 }
 
-// `at_pressure` replaces the pressure-dependent options of a material by constants. Applying it twice changes no more
-// than applying it once.
+// `at_pressure` replaces the pressure-dependent options of a material by constants. A second call must not change the
+// material again.
 TEST(PhysicsPressure, AMaterialAtItsPressureIsItself) {
   Material m = aluminium();
   m.melting_curve = MeltingCurve::kLindemann;
@@ -78,8 +79,8 @@ TEST(PhysicsPressure, TheConstantTheyNeedIsNamed) {
   EXPECT_EQ(constant_missing_for_options(m), "sound_speed_m_per_s");
 }
 
-// At 1000 m/s the interface is held at melting, and s is proportional to the melting temperature minus the initial
-// temperature. This difference is 57 % larger at 11.2 GPa than at zero pressure.
+// At 1000 m/s the interface stays just below its melting temperature, and the stress s is proportional to the melting
+// temperature minus the initial temperature. This difference is 57 % larger at 11.2 GPa than at zero pressure.
 TEST(PhysicsPressure, ThePinnedStressFollowsTheMeltingCurve) {
   ModelOptions options = graded(paper_options());
   options.grid.far_boundary = FarBoundary::kHalfSpace;
@@ -95,8 +96,8 @@ TEST(PhysicsPressure, ThePinnedStressFollowsTheMeltingCurve) {
   EXPECT_EQ(lindemann.outputs.regime[0], Regime::kMelting);
 }
 
-// The pressure falls so far that the interface is above its melting temperature: it carries no stress and is not
-// heated.
+// The pressure falls so far that the interface is hotter than its melting temperature: the interface carries no stress,
+// and no friction heats it.
 TEST(PhysicsPressure, ReleaseCanMeltTheInterface) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     ModelOptions options = graded(paper_options(strategy));

@@ -1,4 +1,5 @@
-// Preston, Tonks and Wallace's law: the printed formula and its limits, its monotony, its inversion in the layer.
+// Preston, Tonks and Wallace's flow law: the printed formula and its limits, monotony, and the inversion of the formula
+// in the layer.
 #include "server/physics/material/preston_tonks_wallace.hpp"
 
 #include <gtest/gtest.h>
@@ -68,8 +69,8 @@ TEST(PhysicsPrestonTonksWallace, CopperIsAsStrongAsInAnotherCode) {
   }
 }
 
-// The yield stress tau_y and the saturation stress tau_s, by the formulas of Preston, Tonks and Wallace and in their
-// unit, the shear modulus.
+// The yield stress tau_y and the saturation stress tau_s by the formulas of Preston, Tonks and Wallace, divided by the
+// shear modulus.
 struct Branches {
   double yield, saturation;
 };
@@ -93,7 +94,7 @@ TEST(PhysicsPrestonTonksWallace, BeginsAtTheYieldStressAndEndsAtSaturation) {
   }
 }
 
-// The differential equation of hardening, which the law's paper gives above the integrated form:
+// The differential equation of hardening, which Preston, Tonks and Wallace give before its integrated form:
 //   dtau/dep = theta (exp(p (tau_s - tau)/d) - 1) / (exp(p (tau_s - tau_y)/d) - 1),  d = s_0 - tau_y
 // where theta, p and s_0 are constants of the law.
 TEST(PhysicsPrestonTonksWallace, HardeningObeysItsDifferentialEquation) {
@@ -142,20 +143,21 @@ TEST(PhysicsPrestonTonksWallace, IsTheTwinsFormula) {
     const double ep = draw.chance(0.2) ? 0.0 : draw.log_uniform(1e-6, 10.0), T = draw.uniform(1.0, kMelting);
     const double dt = 1e-9, dep = draw.log_uniform(1e-9, 10.0), P = draw.uniform(0.0, 30e9);
     const double a = flow_stress(m, ep + dep, P, T, dep / dt) / kSqrt3;
-    // The tolerance includes the error of the increment that rounding of the stress and of ep + dep causes.
+    // Tolerance of the strain increment: rounding of the stress and of ep + dep changes the increment by more where the
+    // hardening curve is flat.
     const double slope = hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
     ASSERT_NEAR(reference::strain_increment(m, a, P, T, ep, dt) / dep, 1.0, 1e-12 + 1e-13 / (slope * dep)) << i;
   }
 }
 
-// The searches for the answer of a step bracket it. They need a flow stress Y that never falls as the strain or the
+// A search for the answer of a step brackets the answer. It needs a flow stress that never falls as the strain or the
 // rate grows, and never rises with the temperature.
 TEST(PhysicsPrestonTonksWallace, RisesWithStrainAndRateAndFallsWithTemperature) {
   Draw draw(32);
   constexpr double kRounding = 1e-13;
   for (int i = 0; i < 400; ++i) {
     Material law = random_preston_tonks_wallace(draw);
-    if (i % 2 == 0) law.activation = 1.0;  // here and below: the largest values that fault_of allows
+    if (i % 2 == 0) law.activation = 1.0;  // the largest value that fault_of allows
     if (i % 3 == 0) law.modulus_temperature = 0.6;
     if (i % 5 == 0) law.medium_rate_exponent = 1.0;
     const Material m = metal_of(law);
@@ -195,7 +197,7 @@ TEST(PhysicsPrestonTonksWallace, SlopesAreItsDerivatives) {
     const double dt = 1e-9, ep = draw.log_uniform(1e-3, 1.0), dep = draw.log_uniform(1e-7, 1e-2);
     const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt, P, T); };
     const double h = 1e-5 * dep, slope = hardening_slope(m, ep, dep, dt, P, T);
-    // Where the law changes its branch, the slopes on the two sides differ, and any value between them is accepted.
+    // Where the law changes its branch, its left and right slopes differ, and any value between them is accepted.
     const double left = (H(dep) - H(dep - h)) / h, right = (H(dep + h) - H(dep)) / h;
     EXPECT_GE(slope, std::min(left, right) - 1e-4 * slope - 1e-15 * H(dep) / h) << i;
     EXPECT_LE(slope, std::max(left, right) + 1e-4 * slope + 1e-15 * H(dep) / h) << i;
@@ -215,7 +217,7 @@ TEST(PhysicsPrestonTonksWallace, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// The strain increment that the kernel `flow` finds for a stress, inserted into the law, must give back this stress.
+// The kernel `flow` finds the strain increment for a stress. The flow stress at this increment must be the same stress.
 TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   Draw draw(35);
   int flowed = 0, overdriven = 0, crept = 0;
@@ -248,7 +250,7 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
     const double back = flow_stress(m, ep + dep, P, T, dep / dt);
     const double ulp =
         4e-16 * (ep + dep) * hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
-    // An error of 1e-15 in erf is an error relative to the cold stresses, which exceed the hot stresses by this factor.
+    // erf is exact to 1e-15 of the cold stresses, which exceed the hot stresses by this factor.
     const double erf = 2e-15 * std::max(m.yield_cold / m.yield_hot, m.saturation_cold / m.saturation_hot);
     ASSERT_NEAR(back / (kSqrt3 * a), 1.0, 1e-13 + ulp + erf) << i << ": dep " << dep << ", ep " << ep << ", T " << T;
   }
@@ -257,7 +259,8 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   EXPECT_GT(crept, 10);
 }
 
-// The slope d(dep)/d(ln a) must include the heating by the stress a.
+// The slope of the strain increment over the stress, d(dep)/d(ln a), must include that the stress a also heats the
+// metal.
 TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
   Draw draw(36);
   for (int i = 0; i < 1000; ++i) {
@@ -283,7 +286,7 @@ TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
   }
 }
 
-// The answer of a lane does not depend on the other lanes that are computed with it.
+// The answer of a lane does not depend on the other lanes of its tile.
 TEST(PhysicsPrestonTonksWallace, ALaneHasTheBitsItHasAlone) {
   Draw draw(37);
   const Material m = copper_like();

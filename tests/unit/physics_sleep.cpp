@@ -1,5 +1,5 @@
 // Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"): a model with sleep must give the same answers as the
-// same model without.
+// model without sleep.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -68,8 +68,9 @@ ModelOptions sleeping(ModelOptions options) {
   return options;
 }
 
-// A random history of a host with rigid half zones. Each lane changes its phase at times of its own: the lane slides,
-// stops, sticks, is sheared slowly, is unloaded or loaded by the far stresses, opens and closes again.
+// A random history of inputs from a host with rigid half zones. Each lane changes at times of its own between these
+// phases: it slides, stops, sticks, is sheared slowly, is loaded or unloaded by the far stresses, opens, and closes
+// again.
 class History {
  public:
   History(unsigned seed, const ModelOptions& options)
@@ -123,8 +124,8 @@ class Sleep : public ::testing::TestWithParam<std::size_t> {
   ModelOptions options() const { return cases()[GetParam()].options; }
 };
 
-// Two models step through the same histories, one with sleep and one without. The answers of the two may differ by
-// rounding only.
+// Two models step through the same histories, one with sleep and one without. Their answers may differ by rounding
+// only.
 TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   double apart_T = 0.0, apart_s = 0.0, apart_heat = 0.0;
   int asleep = 0, stuck = 0, woke = 0, flowed = 0;
@@ -168,7 +169,7 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   EXPECT_GT(woke, 20);
   EXPECT_LT(apart_T, 2e-9);
   EXPECT_LT(apart_s, 1e-3);
-  EXPECT_LT(apart_heat, 3e-5);  // difference of the heat [J/m2]; about 10 kJ/m2 are stored
+  EXPECT_LT(apart_heat, 3e-5);  // largest difference of the stored heat [J/m2]; about 10 kJ/m2 are stored
   printf(
       "%s: asleep %d node-steps, %d of them stuck under stress, woke %d times, %d without heat; apart by %.1e K, "
       "%.1e Pa, %.1e J/m2\n",
@@ -193,7 +194,7 @@ TEST_P(Sleep, ANodeThatNeverMovedKeepsItsBits) {
         ASSERT_EQ(sleeper.outputs.friction_heat[l], solved.outputs.friction_heat[l]) << n;
       }
     }
-    EXPECT_GT(sleeper.outputs.friction_heat[0], 0.0);  // the node is awake in the step in which the bodies move again
+    EXPECT_GT(sleeper.outputs.friction_heat[0], 0.0);  // the node wakes in the step in which the bodies move again
   }
 }
 
@@ -222,16 +223,16 @@ TEST_P(Sleep, LanesDoNotLookAtEachOther) {
   }
 }
 
-// A sticking layer is loaded slowly up to its yield stress, or the falling pressure lowers its yield stress to the
-// stress that it carries. The node must wake no later than the step in which the layer flows, and not much earlier.
-// Until then the answers of the node have the bits of the model without sleep.
+// A sticking layer is loaded slowly up to its yield stress, or the pressure falls and lowers the yield stress to the
+// stress of the layer. The node must wake no later than the step in which the layer flows, and not much earlier. Until
+// then its answers have the bits of the model without sleep.
 TEST(PhysicsSleep, AStuckLayerWakesBeforeItFlows) {
   for (const bool forced_host : {false, true}) {
     for (const bool released : {false, true}) {
       ModelOptions options = forced_host ? forced() : graded(paper_options());
-      options.drive = Drive::kInterfaceSlip;  // the host's shear of the layer causes no heat
+      options.drive = Drive::kInterfaceSlip;  // the shear of the host's soft zone drives the layer and causes no heat
       options.plastic_layer = forced_host;
-      options.interface = {1.0, 2e9};  // the layer yields before the interface
+      options.interface = {1.0, 2e9};  // an interface so strong that the layer yields first
       Rig sleeper(sleeping(options)), solved(options);
       int slept = 0, first_awake = 0, first_flow = 0;
       double stress = 0.0, stress_of_last_sleep = 0.0;
@@ -270,8 +271,8 @@ std::string name_of(const ::testing::TestParamInfo<std::size_t>& param) {
 }
 INSTANTIATE_TEST_SUITE_P(Models, Sleep, ::testing::Range(std::size_t{0}, cases().size()), name_of);
 
-// A sticking layer is still cold, and the hard body is hot deep inside. A node may sleep only if its stress is below
-// the strength that remains when this heat arrives at the interface.
+// The layer sticks and is still cold, but the hard body is hot deep inside. A node may sleep only if its stress is
+// below the strength that the layer will have after this heat has arrived at the interface.
 TEST(PhysicsSleep, HeatThatIsUnderWayInTheHardBodyIsMinded) {
   const ModelOptions options = two_sided(graded(paper_options()));
   Rig sleeper(sleeping(options)), solved(options);
@@ -291,12 +292,13 @@ TEST(PhysicsSleep, HeatThatIsUnderWayInTheHardBodyIsMinded) {
       ASSERT_NEAR(sleeper.outputs.shear_stress[l], solved.outputs.shear_stress[l], 1e-3) << n;
     }
   }
-  EXPECT_EQ(slept, 0x0fu);  // lanes 0 to 3, whose stress is low
+  EXPECT_EQ(slept, 0x0fu);  // only lanes 0 to 3, which carry 20 MPa, may sleep
   EXPECT_GT(solved.plastic_slip(7), 0.0);
   EXPECT_EQ(sleeper.plastic_slip(0), 0.0);
 }
 
-// The sleep criterion works with slip and stress as vectors: two independent histories drive the two components.
+// With two tangential components slip and stress are vectors for the sleep criterion: two independent histories drive
+// the two components.
 TEST(PhysicsSleep, TwoComponentsSleepAsOneDoes) {
   for (ModelOptions options : {forced(), graded(paper_options())}) {
     options.tangential_components = 2;

@@ -1,5 +1,5 @@
-// The states of a node (server/physics/solver/states.hpp): their rows have no gaps, and their names are those in
-// checkpoints.
+// The list of a node's states (server/physics/solver/states.hpp): the rows of the states leave no gap, and the names of
+// the states are those in checkpoints.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,8 +63,8 @@ TEST(PhysicsStates, RowsFollowOneAnotherAndFillTheTile) {
   }
 }
 
-// Checkpoints contain these names (server/store/FORMAT.md lists them), so renaming a state makes old checkpoints
-// unreadable.
+// Checkpoints store states under these names (server/store/FORMAT.md lists them), so renaming a state makes old
+// checkpoints unreadable.
 TEST(PhysicsStates, HaveTheNamesOfCheckpoints) {
   EXPECT_THAT(names_of(with_modes()),
               ElementsAre("heat_modes_k", "temperature_k", "shear_stress_pa", "second_shear_stress_pa", "regime"));

@@ -1,4 +1,5 @@
-// Friction that softens with the interface temperature, and the strength of the interface that results from it.
+// Friction that softens with the interface temperature, and the stress limit of the interface that results from
+// friction and yield stress.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -51,8 +52,8 @@ TEST(PhysicsThermalSoftening, ConstantsThatHaveNoMeaningAreRefused) {
   EXPECT_EQ(refusals(options)[0].key, "interface.friction_softening_exponent");
 }
 
-// The criterion is sufficient: wherever it promises a unique answer, a fine scan must find that the balance H falls
-// monotonically.
+// The criterion of a unique answer is sufficient: wherever it holds, a fine scan must find that the balance H(a) =
+// limit(T0(a)) - a falls strictly with the stress a.
 TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   const Material soft = paper_options().soft;
   int unique = 0, several = 0;
@@ -64,7 +65,8 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
           law.yield_strength = yield;
           const StressLimit limit = interface_strength(law, soft, kP, nullptr);
           const FrictionHeating heating{T_ad, rise, 100.0, 2e-7};
-          // Stresses above a_max exceed the strength at any temperature that friction can reach.
+          // Upper end of the scan [Pa]: at a larger stress there is no slip, or the stress exceeds the limit of the
+          // unheated interface.
           const double a_max = std::min(heating.c / heating.b, limit.at(T_ad).stress);
           bool falls = true;
           double before = spare_strength(limit, heating, 0.0);
@@ -81,7 +83,7 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   EXPECT_GT(several, 5);
 }
 
-// With a reference temperature of 1219 K, just below melting, mu is constant up to 1219 K, which is Coulomb's law.
+// With a reference temperature of 1219 K, 1 K below melting, mu is constant up to 1219 K, which is Coulomb's law.
 TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   ModelOptions constant = graded(paper_options(Strategy::kForceDriven), 20, 1.1);
   constant.interface = {0.02, 400e6};
@@ -101,7 +103,8 @@ TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   }
 }
 
-// The strength is the smaller of friction and yield stress, and the result states which of the two it is.
+// The stress limit of the interface is the smaller of friction and yield stress, and the function must report which of
+// the two it is.
 TEST(PhysicsThermalSoftening, StrengthIsTheLesserOfBothBranchesAndSaysWhich) {
   const Material soft = paper_options().soft;
   InterfaceOptions law = softening_friction(0.3, 1.0);

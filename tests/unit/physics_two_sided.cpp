@@ -1,5 +1,5 @@
-// Conduction in both bodies by one operator that reaches across z = 0. It replaces the partition coefficient, DLP
-// (18-19).
+// Heat conduction in both bodies by one operator across z = 0. The heat is then divided by conduction and not by the
+// partition coefficient, DLP (18-19).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kDt = 1e-9;  // [s]
+constexpr double kDt = 1e-9;  // step [s]
 
 ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary far = FarBoundary::kHalfSpace) {
   ModelOptions options = graded(paper_options(strategy));
@@ -20,11 +20,12 @@ ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary fa
   return options;
 }
 
-// Steps two rigs from the same jump [m/s] at the paper's pressure and calls `look` after every step.
+// Steps two rigs side by side at the paper's pressure, from the same jump [m/s], and calls `look` after every step.
 template <typename Look>
 void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Look& look) {
   double jump_one = jump, jump_two = jump;
-  for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;  // keeps both sliding
+  // far stresses that keep the bodies of both rigs sliding
+  for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;
   for (int n = 1; n <= steps; ++n) {
     one.set_all(jump_one, 11.2e9);
     two.set_all(jump_two, 11.2e9);
@@ -77,7 +78,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
       ASSERT_NEAR(two.outputs.interface_temperature[0] / one.outputs.interface_temperature[0], 1.0, 1e-11) << n;
       ASSERT_NEAR(two.outputs.shear_stress[0] / one.outputs.shear_stress[0], 1.0, 1e-8) << n;
       worst = std::max(worst, std::abs(two.outputs.shear_stress[0] / one.outputs.shear_stress[0] - 1.0));
-      // At the same number of cells from z = 0 both bodies have the same temperature.
+      // On grids scaled with the diffusion lengths both bodies have the same temperature at the same number of cells
+      // from z = 0.
       for (int i = 1; i < 60; ++i) ASSERT_NEAR(two.T(-i) / two.T(i), 1.0, 1e-11) << n << ", vertex " << i;
     });
     std::printf("partition against two-sided on scaled grids, worst s apart: %.1e\n", worst);
@@ -85,8 +87,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   }
 }
 
-// Any grid may be chosen for the hard body. On one that is not scaled, the answer agrees with that of the partition
-// coefficient to the accuracy of the grids.
+// Any grid may be chosen for the hard body. On a grid that is not scaled with the diffusion length of the body the heat
+// is shared as the partition coefficient beta_T says, to the accuracy of the grids.
 TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     for (const GridOptions& hard :
@@ -100,13 +102,13 @@ TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
         worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
       });
       EXPECT_LT(worst, 2e-3) << hard.cells;
-      EXPECT_GT(worst, 1e-12) << hard.cells;  // the difference exceeds rounding, so the grids do differ
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // more than rounding: the two models do use different grids
     }
   }
 }
 
-// If a body is not a half-space, its share is not beta_T: an insulated soft layer of 20 um fills within microseconds,
-// and the hard half-space goes on taking heat.
+// beta_T is the share of a half-space. An insulated soft layer of 20 um fills with heat within microseconds, and then
+// takes a smaller share than beta_T; the hard half-space goes on taking heat.
 TEST(PhysicsTwoSided, PartsFromThePartitionOnceTheLayerHasFilled) {
   ModelOptions filling = paper(Strategy::kVelocityDriven, FarBoundary::kInsulated);
   filling.drive = Drive::kInterfaceSlip;
@@ -127,7 +129,8 @@ TEST(PhysicsTwoSided, PartsFromThePartitionOnceTheLayerHasFilled) {
 }
 
 // After the contact has opened, the hard half-space draws the heat back out of the insulated layer. The interface is
-// then the coldest place of the layer, and no temperature leaves the range between the initial and the highest one.
+// then the coldest place of the layer, and no temperature leaves the range between the initial and the highest
+// temperature.
 TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
   ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
   options.hard_grid->far_boundary = FarBoundary::kHalfSpace;
@@ -147,12 +150,12 @@ TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
   }
 }
 
-// After the layer has cooled at z = 0 it is hottest at its far face. The stress ceiling must act there, and the surplus
-// slip must go there.
+// A layer that has cooled at z = 0 is hottest at its far face. The stress ceiling Y_max g / sqrt(3) must be that of the
+// far face, and the surplus slip must go there.
 TEST(PhysicsTwoSided, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
   options.hard_grid->far_boundary = FarBoundary::kHalfSpace;
-  options.soft.hardening_coefficient = 0.0;  // perfect plasticity: the ceiling is the flow stress
+  options.soft.hardening_coefficient = 0.0;  // perfect plasticity: the flow stress equals its ceiling
   Rig rig(options, 1);
   rig.set_all(100.0, 11.2e9);
   for (int n = 0; n < 1000; ++n) rig.step(kDt);

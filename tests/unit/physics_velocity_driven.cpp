@@ -24,7 +24,8 @@ void expect_history(const ModelOptions& options, const std::vector<Point>& point
   }
 }
 
-// The values of server/physics/MEASURED.md, "Exact solutions": 500 uniform cells, dt = 1 ns, reproduced to rounding.
+// Interface temperatures and stresses of server/physics/MEASURED.md, "Exact solutions": 500 uniform cells, dt = 1 ns,
+// reproduced to rounding.
 TEST(PhysicsVelocityDriven, PaperCaseToTenDigits) {
   expect_history(paper_options(), {{10, 398.146970801, 229.2063259e6},
                                    {100, 685.320394816, 280.5250815e6},
@@ -46,8 +47,8 @@ TEST(PhysicsVelocityDriven, AnElasticStepIsTheTrialStress) {
   EXPECT_DOUBLE_EQ(rig.outputs.shear_stress[0], 27.6e9 * 1e-9 * 10.0 / 20e-6);
   EXPECT_EQ(rig.outputs.sliding_velocity[0], 0.0);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
-  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // the layer does not yet carry the imposed jump
-  EXPECT_GT(rig.outputs.friction_heat[0], 0.0);       // DLP (18): the imposed jump heats an elastic layer, too
+  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // [v] = 0 differs from the imposed jump
+  EXPECT_GT(rig.outputs.friction_heat[0], 0.0);  // DLP (18): the imposed jump heats even while the layer is elastic
 }
 
 TEST(PhysicsVelocityDriven, FlowingLayerCarriesTheJump) {
@@ -80,7 +81,7 @@ TEST(PhysicsVelocityDriven, SlidingInterfaceStartsAndReversesAtTheYieldStress) {
   Rig rig(options, 1);
   rig.set_all(0.0, 11.2e9);
   rig.step(1e-9);
-  EXPECT_EQ(rig.stress(), 0.0);  // contact without slip
+  EXPECT_EQ(rig.stress(), 0.0);  // a closed contact carries no stress before slip begins
   rig.set_all(1e-3, 11.2e9);
   rig.step(1e-12);
   EXPECT_NEAR(rig.stress() / 199.7257674e6, 1.0, 1e-6);
@@ -98,7 +99,8 @@ TEST(PhysicsVelocityDriven, CoulombLimitHoldsAndItsSlipCounts) {
   for (int n = 0; n < 20; ++n) rig.step(1e-9);
   EXPECT_EQ(rig.outputs.shear_stress[0], 0.3 * 0.2e9);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-  EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);  // constant stress: all the jump is slip
+  // at constant stress the layer takes no shear: the whole jump is slip
+  EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);
   EXPECT_EQ(rig.ep(0), 0.0);
   EXPECT_EQ(rig.outputs.outcome[0], 0);
 }
@@ -143,7 +145,7 @@ TEST(PhysicsVelocityDriven, AMoltenLayerCarriesNothing) {
   EXPECT_EQ(rig.outputs.regime[0], Regime::kMelting);
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);
   EXPECT_EQ(rig.T(0), 1300.0);
-  EXPECT_EQ(rig.ep(0, 1), 0.0);  // open contact: nothing flows
+  EXPECT_EQ(rig.ep(0, 1), 0.0);  // an open contact has no plastic flow
 }
 
 TEST(PhysicsVelocityDriven, ReversalUnloadsElastically) {
@@ -160,7 +162,7 @@ TEST(PhysicsVelocityDriven, ReversalUnloadsElastically) {
 
 TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   ModelOptions options = paper_options();
-  EXPECT_EQ(Model(options).warnings().size(), 1u);  // the model warns of the insulated far face
+  EXPECT_EQ(Model(options).warnings().size(), 1u);  // one warning: the far face is insulated
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   EXPECT_TRUE(Model(options).warnings().empty());
   std::swap(options.soft, options.hard);
@@ -168,11 +170,12 @@ TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   EXPECT_NE(Model(options).warnings()[0].find("weaker body"), std::string::npos);
 }
 
-// A layer under stress is held (V = 0), and heat that flows inward softens it. The plastic slip of the layer must equal
-// the elastic relaxation h ds / G0, even if a vertex begins to flow within the last digits of the stress.
+// The jump is held at 0 and the layer stays under stress; heat that flows inward softens it. The plastic slip of the
+// layer must equal its elastic relaxation h ds / G0, even if a vertex begins to flow within the last digits of the
+// stress.
 TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   ModelOptions options = graded(paper_options(), 40, 1.1);
-  options.soft.hardening_exponent = 0.05;  // the strain grows with the 20th power of the stress
+  options.soft.hardening_exponent = 0.05;  // the plastic strain grows with the 20th power of the stress
   options.initial_temperature = 900.0;
   Rig rig(options);
   for (int l = 0; l < kLanes; ++l) {
@@ -194,8 +197,8 @@ TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   }
 }
 
-// The old stress is up to seven ulps below mu P, as rounding of its direction may leave it. The step must nevertheless
-// slip at mu P.
+// The stress before the step is up to seven ulps below mu P, as rounding of its direction may leave it. The step must
+// nevertheless slip at mu P.
 TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
   ModelOptions options = graded(paper_options());
   options.friction_coefficient = 0.01;

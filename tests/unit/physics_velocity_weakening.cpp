@@ -1,4 +1,4 @@
-// Velocity-weakening friction in the force-driven step.
+// Velocity-weakening friction (MODEL.md) in the force-driven step.
 #include "server/physics/interface/velocity_weakening.hpp"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,8 @@ TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
     EXPECT_NEAR(friction.holding, h(a_stick) + a_stick, 1e-9 * P);
     EXPECT_NEAR(h(friction.sliding), 0.0, 1e-11 * P);
     for (int i = 0; i < 300; ++i) ASSERT_GT(h(friction.sliding * (i + 0.5) / 300.5), 0.0);
-    // Above the sliding stress, friction is smaller than the stress up to `exceeds_again`, and larger beyond it.
+    // While the interface slips, friction minus stress, h(a), is negative between the sliding stress and the stress
+    // `exceeds_again`, and positive beyond `exceeds_again`.
     const double end = std::min(c / b, 2.0 * 0.3 * P);
     for (int i = 1; i < 300 && friction.sliding < end; ++i) {
       const double a = friction.sliding + (end - friction.sliding) * i / 300;
@@ -57,8 +58,8 @@ TEST(PhysicsVelocityWeakening, WithoutDecayItIsCoulombsLaw) {
   }
 }
 
-// One node whose step may have two answers: to stick under the friction at rest, or to slide under a lower friction. An
-// interface that sticks must go on sticking, one that slides must go on sliding.
+// A node whose step may have two answers: to stick under the friction at rest, or to slide under a lower friction. A
+// sticking interface must go on sticking, and a sliding interface must go on sliding.
 struct TwoAnswers {
   TwoAnswers() : rig(options(), 1) {
     rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 6.8e-3;
@@ -70,7 +71,7 @@ struct TwoAnswers {
     o.interface.velocity_decay = 1.0;  // friction falls within a few m/s
     return o;
   }
-  // Steps from the given jump [m/s] under the far stress `pull` [Pa] on both bodies.
+  // Steps the node from the given jump [m/s] under the far stress `pull` [Pa] on both bodies.
   void step(double jump, double pull, double dt) {
     rig.inputs.velocity_jump[0] = jump;
     rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = pull;
@@ -104,7 +105,8 @@ TEST(PhysicsVelocityWeakening, ASlippingInterfaceGoesOnSlippingWhereItCould) {
   EXPECT_NEAR(node.rig.outputs.shear_stress[0], 20e6, 1e4);
 }
 
-// A step that could stick or slide is divided until each substep has one answer, and the outcome reports the substeps.
+// A step in which the interface could stick or slide is divided until each substep has one answer, and the outcome
+// reports the division.
 TEST(PhysicsVelocityWeakening, AnAmbiguousStepIsDividedAndSaysSo) {
   TwoAnswers coarse;
   coarse.step(2.0, 100e6, 1e-9);
@@ -120,8 +122,8 @@ TEST(PhysicsVelocityWeakening, AnAmbiguousStepIsDividedAndSaysSo) {
   EXPECT_NEAR(coarse.rig.outputs.velocity_jump_new[0], jump, 0.02 * jump);
 }
 
-// If even the shortest substep has two answers, a sliding interface continues to slide, and the outcome reports the
-// ambiguity.
+// If even the shortest substep has two answers, a sliding interface continues to slide, and the outcome reports that
+// there was a choice.
 TEST(PhysicsVelocityWeakening, AnUnresolvedChoiceIsTold) {
   TwoAnswers node;
   for (double* mass : {node.rig.inputs.mass_soft, node.rig.inputs.mass_hard}) mass[0] = 1e-5;

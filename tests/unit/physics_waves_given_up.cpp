@@ -1,5 +1,5 @@
-// The search for the answer of a layer with inertia is bounded. A step that would take hours reports a failure and
-// keeps its state.
+// The number of iterations of a step with inertia is bounded. A step that would take hours reports a failure and keeps
+// the state of the node.
 #include <gtest/gtest.h>
 
 #include <cstddef>
@@ -10,7 +10,8 @@ namespace shearbus::testing {
 namespace {
 
 // Cells of 0.25 nm and steps of 10 us give alpha dt/dz^2 = 1e10. If the heat flux brings the interface to just below
-// melting, the search then takes hundreds of Newton steps at each trial flux, and thousands of evaluations at some.
+// melting, the search for the flux then takes hundreds of Newton steps at each trial flux, and thousands of evaluations
+// at some.
 Rig thin_layer() {
   ModelOptions options = paper_options(Strategy::kVelocityDriven);
   options.grid.thickness = 25e-9;

@@ -1,5 +1,5 @@
-// Users write histories with scripts of their own, to disks that may be full. Every kind of damage must be refused with
-// one clear line.
+// Users write history files with scripts of their own, and on disks that may be full. The reader must refuse every kind
+// of damage with one clear line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <hdf5.h>
@@ -72,7 +72,7 @@ class RawFile {
   hid_t id_;
 };
 
-// The parts of a valid file of three steps and two nodes. Each test replaces one part.
+// The parts of a valid history file of three steps and two nodes. Each test replaces one part.
 struct Parts {
   std::function<void(RawFile&)> time = [](RawFile& f) { f.put("time", {3}, {1e-9, 2e-9, 3e-9}); };
   std::function<void(RawFile&)> node_id = [](RawFile& f) { f.put("node_id", {2}, {7, 8}, H5T_NATIVE_INT64); };
@@ -254,7 +254,7 @@ TEST(RecordingDamage, NodeIdsAreUniqueAndNotNegative) {
               HasSubstr("/node_id[1] repeats node 7 of [0]"));
 }
 
-// The file states a huge size without storing the data: the reader must check the size before it allocates memory.
+// A file may state a huge size without storing the data: the reader must check the size before it allocates memory.
 TEST(RecordingDamage, AbsurdSizesAreRefusedBeforeTheyAreAllocated) {
   const hsize_t huge = 1'000'000'000'000'000;
   EXPECT_THAT(
@@ -351,7 +351,8 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   std::ifstream in(path, std::ios::binary);
   const std::string whole((std::istreambuf_iterator<char>(in)), {});
   std::size_t refused = 0, wrong = 0;
-  for (std::size_t byte = 0; byte < whole.size(); byte += 7) {  // steps of 7 bytes, which divides no record size
+  // 7 divides no record size, so all kinds of bytes are hit
+  for (std::size_t byte = 0; byte < whole.size(); byte += 7) {
     std::string damaged = whole;
     damaged[byte] = static_cast<char>(damaged[byte] ^ (1 << (byte % 8)));
     std::ofstream(path, std::ios::binary).write(damaged.data(), static_cast<std::streamsize>(damaged.size()));

@@ -1,4 +1,5 @@
-// A reader gets exactly what the writer was given, and a run that does not finish leaves no file that looks complete.
+// A history reader gets exactly what the writer was given. A run that does not finish leaves no file that looks
+// complete.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <hdf5.h>
@@ -52,7 +53,7 @@ std::vector<std::uint64_t> some_ids(std::size_t nodes) {
   return ids;
 }
 
-// Numbers of rows and nodes on both sides of a chunk's limits, which are 8192 rows and 65536 elements.
+// Numbers of rows and of nodes on both sides of the limits of a chunk: 8192 rows, 65536 elements.
 class RecordingSizes : public testing::TestWithParam<std::pair<std::size_t, std::size_t>> {};
 
 TEST_P(RecordingSizes, WhatIsWrittenIsReadToTheLastBit) {
@@ -74,7 +75,7 @@ TEST_P(RecordingSizes, WhatIsWrittenIsReadToTheLastBit) {
     for (std::size_t node = 0; node < nodes; ++node) different += row[node] != value_at(step, node);
   }
   EXPECT_EQ(different, 0u);
-  reader.row("shear_stress", 0, row);  // rows can also be read backwards
+  reader.row("shear_stress", 0, row);  // rows can be read in any order, here the first row last
   EXPECT_EQ(row[0], value_at(0, 0));
 }
 
@@ -122,7 +123,8 @@ TEST(Recording, StepLengthsAreTheHostsOwn) {
   }
   const HistoryReader reader(scratch / "history.h5");
   EXPECT_THAT(reader.dt_s(), testing::Each(dt));
-  EXPECT_NE(reader.times_s()[500] - reader.times_s()[499], dt);  // the reason why /dt is stored
+  // differences of the rounded times are not dt, so the file also stores /dt
+  EXPECT_NE(reader.times_s()[500] - reader.times_s()[499], dt);
 }
 
 TEST(Recording, StepLengthsAreDifferencesOfTimesOtherwise) {
@@ -141,7 +143,7 @@ TEST(Recording, StepLengthsAreDifferencesOfTimesOtherwise) {
 TEST(Recording, HashOfFileIsThatOfXxhsum) {
   const Scratch scratch;
   std::ofstream(scratch / "empty").close();
-  EXPECT_EQ(hash_of_file(scratch / "empty"), "xxh3-64:2d06800538d394c2");  // the published XXH3 value of empty input
+  EXPECT_EQ(hash_of_file(scratch / "empty"), "xxh3-64:2d06800538d394c2");  // the published XXH3 value of an empty input
   std::ofstream(scratch / "large") << std::string(3'000'000, 'a');
   std::ofstream(scratch / "other") << std::string(2'999'999, 'a') + "b";
   EXPECT_NE(hash_of_file(scratch / "large"), hash_of_file(scratch / "other"));

@@ -27,7 +27,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// The scene on which the other examples are based.
+// The scene from which other scenes of these tests are made.
 constexpr const char* kPaper = R"(name = "paper_velocity_driven"
 strategy = "velocity_driven"            # or "force_driven"
 [soft]
@@ -47,8 +47,8 @@ friction_coefficient = 0.3
 yield_strength_pa = 200e6
 )";
 
-// Returns the faults that the programs report for a text, "" if none. First shearbus-hydro reads it with all its
-// tables, then the server.
+// Returns the faults that the programs report for the TOML text of a scene, "" if none. First shearbus-hydro reads the
+// text with all its tables, then the server.
 std::string refusal_of(const std::string& toml) {
   try {
     const hydro::SceneFile file = hydro::parse_scene(toml, "scene.toml");
@@ -171,15 +171,16 @@ TEST(SceneText, ABooleanIsTrueOrFalse) {
 TEST(SceneText, PlacesPointIntoTheFile) {
   const Document document = parse(kPaper, "paper.toml").document;
   EXPECT_EQ(document.where("layer.cells"), "paper.toml:9:1");
-  EXPECT_EQ(document.where("soft.yield_strength_pa"), "paper.toml:3:1");  // an absent key has the place of its table
+  // an absent key is reported at the line of its table
+  EXPECT_EQ(document.where("soft.yield_strength_pa"), "paper.toml:3:1");
   EXPECT_EQ(document.where("strategy"), "paper.toml:2:1");
   EXPECT_EQ(document.where("layer.cells[3]"), "paper.toml:9:1");
   EXPECT_EQ(document.where("nowhere"), "paper.toml");
   EXPECT_EQ(document.where(""), "paper.toml");
 }
 
-// The server does not receive the tables of the hydrocode, and yet its faults must point to the lines of the user's
-// file.
+// The server does not receive the tables of the hydrocode. The faults that it reports must nevertheless point to the
+// lines of the user's file.
 TEST(SceneText, TheServersTextKeepsTheLinesOfTheFile) {
   const std::string text =
       "name = 'x'\nstrategy = 'velocity_driven'\n[hydro]  # the problem\nend_time_s = 1e-6\n[hydro.shear_column]\n"
@@ -249,7 +250,8 @@ TEST(SceneText, WhatIsNoSceneFileIsRefused) {
   std::filesystem::remove_all(directory);
 }
 
-// toml++ parses nested tables recursively, so a line of many dots would overflow the stack.
+// The parser toml++ reads nested tables recursively, so a line of many dots would overflow the stack: the depth must be
+// checked first.
 TEST(SceneText, DepthIsRefusedBeforeItIsBuilt) {
   std::string key = "a";
   for (int i = 0; i < 100'000; ++i) key += ".a";
@@ -267,7 +269,7 @@ TEST(SceneText, DepthIsRefusedBeforeItIsBuilt) {
   EXPECT_EQ(refusal_of("source = 'a.b.c.d.e.f.g.h.i.j.k.l'  # ............\n" + std::string(kPaper)), "");
 }
 
-// ---- written and read back ----
+// ---- scenes that are written and read back ----
 
 class RandomScene {
  public:
@@ -314,7 +316,7 @@ class RandomScene {
   };
 
   bool flip() { return random_() % 2 == 0; }
-  // Log-uniform numbers with all digits; every fourth number has one digit only, as people write them.
+  // Log-uniform random numbers with all digits; every fourth number has one digit only, as people write them.
   double number(double low, double high) {
     const double at = std::uniform_real_distribution<double>(std::log(low), std::log(high))(random_);
     const double value = std::clamp(std::exp(at), low, high);
@@ -378,14 +380,14 @@ TEST(SceneText, WrittenAndReadBackIsTheSameToTheBit) {
     const std::string toml = to_toml(scene);
     v1::Scene again;
     ASSERT_NO_THROW(read(toml, "again.toml", again)) << toml;
-    const std::vector<Fault> faults = faults_of(scene);  // fills in the defaults
+    const std::vector<Fault> faults = faults_of(scene);  // called for the defaults that it fills in
     ASSERT_TRUE(faults.empty()) << faults.front().text << "\n" << toml;
     ASSERT_EQ(again.SerializeAsString(), scene.SerializeAsString()) << toml;
     ASSERT_EQ(parse(to_toml(again), "filled.toml").scene.SerializeAsString(), scene.SerializeAsString());
   }
 }
 
-// ---- the same rules for a message without a file ----
+// ---- the same rules for a scene message that comes from no file ----
 
 std::vector<Fault> faults_in(v1::Scene scene) {
   return faults_of(scene);
@@ -403,7 +405,7 @@ TEST(SceneRules, NameTheFirstFieldAtFault) {
   EXPECT_EQ(faults[1].text, "interface.yield_strength_pa = nan is not a finite number");
 }
 
-// Exclusions of the physics are reported with their place in the text. The rules are those of
+// What the physics excludes is reported with its place in the TOML text. The exclusions are those of
 // server/physics/solver/parts.hpp.
 TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   const std::string force =
@@ -418,7 +420,7 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   velocity.replace(velocity.find("force_driven"), 12, "velocity_driven");
   EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));
   EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:8:1: [junctions]"));
-  // Several faults are reported together, each with its line, in the order of the text.
+  // A scene with several faults: all are reported together, each with its line, in the order of the text.
   const std::string several =
       refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\ntime_integrator = 'sdirk2'\n");
   EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));

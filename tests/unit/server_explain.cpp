@@ -1,4 +1,4 @@
-// `explain` must report the memory and the parts that a session with the scene really has.
+// `shearbus-server explain` must report the memory and the parts that a session with the scene really has.
 #include "server/explain.hpp"
 
 #include <gmock/gmock.h>
@@ -35,7 +35,7 @@ TEST(Explain, MemoryIsThatOfASession) {
   v1::Scene scene = support::force_scene();
   const Explanation told = explain(scene);
   EXPECT_EQ(told.cost.bytes_per_node, bytes_of_session(scene));
-  // The memory reported for an absent part is the memory that it adds when it is present.
+  // For a part that the scene lacks, `explain` must report the memory that adding this part costs.
   const std::int64_t without = static_cast<std::int64_t>(bytes_of_session(scene));
   const std::int64_t would = part(told, "hard_layer").bytes_per_node;
   scene.mutable_hard_layer();

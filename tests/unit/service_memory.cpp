@@ -46,7 +46,8 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   const auto ids = support::node_ids(kNodes);
   const v1::Scene scene = support::scene_of(GetParam());
   ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));  // creates what is created only once
+  // a first session, so that the second is not charged for what a server creates once
+  harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));
   harness.ask(
       ServiceHarness::step(1, support::step_columns(GetParam(), std::span(ids).first(8), 0), wire::Mode::kAdvance, 9));
   const double before = resident_bytes();
@@ -55,14 +56,15 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   const auto opened = harness.ask(ServiceHarness::opening(scene, ids));
   ASSERT_EQ(opened.code(), Code::kOk) << opened.reply.status.text;
   const auto stated = static_cast<double>(std::get<wire::SessionOpened>(opened.reply.body).bytes_per_node);
-  for (std::uint64_t i = 1; i <= 2; ++i)  // fills both state buffers and the stored reply
+  for (std::uint64_t i = 1; i <= 2; ++i)  // two steps fill both state buffers and the stored reply
     ASSERT_EQ(harness.ask(ServiceHarness::step(i, support::step_columns(GetParam(), ids, static_cast<int>(i)))).code(),
               Code::kOk);
   const double measured = per_node();
   EXPECT_LT(measured, stated * kFactor);
   EXPECT_GT(measured, stated / kFactor);
 
-  // Nodes that retire give their memory back, and nodes that register later take no more than the first ones.
+  // Nodes that retire give their memory back, and nodes that register later take no more memory than the first nodes
+  // took.
   const std::span some = std::span(ids).subspan(8);
   const auto change = [&](auto body, std::uint64_t sequence) {
     wire::Request request = ServiceHarness::in_session(std::move(body), sequence);

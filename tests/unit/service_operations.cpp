@@ -1,4 +1,4 @@
-// Requests of operators and counters of the service, tested without a socket.
+// Requests that operators send to a server, and the counters of the service, tested without a socket.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -15,7 +15,7 @@ using wire::Strategy;
 
 using Ids = std::vector<std::uint64_t>;
 
-// Sessions of one domain. Each session counts its own requests.
+// Several sessions in one domain. Each session has its own sequence numbers.
 class Ownership : public testing::Test {
  protected:
   support::Answer open(std::uint8_t session, const Ids& ids, const std::string& domain = "run 1",
@@ -228,7 +228,8 @@ TEST_F(Ownership, AMarkBringsItsNodesBack) {
   EXPECT_EQ(ask(2, wire::AcceptNodes{transfer(1)}).code(), Code::kUnknownTransfer) << "the offer was never made";
   EXPECT_EQ(temperatures(step(1, {1, 2, 3}, 1)), temperatures(step(3, {1, 2, 3}, 1)));
 
-  // Another session has accepted node 2. The rollback is refused until that session gives node 2 up.
+  // A rollback would take back node 2, which another session has accepted. The rollback is refused until that session
+  // retires node 2.
   ASSERT_EQ(ask(1, wire::OfferNodes{transfer(2)}, {2}).code(), Code::kOk);
   ASSERT_EQ(ask(2, wire::AcceptNodes{transfer(2)}).code(), Code::kOk);
   const auto conflict = ask(1, wire::Rollback{"dump"});
@@ -238,8 +239,8 @@ TEST_F(Ownership, AMarkBringsItsNodesBack) {
   EXPECT_EQ(ids_of(ask(1, wire::Rollback{"dump"})), (Ids{1, 2, 3}));
 }
 
-// A mark made while nodes are on offer does not contain these nodes. If the offer is then undone, a rollback to that
-// mark would lose them, so the mark is deleted with the offer.
+// A mark made while nodes are on offer does not contain these nodes. If the offer is then undone, a rollback to the
+// mark would lose the nodes, so the mark is deleted with the offer.
 TEST_F(Ownership, AMarkOfAnOfferThatWasUndoneIsGone) {
   ASSERT_EQ(open(1, {1, 2, 3}).code(), Code::kOk);
   ASSERT_EQ(ask(1, wire::Mark{"before"}).code(), Code::kOk);

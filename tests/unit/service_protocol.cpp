@@ -78,7 +78,7 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
   const wire::ServerStatus status = harness.service.status();
   EXPECT_EQ(status.sessions, 1u);
   EXPECT_EQ(status.nodes, kNodes.size());
-  // Bytes of the stored reply per node: columns of 8 bytes, regime and outcome.
+  // Bytes per node of the stored reply: the columns of 8 bytes, and one byte each for regime and outcome.
   const std::uint64_t reply_row = (GetParam() == Strategy::kForceDriven ? 5 : 4) * 8 + 2;
   EXPECT_EQ(status.state_bytes, 16 * (opened.bytes_per_node - reply_row));
   EXPECT_EQ(harness.log.size(), 1u);
@@ -102,7 +102,7 @@ TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
   EXPECT_TRUE(again.reply.replayed);
   EXPECT_TRUE(std::holds_alternative<wire::SessionOpened>(again.reply.body));
   EXPECT_EQ(harness.service.status().sessions, 1u);
-  // The same session id with another scene is not a repetition.
+  // A request to open the same session with another scene is no repetition of the first request.
   auto other = scene();
   other.set_name("other");
   EXPECT_EQ(harness.ask(ServiceHarness::opening(other, kNodes)).code(), Code::kSequenceReused);
@@ -243,7 +243,8 @@ TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
         std::ranges::equal(with.reply.batch.f64(Field::kShearStress), without.reply.batch.f64(Field::kShearStress)));
     for (std::size_t row = 0; row < kNodes.size(); ++row) {
       const auto of = [&](Field field) { return with.reply.batch.f64(field)[row]; };
-      // The scene conducts heat in the soft body only, so both fields are that body's share.
+      // The scene conducts heat in the soft body only, so the fields heat_to_soft and friction_heat are both the share
+      // of the soft body.
       ASSERT_EQ(of(Field::kHeatToSoft), of(Field::kFrictionHeat));
       ASSERT_NEAR(of(Field::kHeatResidual), 0.0, 1e-9 * (of(Field::kFrictionHeat) + 1.0));
       work += of(Field::kInterfaceWork);
@@ -301,7 +302,7 @@ TEST_P(ServiceOf, ClosingFreesTheStatesAndIsAnsweredAgain) {
   EXPECT_EQ(harness.service.status().state_bytes, 0u);
   EXPECT_TRUE(harness.ask(goodbye).reply.replayed);
   EXPECT_EQ(harness.ask(ServiceHarness::step(3, columns(3))).code(), Code::kUnknownSession);
-  // A late copy of the request that opened the session must not bring the session back.
+  // A late copy of the request that opened the session must not open the closed session again.
   EXPECT_EQ(harness.ask(opening).code(), Code::kStaleSequence);
   EXPECT_EQ(harness.service.status().sessions, 0u);
 }

@@ -1,4 +1,4 @@
-// Invalid input through the wire: each refusal names the fault and leaves the states unchanged, bit for bit.
+// Invalid requests through the wire: each refusal names the fault and leaves the states unchanged, bit for bit.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -26,7 +26,7 @@ struct Case {
   Code code;
   std::string field;
   std::vector<std::uint64_t> nodes;
-  std::function<wire::Request()> request;  // makes the request to be refused, with sequence number 2
+  std::function<wire::Request()> request;  // makes the request that must be refused; its sequence number is 2
 };
 
 wire::Batch good(Strategy strategy, bool with_ids = false) {
@@ -77,7 +77,8 @@ wire::Batch with(Strategy strategy, Field added) {
   return batch;
 }
 
-// Columns with the right names over one block of memory; the first column is one element shorter than the others.
+// A batch whose columns have the right names and lie in one block of memory; the first column is one element shorter
+// than the others.
 wire::Batch uneven() {
   static const wire::Batch whole = good(Strategy::kForceDriven);
   auto columns = whole.columns();
@@ -237,7 +238,7 @@ TEST(Refusals, PlasticStrainRateReachesTheLayer) {
     const Answer answer = harness.ask(ServiceHarness::step(1, std::move(batch)));
     slip[driven] = answer.reply.batch.f64(Field::kSlidingVelocity)[0];
   }
-  EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // the strain rate adds sqrt(3) h 1e5/s = 3.5 m/s
+  EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // a strain rate of 1e5/s adds sqrt(3) h 1e5/s = 3.5 m/s
 }
 
 struct OpeningCase {
@@ -321,8 +322,8 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
   EXPECT_TRUE(harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes)).reply.status.ok());
 }
 
-// Frames that are no request: none, header without payload, three frames, garbage, two headers in one, an empty header,
-// and a good header truncated at every byte.
+// Frames that are no request: no frame, a header without payload, three frames, garbage, two headers in one frame, an
+// empty header, and a good header truncated at every byte.
 TEST(Refusals, DamagedFramesAreAnsweredAndRunNothing) {
   ServiceHarness attacked, twin;
   for (ServiceHarness* h : {&attacked, &twin})

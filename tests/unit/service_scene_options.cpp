@@ -1,4 +1,4 @@
-// How the options of a scene become the options of the model, and which of them are refused.
+// How the options of a scene become the options of the model, and which options are refused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ v1::Scene effective_of(const SceneModel& made) {
   return scene::parse(made.effective, "effective").scene;
 }
 
-// The effective scene that a server returns must open the same session again.
+// The effective scene that a server returns must open a session with the same model again.
 void expect_own(const SceneModel& made) {
   EXPECT_EQ(scene_model(made.effective, "effective").effective, made.effective);
 }
@@ -53,7 +53,7 @@ TEST(SceneOptions, AnEmptyHardLayerIsTheLayersScaledToTheHeatDepth) {
   EXPECT_EQ(made.options.hard_grid->cells, 24);
   EXPECT_EQ(made.options.hard_grid->grading, 1.15);
   EXPECT_EQ(made.options.hard_grid->far_boundary, physics::FarBoundary::kHalfSpace);
-  // The effective scene states the grid of the hard layer completely, and gives the same grid when it is sent back.
+  // The effective scene contains the whole grid of the hard layer, and gives the same grid when it is sent back.
   ASSERT_TRUE(effective_of(made).has_hard_layer());
   EXPECT_EQ(effective_of(made).hard_layer().thickness_m(), made.options.hard_grid->thickness);
   EXPECT_EQ(scene_model(made.effective, "effective").options.hard_grid->thickness, made.options.hard_grid->thickness);
@@ -206,7 +206,7 @@ TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
   scene.set_tolerance(1e-2);
   EXPECT_LT(scene_model(scene).options.grid.cells, made.options.grid.cells);
   EXPECT_THAT(physics::Model(made.options).warnings(), ::testing::Contains(HasSubstr("tolerance 0.001: ")));
-  // The effective scene opens the same session again, as a message and as a file.
+  // The effective scene must give the same model again, both as a message and as a file.
   const std::string text = made.effective;
   expect_own(made);
   EXPECT_EQ(scene_model(text, "effective").options.grid.cells, made.options.grid.cells);
@@ -279,7 +279,7 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 900 cells, found 902"));
   scene.mutable_hard_layer()->set_cells(449);
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
-  // Half-spaces behind both layers give the largest basis of modes.
+  // The largest basis of modes that a scene can ask for: both layers with the most cells and a half-space behind each.
   const physics::Model most(scene_model(scene).options);
   EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
   scene.mutable_layer()->set_inertia(true);
@@ -315,7 +315,8 @@ TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   EXPECT_EQ(made.options.soft.pressure_term, physics::PressureTerm::kCompressed);
   EXPECT_EQ(scene_model(made.effective, "effective").options.soft.melting_curve, physics::MeltingCurve::kLindemann);
 
-  // A body whose constants are given one by one, except the slope of the Hugoniot, which the compression needs.
+  // The constants of the body are given one by one, except the slope of the Hugoniot, without which no compression can
+  // be computed.
   scene.mutable_soft()->clear_material();
   for (const auto& [name, value] : scene::numbers_of(effective_of(made).soft()))
     if (name != "hugoniot_slope") scene::set_numbers({{name, value}}, *scene.mutable_soft());
@@ -338,7 +339,8 @@ const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
 TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
   v1::Scene scene = support::velocity_scene();
   scene.mutable_soft()->set_flow_law(v1::FLOW_LAW_JOHNSON_COOK);
-  EXPECT_EQ(refusal_of(scene).field, "soft.yield_strength_pa");  // the catalog's value belongs to another flow law
+  // the catalog's yield strength belongs to another flow law
+  EXPECT_EQ(refusal_of(scene).field, "soft.yield_strength_pa");
   scene::set_numbers(kJohnsonCookCopper, *scene.mutable_soft());
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.soft.flow_law, physics::FlowLaws::place<physics::JohnsonCook>());
@@ -388,11 +390,11 @@ TEST(SceneOptions, FrictionThatSoftensComesWithItsOwnConstantsAndComesBack) {
   EXPECT_EQ(made.options.interface.friction_reference_temperature, 300.0);
   EXPECT_EQ(made.options.interface.friction_softening_exponent, 2.0);
   expect_own(made);
-  scene.mutable_interface()->set_friction_reference_temperature_k(2000.0);  // above melting
+  scene.mutable_interface()->set_friction_reference_temperature_k(2000.0);  // a reference temperature above melting
   EXPECT_EQ(refusal_of(scene).field, "interface.friction_reference_temperature_k");
 }
 
-// The words for flow laws and friction laws in a scene are the names of the registered laws, in their order.
+// The words for flow laws and friction laws in a scene must be the names of the registered laws, in the same order.
 TEST(SceneOptions, EveryRegisteredLawHasItsWord) {
   const std::string reference = scene::reference_of(*v1::Scene::descriptor());
   std::string flow, friction;

@@ -1,4 +1,4 @@
-// Sleeping nodes seen from a session: their counters, and how trials, marks and moves between sessions treat them.
+// Sleeping nodes as a session sees them: their counters, and how trials, marks and moves between sessions treat them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,8 @@ v1::Scene sleepy_scene() {
   return scene;
 }
 
-// Inputs of a step: all nodes slide in the first five steps; after these all nodes are open except every fourth.
+// Input columns of a step: in the first five steps all nodes slide; afterwards every fourth node is closed and the
+// others are open.
 wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids = false) {
   wire::Batch batch = support::step_columns(wire::Strategy::kForceDriven, ids, 0, with_ids);
   for (std::size_t row = 0; row < ids.size(); ++row)
@@ -66,7 +67,8 @@ TEST(ServiceSleep, SleepersAreCountedAndAreNoRemark) {
   EXPECT_GT(totals.asleep_node_steps, 20U * static_cast<std::uint64_t>(asleep));
 }
 
-// The error of the modes is measured by a second session with the same inputs and a temperature profile.
+// The error of heat in modes is measured by a second session, which has the same inputs and keeps a temperature
+// profile.
 TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
   v1::Scene scene = support::force_scene();
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
@@ -91,7 +93,7 @@ TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   Host plain(sleepy_scene()), tried(sleepy_scene());
   for (int n = 0; n < 70; ++n) {
     if (n % 3 == 0) {
-      wire::Batch other = columns(tried.ids, 0);  // all nodes slide, so sleepers wake
+      wire::Batch other = columns(tried.ids, 0);  // a step in which all nodes slide, so that sleepers wake
       tried.harness.ask(ServiceHarness::step(++tried.sequence, std::move(other), Mode::kTrial));
       tried.tell(wire::Rollback{});
     }
@@ -101,7 +103,7 @@ TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   }
 }
 
-// After a rollback to a mark the sleepers are those of the mark, and the repeated steps have the same bits.
+// After a rollback to a mark the nodes that sleep are those of the mark, and the repeated steps have the same bits.
 TEST(ServiceSleep, AMarkKeepsSleepers) {
   Host host(sleepy_scene());
   for (int n = 0; n < 40; ++n) host.step();
@@ -120,7 +122,8 @@ TEST(ServiceSleep, AMarkKeepsSleepers) {
   EXPECT_EQ(run(30), first);
 }
 
-// The bits do not depend on the division into batches, the order of the nodes or the threads.
+// The bits of sleeping and waking nodes do not depend on the division into batches, the order of the nodes or the
+// number of threads.
 TEST(ServiceSleep, BatchesAndThreadsCannotBeTold) {
   Host whole(sleepy_scene());
   ServiceHarness cut(2, {.nodes_per_task = 1});
@@ -143,7 +146,7 @@ TEST(ServiceSleep, BatchesAndThreadsCannotBeTold) {
   }
 }
 
-// A node that moves to another session, asleep or awake, continues with the bits of a node that stayed.
+// A node that moves to another session, asleep or awake, gives the same bits as a node that stays.
 TEST(ServiceSleep, SleepersMoveWithTheirBits) {
   Host stayed(sleepy_scene());
   ServiceHarness moved;
@@ -171,7 +174,7 @@ TEST(ServiceSleep, SleepersMoveWithTheirBits) {
       here = staying;
       there.insert(there.end(), going.begin(), going.end());
     }
-    const int phase = n < 60 ? n : 0;  // in the last steps all nodes slide again
+    const int phase = n < 60 ? n : 0;  // from step 60 all nodes slide again
     ++stayed.sequence;
     const Answer expected = stayed.harness.ask(ServiceHarness::step(stayed.sequence, columns(stayed.ids, phase)));
     for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {

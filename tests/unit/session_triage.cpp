@@ -54,7 +54,8 @@ TEST(Session, GapIsRefusedAndNamesWhereTheSessionStands) {
 
 TEST(Session, ARefusedRequestLeavesItsSequenceFree) {
   Session session = session_at(5);
-  static_cast<void>(session.triage(6, kOtherHash));  // triaged but not executed: complete() is not called
+  // the request is triaged but not executed: complete() is not called
+  static_cast<void>(session.triage(6, kOtherHash));
   EXPECT_EQ(session.triage(6, kHash).triage, Triage::kProcess);
   EXPECT_EQ(session.triage(5, kHash).triage, Triage::kResend);
 }

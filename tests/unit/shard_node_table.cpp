@@ -21,7 +21,7 @@ TEST(NodeTable, ThoseThatStayKeepTheirOrderAndNewOnesFollow) {
   const auto [fewer, moves] = table.without(table.locate(Ids{3, 1}).slots);
   EXPECT_EQ(fewer.ids(), (Ids{5, 900, 7}));
   ASSERT_EQ(moves.size(), 1u);
-  EXPECT_EQ(moves[0].from, 3u);  // node 7 moves into the slot of node 3
+  EXPECT_EQ(moves[0].from, 3u);  // node 7, in slot 3, moves into the free slot of node 3
   EXPECT_EQ(moves[0].to, 1u);
   EXPECT_FALSE(fewer.slots_are_rows());
   EXPECT_EQ(fewer.locate(Ids{7, 5, 900}).slots, (std::vector<std::uint32_t>{1, 0, 2}));
@@ -45,8 +45,8 @@ TEST(NodeTable, CommonNodesAreFoundWhereverTheyStand) {
   EXPECT_EQ(NodeTable().common(Ids{0, 1}), (Ids{}));
 }
 
-// A shard whose nodes join and leave at random is compared with one shard for each node, in which nothing changes. The
-// bits of a node must be the same in both.
+// Nodes join and leave one shard at random. For comparison each node also has a shard of its own, in which it stays.
+// The bits of a node must be the same in both.
 class Changing : public testing::TestWithParam<wire::Strategy> {
  protected:
   static constexpr double kDt = 1e-9;
@@ -105,7 +105,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
         std::erase(ids, id);
         alone.erase(id);
       }
-    } else if (kind == 2 && !ids.empty()) {  // nodes leave and join again with the states they had
+    } else if (kind == 2 && !ids.empty()) {  // some nodes leave the shard and join again with the states they had
       const Ids moving = pick(random() % 9 + 1);
       const Rows rows = shard.nodes().locate(moving);
       const States states = shard.states_of(rows.slots, false);
@@ -136,7 +136,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
   EXPECT_GT(most, 40u);
 }
 
-// The number of nodes crosses the border of a block, where the last block is replaced by a new one.
+// The shard grows and shrinks by so many nodes that its last block of states is replaced by a new one.
 TEST_P(Changing, ManyNodesGrowAndShrinkBlockByBlock) {
   Ids ids = support::node_ids(700);
   Shard shard = make(ids);

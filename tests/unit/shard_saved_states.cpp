@@ -67,15 +67,15 @@ Shard make_shard(const ModelOptions& options, TaskPool& pool) {
 }
 
 // Supplies all inputs of both strategies. The far stresses hold the bodies near the flow stress of the layer, so that
-// some interfaces stick while their layer flows. The stress alone does not reveal whether an interface sticks, so the
-// saved states must contain the sticking too.
+// some interfaces stick while their layer flows. Whether an interface sticks cannot be derived from its stress, so the
+// saved states must contain it.
 std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
   std::vector<double> pull(kNodes), mass(kNodes, 2703 * 2.5e-6);
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
   std::vector<double> across(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) across[i] = 50.0 - 12.0 * static_cast<double>(i);
-  // Every third node is open in calls that begin after step 30.
+  // Every third node is open in a call of advance() that begins after step 30.
   for (std::size_t i = 0; i < kNodes; i += 3) pressure[i] = shard.state_version() < 30 ? 11.2e9 : -1.0;
   for (std::size_t i = 0; i < kNodes; ++i) pull[i] = 150e6 + 10e6 * static_cast<double>(i);
   Rows rows;
@@ -113,8 +113,8 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
     EXPECT_EQ(there.columns[i].values, here.columns[i].values) << here.columns[i].name;
 }
 
-// Nodes of another shard that are registered with the states of `giver` have all these states. A trial that is rolled
-// back changes no state.
+// Four nodes are registered with another shard with copies of all their states in the shard `giver`. A trial that is
+// rolled back changes no state.
 TEST(SavedModes, GoWithTheirNodes) {
   TaskPool pool(1);
   ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options(physics::Strategy::kForceDriven));
@@ -129,13 +129,13 @@ TEST(SavedModes, GoWithTheirNodes) {
       all.insert(all.end(), column.values.begin(), column.values.end());
     return all;
   };
-  // 1. Register four nodes with another shard, with copies of the states of four nodes of `giver`.
+  // 1. Register four nodes with another shard, with copies of the states that they have in the shard `giver`.
   const std::vector<std::uint32_t> slots = {2, 5, 7, 10};
   const std::vector<std::uint64_t> ids(slots.begin(), slots.end());
   const States moving = giver.states_of(slots, false);
   taker.apply(taker.adding(ids, std::vector<double>(ids.size(), 300.0), &moving));
   for (std::uint32_t i = 0; i < slots.size(); ++i) EXPECT_EQ(values_of(taker, i + 1), values_of(stayed, slots[i]));
-  // 2. Roll back a trial.
+  // 2. Roll back a trial in the shard `giver`.
   advance(giver, 1, false);
   giver.rollback();
   advance(giver, 20);

@@ -34,7 +34,7 @@ struct Outputs {
             AnswerColumn{&TileOutputs::outcome, std::span(outcome)}};
   }
 
-  // All outputs of one row, as bytes.
+  // Returns all outputs of one row of a batch as bytes.
   std::vector<std::uint8_t> row_bits(std::size_t row) const {
     std::vector<std::uint8_t> bits = {regime[row], outcome[row]};
     for (const double value : {stress[row], slip[row], temperature[row], jump[row], heat[row]}) {
@@ -54,7 +54,7 @@ class Fixture {
         shard(physics::Model(service::scene_model(support::scene_of(of)).options), ids,
               std::vector<double>(nodes, 300.0), pool, {.nodes_per_task = nodes_per_task}) {}
 
-  // Steps the given nodes (all if `some` is empty) and leaves the result as a trial.
+  // Steps the given nodes (all nodes if `some` is empty) and leaves the result as a trial.
   Outputs trial(int step, const std::vector<std::uint64_t>& some = {}) {
     const auto& rows_ids = some.empty() ? ids : some;
     const wire::Batch batch = support::step_columns(strategy, rows_ids, step);
@@ -125,9 +125,10 @@ TEST_P(ShardOf, TrialRollbackTrialIsOneAdvance) {
   Fixture hesitant(GetParam(), 21);
   for (int step = 0; step < 20; ++step) {
     const Outputs expected = direct.advance(step);
-    hesitant.trial(step + 1000);  // a step that is rolled back
+    hesitant.trial(step + 1000);  // a trial with other inputs, rolled back on the next line
     hesitant.shard.rollback();
-    hesitant.trial(step + 2000, {hesitant.ids[3], hesitant.ids[20]});  // a trial that the next one replaces
+    // a trial of two nodes that the trial on the next line replaces
+    hesitant.trial(step + 2000, {hesitant.ids[3], hesitant.ids[20]});
     const Outputs answer = hesitant.trial(step);
     hesitant.shard.commit();
     expect_same_rows(answer, expected);

@@ -1,5 +1,5 @@
-// Access control of the transport: which messages pass when the function that admits users refuses, throws, blocks or
-// dies.
+// Access control of the transport: which messages pass if the function that admits users refuses, throws, blocks or
+// ends its thread.
 #include "server/transport/access.hpp"
 
 #include <gtest/gtest.h>
@@ -88,7 +88,8 @@ TEST(AccessHandler, TellsEachMessagesUserAsTheKernelKnowsHim) {
 }
 
 TEST(AccessHandler, RefusesWhomTheJudgeRefusesAndWhomItCannotJudge) {
-  // The last of these functions admits a peer without naming a user.
+  // Three functions that decide on a peer: the first refuses it, the second throws, the third admits it without naming
+  // a user.
   const std::vector<Authorise> judges = {[](const Peer&) -> Admission { return {.reason = "no"}; },
                                          [](const Peer&) -> Admission { throw std::runtime_error("the list is lost"); },
                                          [](const Peer&) -> Admission { return {.admitted = true}; }};
@@ -129,7 +130,7 @@ TEST(AccessHandler, StrangersCannotFillTheLog) {
   EXPECT_LT(lines, 100);
 }
 
-// The thread of the access handler really ends, and its stack is unwound, as if a fault had ended it.
+// The thread of the access handler is really ended and its stack unwound, as a fault would end it.
 TEST(AccessHandler, WhenItsThreadDiesNobodyNewIsLetInAndTheOthersStay) {
   std::atomic<bool> dying{false};
   Echo echo([&](const Peer& peer) {
@@ -188,7 +189,7 @@ TEST(SocketPath, ADirectoryThatOthersEnterIsRefusedWithItsModeAndARemedy) {
   const struct {
     mode_t mode;
     bool private_to_owner;
-    const char* fault;  // part of the expected fault; null: no fault
+    const char* fault;  // part of the expected error message; null: no error
   } cases[] = {{0700, true, nullptr},  {0710, true, "0710"},  {0755, true, "chmod 700"},  {0711, false, nullptr},
                {0750, false, nullptr}, {0770, false, "0770"}, {0777, false, "chmod go-w"}};
   for (const auto& c : cases) {

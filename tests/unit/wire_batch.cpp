@@ -88,7 +88,8 @@ TEST(Batch, OfNoNodesIsEmptyNotAbsent) {
 TEST(Batch, WritingToReceivedColumnsLeavesTheFrameAsItCame) {
   const std::vector<double> memory = {1.0, 2.0};
   Batch batch = Batch::over({kJump}, std::as_bytes(std::span(memory)));
-  EXPECT_EQ(std::as_const(batch).f64(Field::kVelocityJump).data(), memory.data());  // reading makes no copy
+  // f64() gives a view of the memory and no copy
+  EXPECT_EQ(std::as_const(batch).f64(Field::kVelocityJump).data(), memory.data());
   batch.f64(Field::kVelocityJump)[1] = 7.0;
   EXPECT_THAT(std::as_const(batch).f64(Field::kVelocityJump), ElementsAre(1.0, 7.0));
   EXPECT_THAT(memory, ElementsAre(1.0, 2.0));
@@ -96,7 +97,8 @@ TEST(Batch, WritingToReceivedColumnsLeavesTheFrameAsItCame) {
 
 TEST(Batch, SoundColumnsAreTaken) {
   EXPECT_EQ(refusal({kJump, kPressure, kRegime}, 35), "");
-  EXPECT_EQ(refusal({kRegime, kPressure, kJump}, 40), "");  // columns in any order, spare bytes at the end
+  // columns may come in any order, with spare bytes after the last
+  EXPECT_EQ(refusal({kRegime, kPressure, kJump}, 40), "");
   EXPECT_EQ(refusal({kJump, with(kPressure, [](Column& c) { c.field = Field::kVelocityJump, c.component = 1; })}, 32),
             "");
   EXPECT_EQ(refusal({}, 0), "");
@@ -119,7 +121,7 @@ TEST(Batch, DamagedColumnsAreNamed) {
   EXPECT_THAT(refusal(std::vector<Column>(kMaxColumns + 1, kJump), 32), HasSubstr("33 columns, at most 32"));
 }
 
-// Sums that overflow 64 bits must not pass as small numbers.
+// Sums of counts and offsets that overflow 64 bits must not pass as small numbers.
 TEST(Batch, EnormousCountsAndOffsetsAreOutside) {
   for (std::uint64_t huge : {~0ULL, ~0ULL / 8, ~0ULL / 8 + 1, 1ULL << 61, 1ULL << 63, 3ULL}) {
     EXPECT_THAT(refusal({with(kJump, [&](Column& c) { c.count = huge; })}, 16), HasSubstr("needs")) << huge;

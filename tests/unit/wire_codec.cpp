@@ -28,7 +28,7 @@ Message decoded(const Frames& frames) {
   return message;
 }
 
-// Returns the status with which decode() refuses the frames, or kOk if it accepts them.
+// Returns the status with which decode() refuses the frames, kOk if it accepts them.
 template <typename Message>
 Status refusal(const Frames& frames) {
   Message message;
@@ -50,7 +50,7 @@ TEST(Codec, EveryRequestArrivesAsItWasSent) {
     EXPECT_EQ(again.sequence, request.sequence);
     EXPECT_EQ(again.epoch, request.epoch);
     EXPECT_EQ(again.body.index(), request.body.index());
-    EXPECT_EQ(samples::frames_of(again).frames, frames.frames);  // every field survives, payload included
+    EXPECT_EQ(samples::frames_of(again).frames, frames.frames);  // every field survives encoding and decoding
   }
 }
 
@@ -67,7 +67,7 @@ TEST(Codec, EveryReplyArrivesAsItWasSent) {
   }
 }
 
-// ---- bytes built here by hand, as another implementation or an attacker would build them ----
+// ---- message bytes built by hand, as another implementation or an attacker would build them ----
 
 std::string varint(std::uint64_t value) {
   std::string out;
@@ -122,13 +122,14 @@ TEST(Codec, WhatIsNoMessageIsMalformed) {
   EXPECT_EQ(code_of("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), Code::kMalformed);
   EXPECT_EQ(code_of("hello"), Code::kMalformed);
   EXPECT_EQ(code_of(std::string(100, '\0')), Code::kMalformed);
-  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);  // without the magic number
+  // a message without the magic number
+  EXPECT_EQ(code_of(field(2, 1) + field(kCommitField, std::string())), Code::kMalformed);
   EXPECT_THAT(refusal<Request>(header_only(fixed32(1, 0x31425354) + field(2, 1))).text,
               HasSubstr("magic 0x31425354, expected 0x31425353"));
   EXPECT_EQ(code_of(envelope()), Code::kMalformed);                      // a header without a body
   EXPECT_EQ(code_of(field(1, kMagic) + field(2, 1)), Code::kMalformed);  // magic number as varint, not as fixed32
   EXPECT_EQ(code_of(envelope() + field(kCommitField, std::string()) + varint(50 << 3 | 3)),
-            Code::kMalformed);  // start of a group (wire type 3)
+            Code::kMalformed);  // wire type 3, the start of a group
 }
 
 TEST(Codec, TwoMessagesInOneFrameAreNotMerged) {
@@ -146,7 +147,7 @@ TEST(Codec, OtherMajorVersionIsNamedBesideOurs) {
   const Status status = refusal<Request>(header_only(envelope(7, 3) + field(kCommitField, std::string())));
   EXPECT_EQ(status.code, Code::kVersion);
   EXPECT_THAT(status.text, HasSubstr("message of protocol 7.3, this side speaks 1.0"));
-  // The version is reported even if the rest of the message has a form that this version cannot read.
+  // The version is reported even if the rest of the message has a form that this version of the protocol cannot read.
   EXPECT_EQ(code_of(envelope(7, 3) + envelope(7, 3)), Code::kVersion);
 }
 
@@ -168,7 +169,7 @@ TEST(Codec, VerbOfALaterVersionIsUnsupported) {
 TEST(Codec, IdentityIsLeftForTheAnswer) {
   Request request = samples::request("downscale");
   std::string header = encode_header(request);
-  header.back() = static_cast<char>(header.back() ^ 0x40);  // flips one bit in the body
+  header.back() = static_cast<char>(header.back() ^ 0x40);  // flips one bit in the body of the message
   header += field(200, 1);
   Request found;
   EXPECT_THROW(decode(header_only(header).views(), found), Error);
@@ -193,10 +194,10 @@ TEST(Codec, SessionIdsHaveSixteenBytesOrNone) {
 }
 
 TEST(Codec, ValuesOutsideTheirEnumAreRefused) {
-  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 3))), Code::kMalformed);  // no mode has the number 3
+  EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 3))), Code::kMalformed);  // 3 is no number of a mode
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, std::string()))).text,
               HasSubstr("downscale.mode is not given"));
-  // The wanted column 5 is no column of a reply, column 30 is one.
+  // A request may ask for column 30, which replies have, but not for column 5, which they lack.
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 5))), Code::kShape);
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, 30))), Code::kOk);
   EXPECT_THAT(refusal<Request>(header_only(envelope() + field(kDownscaleField, field(5, 3)))).text,
@@ -221,7 +222,7 @@ TEST(Codec, UnknownFieldBombsAreRefused) {
   std::string small;
   while (small.size() < kMaxHeaderBytes - 100) small += field(100, 1);
   EXPECT_EQ(code_of(envelope() + small), Code::kMalformed);
-  std::string columns;  // empty sub-messages: 20 bytes of memory for each byte sent
+  std::string columns;  // empty sub-messages, which take 20 bytes of memory for each byte sent
   while (columns.size() < kMaxHeaderBytes - 200) columns += field(3, std::string());
   Frames frames = header_only(envelope() + field(8, field(1, 8) + columns) + field(kDownscaleField, field(5, 1)));
   frames.frames.emplace_back(8);
@@ -229,7 +230,7 @@ TEST(Codec, UnknownFieldBombsAreRefused) {
   std::string wanted;
   while (wanted.size() < kMaxHeaderBytes - 200) wanted += varint(30);
   EXPECT_EQ(code_of(envelope() + field(kDownscaleField, field(5, 1) + field(7, wanted))), Code::kShape);
-  std::string nested = field(1, std::string());  // nested deeper than any message of the protocol
+  std::string nested = field(1, std::string());  // messages nested deeper than any message of the protocol
   for (int i = 0; i < 200; ++i) nested = field(1, nested);
   EXPECT_EQ(code_of(envelope() + field(kHelloField, field(77, nested))), Code::kMalformed);
 }
@@ -256,7 +257,7 @@ TEST(Codec, ReplyHasABodyExactlyWhenItIsOk) {
   EXPECT_EQ(refusal<Reply>(samples::frames_of(reply)).code, Code::kMalformed);
   reply.status.code = Code::kUnspecified;
   EXPECT_EQ(refusal<Reply>(samples::frames_of(reply)).code, Code::kMalformed);
-  reply.status.code = Code::kUnreachable;  // this code is only for the client's own use
+  reply.status.code = Code::kUnreachable;  // a code that only the client library itself uses, never a server
   EXPECT_EQ(refusal<Reply>(samples::frames_of(reply)).code, Code::kMalformed);
 }
 
@@ -325,7 +326,7 @@ TEST(Codec, PayloadIsReadFromAnyAddress) {
   }
 }
 
-// ---- damage ----
+// ---- damaged frames ----
 
 template <typename Message>
 void expect_no_truncation_passes(const std::vector<std::pair<std::string, Message>>& messages) {
@@ -345,8 +346,8 @@ void expect_no_truncation_passes(const std::vector<std::pair<std::string, Messag
 }
 
 TEST(Codec, TruncationAtAnyByteIsRefused) {
-  // In every sample the last field of the header is the body, or comes after it. No truncated header is a valid
-  // message.
+  // No header of a sample is a valid message when its end is cut off: the last field of each is the body or a field
+  // after the body.
   expect_no_truncation_passes(samples::requests());
   expect_no_truncation_passes(samples::replies());
 }
@@ -360,9 +361,9 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       flipped.frames[1][bit / 8] ^= std::byte(1U << bit % 8);
       EXPECT_EQ(refusal<Message>(flipped).code, Code::kChecksum) << name << " payload bit " << bit;
     }
-    // The header has no checksum of its own (it relies on that of the transport). A flipped bit is refused, or it
-    // changes the decoded message, or it turns the 1 of a bool into another nonzero number, which decodes to the same
-    // message.
+    // The header of a message has no checksum of its own (it relies on that of the transport). A flipped bit makes
+    // decode() refuse the message, or changes the decoded message, or turns the 1 of a bool into another nonzero
+    // number, which decodes to the same message.
     std::size_t unseen = 0;
     for (std::size_t bit = 0; bit < 8 * whole.frames[0].size(); ++bit) {
       Frames flipped = whole;
@@ -375,7 +376,7 @@ void expect_flips_are_seen(const std::vector<std::pair<std::string, Message>>& m
       }
       if (samples::frames_of(found).frames == whole.frames) ++unseen;
     }
-    EXPECT_LE(unseen, 2 * 6U) << name;  // a sample has at most two bools; 6 flips of a bool change nothing
+    EXPECT_LE(unseen, 2 * 6U) << name;  // a sample has at most two bools, and 6 flips of a bool change nothing
   }
 }
 

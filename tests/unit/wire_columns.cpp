@@ -28,7 +28,7 @@ const char* name_of(Element element) {
   return element == Element::kFloat64 ? "float64" : element == Element::kUint64 ? "uint64" : "uint8";
 }
 
-// The table of WIRE.md, "The payload", is written by hand and must have one line for each row of column_rows().
+// The table of WIRE.md, "The payload", is written by hand. It must have one line for each row of column_rows().
 TEST(Columns, StandInTheContractAsInTheirRows) {
   const std::string page = text_of("proto/WIRE.md");
   for (const ColumnRow& row : column_rows()) {
@@ -57,7 +57,7 @@ TEST(Columns, UnitsInFilesAreUdunitsText) {
   EXPECT_THAT(units, ElementsAre("1", "J m-2", "K", "Pa", "Pa s m-1", "kg m-2", "m s-1", "s-1"));
 }
 
-// The name of a column ends in its unit if the quantity has one.
+// The name of a column ends in the unit of its quantity, if the quantity has a unit.
 TEST(Columns, NamesEndInTheirUnit) {
   const auto suffix = [](const std::string& unit) -> std::string {
     if (unit == "1/s") return "_per_s";

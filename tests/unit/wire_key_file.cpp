@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-// A key that begins with "#" and yet is no comment, because comments begin with "# ".
+// A valid key that begins with "#": comments of a key file begin with "# ".
 const std::string kKey = "#bcdefghijklmnopqrstuvwxyz0123456789.-:+";
 
 class KeyFiles : public testing::Test {

@@ -22,7 +22,7 @@ TEST(Utf8, AcceptsCharactersAndNothingElse) {
 TEST(Utf8, ReplacesEveryInvalidByte) {
   EXPECT_EQ(as_utf8("a\xFF\xC2z", 10), "a??z");
   EXPECT_EQ(as_utf8("\xE2\x82", 10), "??");
-  EXPECT_EQ(as_utf8("\xED\xA0\x80", 10), "???");  // a surrogate is not a character
+  EXPECT_EQ(as_utf8("\xED\xA0\x80", 10), "???");  // the UTF-8 bytes of a surrogate are no character
 }
 
 TEST(Utf8, CutsBetweenCharacters) {

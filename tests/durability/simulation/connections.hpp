@@ -47,13 +47,13 @@ class SimulatedConnection final : public Connection {
   Clock::time_point now() const override { return world_.now(); }
   void pause(std::chrono::milliseconds time) override { world_.next(0, now() + time); }
 
-  bool dies_next = false;  // the client dies right after it has sent its next call
+  bool dies_next = false;  // the client dies right after it has sent the next request
 
  private:
   World& world_;
 };
 
-// Calls a service directly: no message is lost, and the service never dies.
+// A connection that calls a service directly: no message is lost, and the service never dies.
 class DirectConnection final : public Connection {
  public:
   explicit DirectConnection(support::ServiceHarness& harness) : Connection({}), harness_(harness) {}
@@ -72,7 +72,7 @@ class DirectConnection final : public Connection {
   support::ServiceHarness& harness_;
 };
 
-// Repeats the call until it is answered, at most 1000 times. Rethrows refusals, except that of a full disk.
+// Repeats the call until it is answered, at most 1000 times. Rethrows every refusal except that of a full disk.
 template <typename Call>
 auto insist(const Call& call) {
   for (int tries = 0;; ++tries) {

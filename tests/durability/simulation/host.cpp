@@ -107,7 +107,7 @@ void Host::register_some() {
     } else {
       ids.push_back(ledger_.next_id++);
     }
-  // Sometimes adds an id that is in use, which the server must refuse.
+  // With some probability adds the id of an existing node, which makes the server refuse the request.
   if (world_.chance(10) && !ledger_.nodes.empty()) ids.push_back(*ledger_.nodes.begin());
   if (both([&] { return session_.register_nodes(ids), 0; }, [&] { reference_.register_nodes(ids); }) == Code::kOk)
     ledger_.add(ids);

@@ -1,4 +1,4 @@
-// A host of the simulation. It steps its session and changes its nodes at random, and repeats each answered call on the
+// A host of the simulation. It steps its session and changes its nodes at random. Each answered call is repeated on a
 // reference service, whose answers must have the same bits.
 #pragma once
 
@@ -18,18 +18,18 @@ namespace shearbus::simulation {
 
 using wire::Strategy;
 
-// The nodes that must exist in a domain, and the offers of nodes from one session to another. The simulated and the
-// reference server give an offer different ids.
+// The nodes that must exist in a domain, and the offers of nodes from one session to another. The simulated server and
+// the reference server give the same offer different ids.
 struct Ledger {
   struct Offer {
     unsigned giver;
     TransferId transfer;
     TransferId of_reference;
     std::vector<std::uint64_t> nodes;
-    bool waits = true;  // true until the offer is accepted or withdrawn
+    bool waits = true;  // the offer is neither accepted nor withdrawn
   };
   std::multiset<std::uint64_t> nodes;
-  std::vector<std::uint64_t> free;  // ids of retired nodes, to be used again
+  std::vector<std::uint64_t> free;  // ids of retired nodes, which may be registered again
   std::vector<Offer> offers;
   std::uint64_t next_id = 1000;
 
@@ -83,14 +83,14 @@ class Host {
   void accept_one();
 
   void mark();
-  // Tries to roll back to one of the last marks. The mark may be deleted, or may contain nodes that another host owns
-  // now.
+  // Asks for a rollback to one of the last marks. The server refuses if the mark was deleted or contains nodes that
+  // another host owns now.
   void go_back();
 
   void ask_nonsense();
 
   // Lets the client die after it has sent a request, and resumes the session with a new client. The new client learns
-  // whether the request was executed, and from then on no packet of the dead client may be executed. Offered nodes must
+  // whether the request was executed. From then on no packet of the dead client may be executed, and offered nodes must
   // not be lost.
   void die_and_be_succeeded();
 

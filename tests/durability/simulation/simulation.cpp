@@ -1,10 +1,10 @@
 // Clients and server in one thread, on a network that loses, repeats, delays and reorders packets, and on a disk that
-// fails at any of its calls, or whose machine dies during the call. A seed determines everything. The reference is a
-// server that runs undisturbed: each answered call is repeated there, and the two answers must have the same bits. A
-// request that is lost after its answer (P1), runs twice (P2), changes the state although refused (P3) or comes from a
-// dead client (P4), a damaged checkpoint that is loaded (P5), and a replay that differs (P6) therefore all show as a
-// difference at the next step. Hosts register, retire and hand over nodes. A ledger holds every node that must exist;
-// at the end each of these nodes must be in exactly one session or waiting offer.
+// fails at any of its calls, or whose machine dies during the call. A seed determines everything. Each answered call is
+// repeated on a reference server that runs undisturbed, and the two answers must have the same bits. Six faults
+// therefore show as a difference at the next step: a request that is lost after its answer (P1), runs twice (P2),
+// changes the state although refused (P3) or comes from a dead client (P4), a damaged checkpoint that is loaded (P5),
+// and a replay that differs (P6). Hosts register, retire and hand over nodes. A ledger holds every node that must
+// exist; at the end each of these nodes must be in exactly one session or waiting offer.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -19,7 +19,7 @@
 namespace shearbus::simulation {
 namespace {
 
-// Requires that every node of the ledger exists exactly once: in a host's session or in an offer that waits to be
+// Requires that every node of the ledger exists exactly once: in the session of a host, or in an offer that waits to be
 // accepted.
 void expect_none_lost_and_none_twice(const Ledger& ledger, std::span<const std::unique_ptr<Host>> hosts) {
   std::multiset<std::uint64_t> found;
@@ -49,7 +49,7 @@ void simulate(unsigned seed, Tally& tally) {
 }
 
 // Seed 2682 found a bug with a late copy of an opening request that had met a full disk. Seed 1407 found a bug with a
-// checkpoint that was not listed and existed longer than its journal.
+// checkpoint that was missing in the list of checkpoints and existed longer than its journal.
 TEST(Simulation, SeedsThatOnceFoundABugFindNone) {
   Tally tally;
   for (const unsigned seed : {1407U, 2682U}) {

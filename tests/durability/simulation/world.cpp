@@ -46,7 +46,7 @@ void World::start() {
   try {
     server_ = std::make_unique<DurableServer>(disk_, durability_, ++epoch_ << 32, 1 + random() % 2);
   } catch (const store::StorageError&) {
-    crash();  // the machine may also die during recovery
+    crash();  // the machine may also die while the new server recovers
   }
   if (disk_.dead()) crash();
 }
@@ -58,7 +58,7 @@ void World::crash() {
     disk_.die_of_power(random);
   else
     disk_.die_of_process();
-  // The connections to the dead server end, so packets on their way to it are lost.
+  // The connections to the dead server have ended, so all packets on their way to it are lost.
   std::erase_if(network_, [](const auto& entry) { return entry.second.to_server; });
   if (chance(6)) damage_a_checkpoint();
   back_at_ = now_ + std::chrono::milliseconds(random() % 400);
@@ -81,7 +81,7 @@ void World::deliver(const Packet& packet) {
   if (!server_) return;
   const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
   auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1));
-  // If the server dies here, its answer is never sent.
+  // A server that dies after it has run a request never sends its answer.
   if (disk_.dead() || server_->service.failed() || chance(60)) return crash();
   if (answer)
     transmit(

@@ -1,4 +1,4 @@
-// The surroundings of a simulated server: a clock, a network that loses, repeats, delays and reorders packets, and a
+// The environment of a simulated server: a clock, a network that loses, repeats, delays and reorders packets, and a
 // disk that fails at any of its calls or whose machine dies during the call. The seed determines everything.
 #pragma once
 
@@ -33,7 +33,7 @@ struct Packet {
   std::vector<std::byte> payload;
 };
 
-// Counts of the events of a run, for its report.
+// Counts of the events of a simulation, for its report.
 struct Tally {
   std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0,
                 checkpoints = 0, node_changes = 0, moved = 0, refused = 0;
@@ -47,9 +47,9 @@ class World {
   Clock::time_point now() const { return now_; }
   std::uint64_t new_socket() { return ++last_socket_; }
 
-  // Sends the packet on its way; the network may lose it, send it twice or delay it.
+  // Gives the packet to the network, which may lose it, deliver it twice or delay it.
   void transmit(Packet packet);
-  // Returns the next packet for this socket, or nothing if `until` comes first.
+  // Returns the next packet for `socket`, or nothing if the time `until` comes first.
   std::optional<Packet> next(std::uint64_t socket, Clock::time_point until);
 
   std::mt19937 random;
@@ -64,7 +64,7 @@ class World {
   Tally& tally_;
   MemoryStorage disk_;
   std::set<std::string> damaged_;
-  std::unique_ptr<DurableServer> server_;  // null while the server is down
+  std::unique_ptr<DurableServer> server_;  // null while no server runs
   std::uint64_t epoch_ = 0;
   std::uint64_t last_socket_ = 0;
   Clock::time_point now_{};

@@ -17,7 +17,8 @@ namespace {
 constexpr double kMostSteps = 1e9;
 constexpr double kWhole = 1e-6;  // relative tolerance of a time to a whole number of steps
 
-// Returns a message about the first fault in the ranges or times, or an empty text if there is none.
+// Returns a message about the first fault in the ranges or in the times of observation, or an empty text if there is
+// none.
 std::string fault_of(const CommandOptions& options) {
   for (const auto* range : {&options.pressures_pa, &options.velocities_m_per_s})
     if (!((*range)[0] < (*range)[1])) return "--pressure and --velocity want the lower value first";

@@ -16,8 +16,8 @@ std::vector<double> slip_share(const Map& map, const Observation& seen) {
   return shares;
 }
 
-// The share is 1 - V_y / V, where V_y = h s / (G0 t) is the elastic part of the imposed velocity V. V_y changes little
-// between neighbouring nodes of the map, so V_y is interpolated rather than the share.
+// The layer has carried the share 1 - V_y / V of the imposed velocity V plastically, where V_y = h s / (G0 t) is the
+// elastic part. Between neighbouring nodes of the map V_y changes little, so V_y is interpolated rather than the share.
 Line velocity_of_share(const Map& map, const Observation& seen, double share) {
   const std::vector<double> shares = slip_share(map, seen);
   const std::vector<double>& velocities = map.axes.velocity_m_per_s;
@@ -48,8 +48,9 @@ Line velocity_of_melting(const Map& map, double time_s) {
       const double melted = map.melting_time_s[map.axes.node(p, v)];
       if (!(melted <= time_s)) continue;
       if (v == 0) break;
-      // Interpolates between node v, which has melted by `time_s`, and the slower node v - 1. The melting time is taken
-      // as a power of the velocity. If the slower node never melts, the exponent is that between the nodes v and v + 1.
+      // Interpolates the velocity between node v, which has melted by `time_s`, and the slower node v - 1. The melting
+      // time is assumed to be a power of the velocity. If the slower node never melts, the exponent is that between the
+      // nodes v and v + 1.
       const double before = map.melting_time_s[map.axes.node(p, v - 1)];
       const bool known = before > melted;
       const double faster = v + 1 < velocities.size() ? map.melting_time_s[map.axes.node(p, v + 1)] : melted;

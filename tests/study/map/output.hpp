@@ -1,5 +1,5 @@
-// Writes a map as nodes.csv, with one row per node and time of observation, and map.json, with axes, lines, scene and
-// versions.
+// Writes a map of pressures and velocities as two files: nodes.csv has one row per node and time of observation,
+// map.json has axes, lines, scene and versions.
 #pragma once
 
 #include <filesystem>
@@ -9,8 +9,8 @@
 
 namespace shearbus::map {
 
-// Smallest share of the imposed slip that the layer must carry for the velocity-driven model to be valid. The server
-// marks steps with the same limit.
+// Smallest share of the imposed slip that the layer must carry for the velocity-driven model to be valid. By the same
+// limit a server marks a step as outside the domain.
 inline constexpr double kDomainShare = 0.9;
 
 void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);

@@ -1,5 +1,5 @@
-// A sweep of constant pressures and velocity jumps through the velocity-driven model. Every pair is a node, and all
-// nodes are one batch of a server inside this process.
+// A sweep of constant pressures and velocity jumps through the velocity-driven model. Every pair of a pressure and a
+// velocity jump is a node, and all nodes are one batch of a server inside this process.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ struct Axes {
 // Returns `count` values from `low` to `high`; neighbouring values have the same ratio.
 std::vector<double> log_spaced(double low, double high, std::size_t count);
 
-// The state of the map at one time; one value per node.
+// The nodes of the map at one time of observation; each array has one value per node.
 struct Observation {
   double time_s = 0.0;
   std::vector<double> shear_stress_pa;
@@ -37,7 +37,7 @@ struct Map {
   Axes axes;
   double dt_s = 0.0;
   std::vector<Observation> observations;
-  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt  [s]; NaN: did not melt
+  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt; NaN: the node did not melt  [s]
   std::string scene_name;
   std::string effective_scene;  // the scene with all defaults filled in, as TOML
   std::string server_version;
@@ -45,13 +45,13 @@ struct Map {
 };
 
 struct SceneText {
-  std::string text;  // the scene as TOML
-  std::string file;  // file name of the text, for messages
+  std::string text;  // the scene of the map as TOML
+  std::string file;  // name of the file that contains `text`, for error messages
 };
 
 // Steps all nodes of the map with the scene up to the last of the times `times_s`, and observes the nodes at each of
-// them. The times must be increasing multiples of dt_s. Throws Error for a scene in which the imposed jump is not
-// carried by the layer, that is, one without the drive "layer_shear".
+// these times. The times must be increasing multiples of dt_s. Throws Error if the layer of the scene does not carry
+// the imposed jump, that is, unless drive is "layer_shear".
 Map sweep(const SceneText& scene, const Axes& axes, const std::vector<double>& times_s, double dt_s);
 
 }  // namespace shearbus::map

@@ -1,4 +1,4 @@
-// Inputs and answer of one node in one step, on which the invariants are stated.
+// Inputs and answer of one node in one step: the quantities to which the checks of the invariants apply.
 #pragma once
 
 #include <algorithm>
@@ -9,38 +9,39 @@
 
 namespace shearbus::testing {
 
-// Upper bound of the number of substeps of a step under a tolerance. A step that is divided because it has several
-// solutions has at most 64 substeps.
+// Upper bound of the number of substeps of any step. Without a tolerance a step has at most 64 substeps.
 inline constexpr int kMostParts = 1 << 22;
 
 // Inputs and answer of one node in one step, projected on the direction of the answer. The struct does not name the
-// solver, so that correct models and wrong solvers are checked alike.
+// solver, so that the same checks apply to correct models and to deliberately wrong solvers.
 struct Answered {
-  double dt = 0.0;        // [s]
-  double pressure = 0.0;  // [Pa]
+  double dt = 0.0;        // step length [s]
+  double pressure = 0.0;  // compression of the contact [Pa]
   double jump_old = 0.0, jump_new = 0.0, slip = 0.0;
-  double jump_length = 0.0;  // length of the jump vector; its last digit bounds the accuracy of the projections
+  // length of the vector [V] before the projection; its last digit limits the accuracy of the projected values  [m/s]
+  double jump_length = 0.0;
   double stress_old = 0.0, stress = 0.0;
   double T0 = 0.0, heat = 0.0;
-  double driven = 0.0;         // change of the velocity jump by the far stresses, DLP (61)  [m/s]
-  double driven_size = 0.0;    // |change by the soft side's stress| + |change by the hard side's stress|  [m/s]
-  double per_stress = 0.0;     // decrease of the velocity jump per interface stress  [m/(s Pa)]
+  double driven = 0.0;       // change of the velocity jump by the far stresses of both bodies, DLP (61)  [m/s]
+  double driven_size = 0.0;  // the same change with absolute values: dt (|s_soft|/m_soft + |s_hard|/m_hard)  [m/s]
+  double per_stress = 0.0;   // decrease of the velocity jump per interface stress, dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
   double plastic_drive = 0.0;  // slip velocity from the plastic strain rate of the host's zone, sqrt(3) h Ep_dot  [m/s]
   double junction_strain = 0.0;
-  bool sticks = false;  // the interface does not slip at the end of the step; set only for a plastic layer
+  bool sticks = false;  // the interface sticks at the end of the step; set only for a model with a plastic layer
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
-  bool controlled = false;  // the model has a tolerance and may use any number of substeps
+  bool controlled = false;  // the model has a tolerance, so that any step may consist of substeps
 
   bool divided() const { return (outcome & kSubstepped) != 0; }
-  // Upper bound of the number of substeps. The answer of a step in substeps consists of means, sums and final values.
+  // Upper bound of the number of substeps of this step. If the bound is above 1, the answer consists of means, sums and
+  // final values of the substeps.
   int parts() const { return divided() || controlled ? kMostParts : 1; }
   bool in_parts() const { return parts() > 1; }
   double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
 };
 
-// Reads one lane of a rig after a step; rig.trial is then the state before the step. Vectors with two components are
-// projected on the direction of the answered stress or, if the stress is 0, of the slip or of the new jump.
+// Reads one lane of a rig after a step; rig.trial is then the state before the step. A vector with two components is
+// projected on the direction of the answered stress; if the stress is 0, on that of the slip, or else of the new jump.
 inline Answered answered(const Rig& rig, int lane, double dt) {
   const TileInputs& in = rig.inputs;
   const TileOutputs& out = rig.outputs;
@@ -86,8 +87,10 @@ inline Answered answered(const Rig& rig, int lane, double dt) {
   return a;
 }
 
-inline constexpr double kProductOfDenormals = 1e-290;  // absolute tolerance of products of denormal inputs
+// absolute tolerance in comparisons of products of denormal numbers
+inline constexpr double kProductOfDenormals = 1e-290;
 
-inline constexpr double kSleeperGrain = 1e-9;  // error of a sleeping node's temperatures, stored as modes  [K]
+// error of the temperatures of a sleeping node, which keeps its heat in modes [K]
+inline constexpr double kSleeperGrain = 1e-9;
 
 }  // namespace shearbus::testing

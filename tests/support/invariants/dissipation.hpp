@@ -6,7 +6,7 @@
 
 namespace shearbus::testing {
 
-// Requires that friction dissipates: stress times slip velocity, s [v], and the heat are not negative.
+// Requires that friction dissipates: neither stress times slip velocity, s [v], nor the friction heat is negative.
 inline void require_dissipation(const Answered& a) {
   require(a.stress * a.slip >= 0.0, "s [v] < 0: s {}, [v] {}", a.stress, a.slip);
   require(a.heat >= 0.0, "heat {} < 0", a.heat);

@@ -12,13 +12,13 @@ namespace shearbus::testing {
 // Counts and largest residuals over all node-steps of a run.
 struct Figures {
   long node_steps = 0;
-  std::array<long, 5> in_regime{};  // number of node-steps in each Regime
+  std::array<long, 5> in_regime{};  // number of node-steps that ended in each Regime
   long divided = 0;                 // number of node-steps that were divided into substeps
   long several = 0;                 // number of node-steps with several solutions
   long flowing = 0;                 // number of node-steps in which a plastic layer carries a stress
-  long flowing_resolved = 0;        // number of node-steps in `flowing` in which rounding does not hide the slip
+  long flowing_resolved = 0;        // number of node-steps of `flowing` in which rounding errors do not hide the slip
   double heat_residual = 0.0;       // largest residual of the heat balance, relative to the stored heat
-  double nearest_melting = std::numeric_limits<double>::infinity();  // smallest distance to melting, |T_melt - T|  [K]
+  double nearest_melting = std::numeric_limits<double>::infinity();  // smallest |T_melt - T| of a vertex [K]
   double over_limit = 0.0;  // largest excess of a stress over its limit, relative to the limit
 
   void add(const Figures& other) {

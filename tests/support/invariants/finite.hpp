@@ -1,4 +1,4 @@
-// Check that the answer exists and is finite.
+// Check that the answer of a step exists and is finite.
 #pragma once
 
 #include <cmath>

@@ -17,9 +17,8 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
   return ep;
 }
 
-// Requires that the stress of a layer is at most its flow stress, and equal to it where the layer flows, and that
-// plastic strain does not decrease. `grain` [K] is an error of the temperatures in addition to that of their last
-// digits.
+// Requires that the stress of a layer is at most its flow stress and equal to it where the layer flows, and that no
+// plastic strain decreases. `grain` is an error of the temperatures [K] in addition to that of their last digits.
 inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
@@ -31,9 +30,9 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
-    // `dep` over the step length is an upper bound of the strain rate, also of that in the last of several substeps. It
-    // has the rounding error of a difference of strains. Below the smallest rate at which the flow law depends on the
-    // rate, strain follows from stress through hardening alone, so the last digits of the stress are an error as well.
+    // The strain rate is at most `dep` over the step length, also in the last of several substeps. `dep` has the
+    // rounding error of a difference of strains. If the flow law ignores small rates, strain follows from stress
+    // through hardening alone, so the error of `dep` includes that of the last digits of the stress.
     const double dep = a.parts() * (ep - ep_old);
     const double T = profile[static_cast<std::size_t>(i)];
     const bool rated = properties_of(soft.flow_law).depends_on_rate;
@@ -47,9 +46,9 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     require(carried <= most * (1 + 1e-10), "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i,
             carried, most, T, ep);
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
-    // A vertex counts as flowing only if its strain increment is above the rounding error of the strain.
+    // A vertex counts as flowing only if its plastic strain increment exceeds the rounding error of the strain.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
-    if (a.in_parts()) continue;  // the vertex may have flowed in an earlier substep
+    if (a.in_parts()) continue;  // the vertex may have flowed in another substep than the last
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
     const double least = limit(T * (1 + kDigits) + grain, dep - noise);
     require(carried >= least * (1 - 1e-10),

@@ -1,4 +1,4 @@
-// Balance of the slip at the interface of a force-driven layer that flows, DLP (64).
+// Slip balance, DLP (64), of a force-driven step with a flowing layer.
 #pragma once
 
 #include <algorithm>
@@ -9,10 +9,10 @@
 
 namespace shearbus::testing {
 
-// Requires the slip balance DLP (64) for a flowing layer. It holds at the middle of the step if the interface slips,
-// and at the end of the step if the interface sticks.
+// Requires the slip balance DLP (64) of a flowing layer. If the interface slips, the balance holds at the middle of the
+// step; if it sticks, at the end.
 inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Figures& figures) {
-  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // without a stress there is no direction
+  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // signs refer to the stress
   const double d = std::copysign(1.0, a.stress);
   const double jump_old = d * a.jump_old, jump_new = d * a.jump_new;
   const double flow = (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane)) / a.dt;
@@ -29,8 +29,8 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
     require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");
   } else {
-    // An error of the stress limit is an error of the slip, for two reasons: the stress changes the velocity jump, DLP
-    // (61), and stress times slip is the heat that sets the limit.
+    // An error of the stress limit makes an error of the slip, for two reasons: the stress changes the velocity jump,
+    // DLP (61), and stress times slip is the heat on which the limit depends.
     const Limits limit = interface_limits(options, a, size);
     tolerance += (limit.upper - limit.lower) * (a.per_stress + std::abs(a.slip / a.stress));
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old + jump_new) + a.plastic_drive - flow), tolerance, "(64)");

@@ -9,13 +9,15 @@
 
 namespace shearbus::testing {
 
-// Returns true for a step of second order, which has two stages. Both contribute to its heat, but the answer contains
-// the stress of the second stage only.
+// Returns true for a step of second order. Both its stages contribute to the heat, but the answer contains the stress
+// of the second stage only.
 inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
   return options.time_integrator == TimeIntegrator::kSdirk2 && !(a.outcome & kFirstOrder);
 }
 
-// Requires that the heat which enters the conducting bodies is the fraction `share` of the friction work.
+// Requires that the heat of a step is the fraction `share` of the work: force-driven the work of the slip,
+// velocity-driven that of the imposed jump. Plastic-work heating with the Taylor-Quinney factor X gives between X times
+// this heat and all of it.
 inline void require_heat_of_work(const ModelOptions& options, double share, const Answered& a) {
   if (options.strategy == Strategy::kVelocityDriven) {
     if (a.in_parts() || of_two_stages(options, a)) return;

@@ -1,4 +1,4 @@
-// Balance of the slip of a velocity-driven layer, DLP (48).
+// Slip balance of a velocity-driven layer, DLP (37) and (56).
 #pragma once
 
 #include <algorithm>
@@ -20,9 +20,9 @@ inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
   const double elastic = h * (a.stress - a.stress_old) / options.soft.shear_modulus;
   const double direction = a.stress != 0.0 ? std::copysign(1.0, a.stress) : std::copysign(1.0, a.slip);
   const double plastic = direction * (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane));
-  // The tolerance contains the rounding error of strains, and the change of the flow by rounding errors of stress and
-  // temperature. In a step of several substeps it is larger, because during the step the stress may be larger, and the
-  // temperature nearer to melting, than at the end.
+  // Tolerance [m]: the rounding error of the strains, and the change of the flow by rounding errors of stress and
+  // temperature. Within a step of several substeps the stress may be larger, and the temperature nearer to melting,
+  // than at the end; the tolerance of this step is therefore larger.
   const double share = a.in_parts() ? 1e-3 : 1e-9;
   const double stress = a.in_parts() ? std::max(std::abs(a.stress), std::abs(a.stress_old)) : a.stress;
   const double resolution = 1e-15 * rig.plastic_slip(lane) +

@@ -1,4 +1,5 @@
-// Invariants 1 and 5 of MODEL.md, "What always holds": temperatures below melting, in their range and monotonic.
+// Invariants 1 and 5 of MODEL.md, "What always holds": temperatures stay below melting and in their range, and fall
+// with the distance from the interface where only the interface is heated.
 #pragma once
 
 #include <algorithm>
@@ -12,15 +13,15 @@
 
 namespace shearbus::testing {
 
-// Requires that a temperature T below melting stays there. `hottest` is the highest temperature before the step.
+// Requires that a temperature T is below T_melt, or not above `hottest`, the highest temperature before the step.
 inline void require_solid(double T, double T_melt, double hottest, Figures& figures) {
   require(T < T_melt || T <= hottest * (1 + 1e-15), "T {:.17g} K, melting {:.17g} K, hottest before {:.17g} K", T,
           T_melt, hottest);
   figures.nearest_melting = std::min(figures.nearest_melting, std::abs(T_melt - T));
 }
 
-// Requires that temperatures stay in their range, and that they fall with the distance from the interface if only the
-// interface is heated.
+// Requires that temperatures stay in their range. If only the interface is heated, they must also fall with the
+// distance from the interface.
 inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
@@ -32,18 +33,18 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
           after[interface]);
   double coldest = *std::min_element(before.begin(), before.end());
-  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // the row of the start value
+  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // the initial temperature
   const double hottest = *std::max_element(before.begin(), before.end());
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
   for (std::size_t i = 0; i < after.size(); ++i) {
     const double T = after[i];
     const int vertex = static_cast<int>(i) - static_cast<int>(interface);
     require(T >= coldest - grain, "vertex {} cools to {:.17g} K, below all before ({:.17g} K)", vertex, T, coldest);
-    // The melting temperature of the soft body does not bound the hard body. The hard body gets its heat through the
-    // interface, so its bound is the highest temperature before the step or the interface temperature T0.
+    // The melting temperature of the soft body is no bound of the hard body's temperatures. The hard body gets its heat
+    // through the interface, so its bound is the highest temperature before the step or the interface temperature T0.
     if (i < interface) {
-      // During substeps the interface may be hotter than T0, which is the temperature at the end of the step. A step of
-      // second order extrapolates and may exceed the bound by a few percent.
+      // T0 is the temperature at the end of the step; during substeps the interface may be hotter. A step of second
+      // order extrapolates in time and may exceed the bound by a few percent.
       const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
       const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
       require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,

@@ -1,5 +1,5 @@
-// The flow laws of this test program: those of the server and one more. The include path finds this file before the
-// server's file of the same name, so the solver is compiled with the longer list, without a change of the server.
+// The flow laws of this test program: those of the server and Bingham's law. The include path finds this file before
+// the server's file of the same name, so the solver is compiled with the longer list, without a change of the server.
 #pragma once
 
 #include <algorithm>
