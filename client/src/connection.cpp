@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <random>
@@ -151,7 +152,8 @@ std::string SocketConnection::own_public_key() const {
 
 void SocketConnection::watch_handshakes() {
   // The names must be unique in the context, which other clients and other copies of this library may share.
-  const std::string name = fmt::format("inproc://shearbus-client-{}-{}", static_cast<void*>(this), ++connections_);
+  static std::atomic<unsigned> counter{0};
+  const std::string name = fmt::format("inproc://shearbus-client-{}-{}", static_cast<void*>(&counter), ++counter);
   constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
                           ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
   void* context = own_context_ ? own_context_.get() : options().context;

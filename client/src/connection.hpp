@@ -116,7 +116,6 @@ class SocketConnection final : public Connection {
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<Posted> posted_;
   Waiting waiting_{};
-  unsigned connections_ = 0;                    // so far
   bool answered_ = false;                       // the server has answered before
   std::unique_ptr<void, CloseSocket> monitor_;  // events of the handshakes of socket_
   std::unique_ptr<void, CloseSocket>

@@ -43,7 +43,8 @@ bool asked_by_library() {
 
 }  // namespace
 
-void* operator new(std::size_t size) {
+// Not inlined: GCC 12 would see free() on what new returned.
+[[gnu::noinline]] void* operator new(std::size_t size) {
   if (allocations_left >= 0 && !looking) {
     looking = true;
     const bool ours = asked_by_library();
@@ -53,10 +54,10 @@ void* operator new(std::size_t size) {
   if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
   throw std::bad_alloc();
 }
-void operator delete(void* memory) noexcept {
+[[gnu::noinline]] void operator delete(void* memory) noexcept {
   std::free(memory);
 }
-void operator delete(void* memory, std::size_t) noexcept {
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept {
   std::free(memory);
 }
 

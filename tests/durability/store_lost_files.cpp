@@ -262,7 +262,7 @@ TEST(LostFiles, SettingAsideTwiceKeepsBoth) {
   }
   for (std::size_t round = 0; round < before.size(); ++round) {
     const std::string suffix = round == 0 ? ".unused" : ".unused-" + std::to_string(round + 1);
-    for (const std::string name : {segment_name(1), std::string(kIdentityName)}) {
+    for (const std::string& name : {segment_name(1), std::string(kIdentityName)}) {
       ASSERT_TRUE(disk.exists(name + suffix)) << name << suffix;
       EXPECT_EQ(disk.bytes(name + suffix), before[round].at(name)) << suffix;
     }

@@ -26,7 +26,7 @@ constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energ
 constexpr int kLocalSteps = 60;         // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
-constexpr int kGuardedSteps = 400;      // largest number of Newton steps with line search at one flux
+constexpr int kGuardedSteps = 4000;     // largest number of Newton steps with line search at one flux
 constexpr double kBalanced = 1e-6;      // largest accepted residual of the guarded search, relative to the stresses
 constexpr double kLeastStress =
     1e6;                       // a smaller stress is judged as this one: close to melting all stresses vanish [Pa]
