@@ -20,14 +20,15 @@ constexpr double kLocallyConverged = 1e-9;  // longest last step of the return t
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
 // Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
-constexpr double kOvershoot = 0.5;      // largest accepted slope beyond the minimum
-constexpr double kUndershoot = 0.5;     // largest accepted slope before the minimum, of a shortened step
-constexpr double kLeastDescent = 0.25;  // twice the smallest accepted decrease of the energy
-constexpr int kLocalSteps = 60;         // largest number of iterations of a return to the yield stress; 3 are usual
-constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
-constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
-constexpr int kGuardedSteps = 4000;     // largest number of Newton steps with line search at one flux
-constexpr double kBalanced = 1e-6;      // largest accepted residual of the guarded search, relative to the stresses
+constexpr double kOvershoot = 0.5;       // largest accepted slope beyond the minimum
+constexpr double kUndershoot = 0.5;      // largest accepted slope before the minimum, of a shortened step
+constexpr double kLeastDescent = 0.25;   // twice the smallest accepted decrease of the energy
+constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
+constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
+constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
+constexpr int kGuardedSteps = 400;       // largest number of Newton steps with line search at one flux
+constexpr int kMostGuardedSteps = 4000;  // the same in a second search, where the first one did not balance
+constexpr double kBalanced = 1e-6;       // largest accepted residual of the guarded search, relative to the stresses
 constexpr double kLeastStress =
     1e6;                       // a smaller stress is judged as this one: close to melting all stresses vanish [Pa]
 constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of a velocity
@@ -142,6 +143,7 @@ class Waves {
              1.0 + step.soft->pressure_coefficient * step.pressure +
                  step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
              step.soft->temperature_coefficient, step.soft->melting_temperature},
+        evaluations_(evaluations),
         evaluations_left_(evaluations) {
     const Material& soft = *step.soft;
     const int padded = (num_cells_ / kPacket + 1) * kPacket;
@@ -159,7 +161,11 @@ class Waves {
 
   WaveAnswer advance(int newton_steps) {
     if (!descend({}, newton_steps, false)) {
-      search();
+      search(kGuardedSteps);
+      if (!balanced()) {
+        evaluations_left_ = evaluations_;
+        search(kMostGuardedSteps);
+      }
       answer_.found = evaluations_left_ > 0 && balanced();
     }
     finish();
@@ -389,19 +395,19 @@ class Waves {
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
   // function q - heat_share * max(s[0] [V], 0) changes sign.
-  void search() {
+  void search(int steps) {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;
     double lo = 0.0;
     double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
-    descend(0.0, kGuardedSteps, true);
+    descend(0.0, steps, true);
     const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
       const double flux = 0.5 * (lo + hi);
-      descend(flux, kGuardedSteps, true);
+      descend(flux, steps, true);
       (made() > flux ? lo : hi) = flux;
     }
     evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
@@ -448,6 +454,7 @@ class Waves {
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
   WaveAnswer answer_;
+  int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;
   bool held_ = false;             // the friction limit mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
