@@ -19,6 +19,7 @@ ModelOptions controlled(Draw& draw, Strategy strategy) {
   options.grid.cells = draw.integer(1, 16);
   options.grid.matched = draw.chance(0.5);
   if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // DLP (48) divides by it
+  leave_out_costly_flow(options);
   return options;
 }
 
