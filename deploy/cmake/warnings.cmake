@@ -30,8 +30,10 @@ function(shearbus_library name)
   add_library(${name} SHARED ${LIB_SOURCES})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE shearbus_settings ${LIB_LINK})
-  target_link_options(${name} PRIVATE -Wl,--version-script=${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map -Wl,--as-needed
-                                     $<$<NOT:$<BOOL:${SHEARBUS_SANITIZE}>>:-Wl,-z,defs>)
+  target_link_options(${name} PRIVATE -Wl,--version-script=${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map -Wl,--as-needed)
+  if(NOT SHEARBUS_SANITIZE)  # the sanitizers' functions come from the program
+    target_link_options(${name} PRIVATE -Wl,-z,defs)
+  endif()
   set_target_properties(${name} PROPERTIES CXX_VISIBILITY_PRESET hidden SOVERSION 1 VERSION 1.0.0 LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/lib
                                            LINK_DEPENDS ${PROJECT_SOURCE_DIR}/deploy/cmake/exported_symbols.map)
 endfunction()

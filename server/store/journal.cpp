@@ -129,7 +129,7 @@ JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64
     if (!durable) return;
     file_->sync();
     storage.sync_directory();
-  } catch (const StorageError&) {
+  } catch (const std::exception&) {
     discard(storage, segment_name(number));
     throw;
   }

@@ -370,15 +370,18 @@ void Store::start_empty(const Found& found, Recovery& recovery, const std::strin
   publish_identity(identity_);
 }
 
-// Writes a new file, or removes what could be written of it and throws.
+// Writes a new file, or removes what could be written of it and throws. A file that exists already stays.
 void Store::write_new(const std::string& file, Bytes bytes, bool synced) {
-  const auto opened = storage_.create(file);
+  std::unique_ptr<File> opened;
   try {
+    opened = storage_.create(file);
     const std::array<Bytes, 1> parts = {bytes};
     opened->append(parts);
     if (synced) opened->sync();
-  } catch (const StorageError&) {
-    discard(storage_, file);
+  } catch (const std::exception& fault) {
+    // Without memory the file may have been made although create() threw.
+    const bool refused = opened == nullptr && dynamic_cast<const StorageError*>(&fault) != nullptr;
+    if (!refused) discard(storage_, file);
     throw;
   }
 }
@@ -392,7 +395,7 @@ void Store::publish_identity(const StoreIdentity& identity) {
   const std::string unfinished = kIdentityName + std::string(kUnfinished);
   try {
     storage_.rename(unfinished, kIdentityName);
-  } catch (const StorageError&) {
+  } catch (const std::exception&) {
     discard(storage_, unfinished);
     throw;
   }
@@ -413,7 +416,7 @@ void Store::start_segment() {
   identity.first_index = next_index_;
   try {
     write_identity(identity);
-  } catch (const StorageError&) {
+  } catch (const std::exception&) {
     discard(storage_, segment_name(number));
     throw;
   }

@@ -194,7 +194,7 @@ contains
     far_field%mass_hard = [12e-3_real64]
     call far_field%step(dt)
     call far_field%step(dt, stat=stat, msg=msg)
-    call refused('an answer that is not applied', 504, 'CLOSURE')
+    call refused('an answer that is not applied', 504, 'NOT_CLOSED')
     call far_field%close()
   end subroutine
 

@@ -244,7 +244,7 @@ class Forms(Live):
             sent = self.stick(1e-9)
             answer = bus.step(1e-9, **sent)
             sent["jump"] = (sent["stick_stress"] - factor * answer.stress) / sent["impedance"]
-            self.assert_refused(shearbus.ClosureError, "CLOSURE", lambda: bus.step(1e-9, **sent), "jump", text=text)
+            self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: bus.step(1e-9, **sent), "jump", text=text)
 
     def test_absent_nodes_cool_where_the_host_says_so(self):
         keep, opened, plain = (self.open(self.scene, closure="off") for _ in range(3))

@@ -142,6 +142,7 @@ class Waves {
              1.0 + step.soft->pressure_coefficient * step.pressure +
                  step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
              step.soft->temperature_coefficient, step.soft->melting_temperature},
+        evaluations_(evaluations),
         evaluations_left_(evaluations) {
     const Material& soft = *step.soft;
     const int padded = (num_cells_ / kPacket + 1) * kPacket;
@@ -159,7 +160,11 @@ class Waves {
 
   WaveAnswer advance(int newton_steps) {
     if (!descend({}, newton_steps, false)) {
-      search();
+      search(kGuardedSteps);
+      if (!balanced()) {
+        evaluations_left_ = evaluations_;
+        search(kMostGuardedSteps);
+      }
       answer_.found = evaluations_left_ > 0 && balanced();
     }
     finish();
@@ -390,19 +395,19 @@ class Waves {
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
   // function q - heat_share * max(s[0] [V], 0) changes sign.
-  void search() {
+  void search(int steps) {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;
     double lo = 0.0;
     double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
-    descend(0.0, kGuardedSteps, true);
+    descend(0.0, steps, true);
     const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
       const double flux = 0.5 * (lo + hi);
-      descend(flux, kGuardedSteps, true);
+      descend(flux, steps, true);
       (made() > flux ? lo : hi) = flux;
     }
     evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
@@ -449,6 +454,7 @@ class Waves {
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
   WaveAnswer answer_;
+  int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;
   bool held_ = false;             // the friction limit mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
