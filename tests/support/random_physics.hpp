@@ -27,8 +27,7 @@ class Draw {
   std::mt19937_64 random_;
 };
 
-// Gives the metal `m` Johnson and Cook's flow law. Constants of other flow laws become NaN, so that any use of them
-// shows.
+// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that any use of them shows.
 inline void follow_johnson_cook(Material& m, double B, double C, double rate, double exponent, double T_ref) {
   m.flow_law = FlowLaws::place<JohnsonCook>();
   m.hardening_modulus = B;
@@ -52,8 +51,7 @@ inline void adopt_flow_law(Material& m, const Material& from) {
   m.pressure_term = properties_of(from.flow_law).has_pressure_term ? own.pressure_term : PressureTerm::kLinear;
 }
 
-// Returns constants of the Preston-Tonks-Wallace law for tests. They resemble those for copper but describe no real
-// metal.
+// Returns test constants of the Preston-Tonks-Wallace law. They resemble those for copper but describe no real metal.
 inline Material preston_tonks_wallace_constants() {
   Material m;
   m.flow_law = FlowLaws::place<PrestonTonksWallace>();
@@ -91,8 +89,7 @@ inline Material random_preston_tonks_wallace(Draw& draw) {
   return m;
 }
 
-// Returns a lower bound of d ln(stress) / d ln(dep), the sensitivity of the flow stress to the plastic strain
-// increment.
+// Returns a lower bound of the sensitivity of the stress to the strain increment, d ln(stress) / d ln(dep).
 inline double flow_exponent(const Material& m) {
   const auto least = [&](std::initializer_list<double Material::*> exponents) {
     double exponent = 1.0;
@@ -104,16 +101,16 @@ inline double flow_exponent(const Material& m) {
   return least({&Material::hardening_exponent, &Material::rate_coefficient, &Material::overdriven_exponent});
 }
 
-// Returns the scale of plastic strains in the flow law. Rounding errors of strain differences are relative to this
-// scale or to the plastic strain, whichever is larger.
+// Returns the scale of strains in the flow law. Rounding errors of strain differences are relative to this scale or to
+// the plastic strain, whichever is larger.
 inline double strain_scale(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_coefficient) ? 1.0 / m.hardening_coefficient : 1.0;
 }
 
-// Relative rounding error of a stress or a temperature after several operations.
+// Relative rounding error of a stress or a temperature.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
-// Returns the uncertainty [m] of a layer's flow, integral(dep): the change of the flow if stress and temperatures
+// Returns the uncertainty of a layer's flow, integral(dep) [m]: the change of the flow if stress and temperatures
 // change in their last digits. Near melting, or if strain follows a high power of the stress, no answer is more
 // accurate. `grain` [K] is an additional error of the temperatures.
 inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
@@ -169,8 +166,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   }
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
   if (strategy == Strategy::kForceDriven && !options.plastic_layer) {
-    // one number decides, because junctions and velocity weakening exclude each other
-    const double part = draw.uniform(0.0, 1.0);
+    const double part = draw.uniform(0.0, 1.0);  // junctions and velocity weakening exclude each other
     if (part < 1.0 / 3.0) {
       Material metal = soft;
       metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
@@ -197,8 +193,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
-  // Draws the Preston-Tonks-Wallace law from a copy of the generator, so that scenes without this law are the same as
-  // before it was added.
+  // Draws from a copy of the generator, so that scenes without this flow law are the same as before it was added.
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
@@ -206,7 +201,13 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   return options;
 }
 
-// Draws the options of a layer with inertia, and other options that are valid together with inertia.
+// Leaves out the plastic layer of a force-driven model with a tolerance and a flow law that couples rate and temperature:
+// a step of such a node takes up to a second. PhysicsCombinations has this combination in shorter histories.
+inline void leave_out_costly_flow(ModelOptions& options) {
+  if (options.tolerance && !properties_of(options.soft.flow_law).separable) options.plastic_layer = false;
+}
+
+// Draws options with inertia, combined with options that are valid together with inertia.
 inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
   do {
@@ -220,7 +221,7 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   return options;
 }
 
-// Draws options with two tangential components, and other options that are valid together with them.
+// Draws options with two tangential components, combined with options that are valid together with them.
 inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = random_options(draw, strategy, extreme);
   options.drive = Drive::kLayerShear;
@@ -228,7 +229,7 @@ inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, 
   return options;
 }
 
-// The three solvers for the step of a node.
+// The solvers of a node.
 enum class Solver { kVelocityDriven, kForceDriven, kInertia };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
@@ -254,8 +255,7 @@ inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
 }
 
-// Draws the inputs of all lanes for one step: mostly a small change of the inputs of the last step, sometimes entirely
-// new values.
+// Draws the inputs of all lanes for one step: mostly a small change of the last step's, sometimes entirely new values.
 inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   for (int l = 0; l < kLanes; ++l) {
     TileInputs& in = rig.inputs;
@@ -282,8 +282,8 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   }
 }
 
-// Draws inputs for a model with two tangential components: scalar inputs, each of which becomes a vector in a random
-// direction of its own.
+// Draws inputs for a model with two components: scalar inputs, in which each vector is then turned by its own random
+// angle.
 inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
   random_inputs(draw, rig, extreme);
   const auto turn = [&](double& first, double& second) {

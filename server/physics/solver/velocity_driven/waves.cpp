@@ -15,19 +15,20 @@ namespace {
 using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
-constexpr double kConverged = 1e-11;        // Newton's steps end with one at most this long, relative to the unknowns
-constexpr double kLocallyConverged = 1e-9;  // largest last step in x of the return to the yield stress, over 1 + x
+constexpr double kConverged = 1e-11;        // longest last Newton step, relative to the unknowns; the next is rounding
+constexpr double kLocallyConverged = 1e-9;  // longest last step of the return to the yield stress at a vertex, relative
 constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
 // Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
-constexpr double kOvershoot = 0.5;   // largest slope of the energy beyond its minimum, over that at the start
-constexpr double kUndershoot = 0.5;  // largest slope before the minimum after a shortened step, over that at the start
-constexpr double kLeastDescent = 0.25;  // twice the least decrease of the energy, relative to step times first slope
-constexpr int kLocalSteps = 60;         // largest number of iterations of a return to the yield stress; 3 are usual
-constexpr int kLocalNewtonSteps = 12;   // iterations of the return at z = 0 after which every second one bisects
-constexpr int kBisections = 200;        // largest number of bisections of an interval, enough to reach rounding
-constexpr int kGuardedSteps = 4000;     // largest number of Newton steps with line search at one flux
-constexpr double kBalanced = 1e-6;      // largest accepted residual of the guarded search, relative to the stresses
+constexpr double kOvershoot = 0.5;       // largest accepted slope beyond the minimum
+constexpr double kUndershoot = 0.5;      // largest accepted slope before the minimum, of a shortened step
+constexpr double kLeastDescent = 0.25;   // twice the smallest accepted decrease of the energy
+constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
+constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
+constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
+constexpr int kGuardedSteps = 400;       // largest number of Newton steps with line search at one flux
+constexpr int kMostGuardedSteps = 4000;  // the same in a second search, where the first one did not balance
+constexpr double kBalanced = 1e-6;       // largest accepted residual of the guarded search, relative to the stresses
 constexpr double kLeastStress =
     1e6;                       // a smaller stress is judged as this one: close to melting all stresses vanish [Pa]
 constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of a velocity
@@ -36,8 +37,8 @@ constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of 
 //
 // In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
 // length of the step. The stress of the vertex is s = R(t). Below the yield stress s = t; above it
-//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) <= ceiling g,   x = beta dep / (1 + beta ep)
-// where strength = Y0 (1 + beta ep)^n / sqrt(3) and ceiling = Y_max / sqrt(3). R is odd and its slope lies in [0, 1].
+//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
+// R is odd and its slope lies in [0, 1].
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
@@ -47,14 +48,14 @@ struct ReturnLaw {
   double T_melt;    // melting temperature at P         [K]
 };
 
-// Inputs and results of the returns to the yield stress, one value per vertex.
+// Inputs and results of the returns, one value per vertex.
 struct ReturnRows {
   alignas(64) Row t;           // trial stress                                    [Pa]
   alignas(64) Row T;           // temperature                                     [K]
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
   alignas(64) Row compliance;  // growth of the hardening term x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
-  alignas(64) Row slope;       // slope of the stress s = R(t) over the trial stress t
-  alignas(64) Row softening;   // slope of the stress s = R(t) over the temperature  [Pa/K]
+  alignas(64) Row slope;       // slope of s over the trial stress t
+  alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
 };
 
 inline bool any_positive(const double (&value)[kPacket]) {
@@ -118,7 +119,7 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
       const double limit = law.ceiling * g[l];
       const bool capped = hardened[l] >= limit;
       const double s = capped ? limit : hardened[l];
-      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // slope ds/d(dep) over sqrt(3) G0
+      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // ds/d(dep) over sqrt(3) G0
       const bool yields = over[l] > 0.0;
       const double size = yields ? s : std::abs(t[l]);
       stress[first + l] = t[l] < 0.0 ? -size : size;
@@ -209,8 +210,7 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // Evaluates stresses and slopes at the iterate, for the given heat flux q, or else for the heat flux that the stress
-  // at z = 0 releases.
+  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else that of the stress at z = 0.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
