@@ -112,8 +112,8 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
     ModelOptions plane = random_two_component_options(draw, GetParam(), extreme);
     if (scene % 4 == 2) {
       plane.taylor_quinney_factor.reset();
-      plane.tolerance = 1e-3;
-      leave_out_costly_flow(plane);
+      // A step to a tolerance takes up to a second with a law that couples rate and temperature.
+      if (properties_of(plane.soft.flow_law).separable) plane.tolerance = 1e-3;
     }
     ModelOptions line = plane;
     line.tangential_components = 1;
