@@ -121,7 +121,7 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_soft_plastic_strain_rate;  // the session takes this optional column, which `request` lacks yet
+  bool wants_soft_plastic_strain_rate;  // the session accepts this optional column, and `request` does not have it yet
   Batch request;                        // columns that are sent in each step
   std::string server;
   bool outlives_process;

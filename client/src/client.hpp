@@ -195,7 +195,9 @@ class Session {
   std::unique_ptr<Impl> impl_;
 };
 
-// Top nodes of a session by their committed states. sliding_velocity_m_per_s is filled for Top::kFastest only.
+// The nodes of a session that rank highest: by the interface temperature for Top::kHottest and Top::kMolten; for
+// Top::kFastest by the magnitude of the sliding velocity in the reply to the session's last step. The column
+// sliding_velocity_m_per_s is filled for Top::kFastest only.
 struct TopNodes {
   wire::SessionInfo session;
   std::uint64_t matching = 0;  // number of nodes that qualify, including those beyond `count`

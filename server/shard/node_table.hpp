@@ -49,7 +49,8 @@ class NodeTable {
 
   // This table with more nodes; their ids must be unique, and the table must have none of them.
   NodeTable with(std::span<const std::uint64_t> node_ids) const;
-  // This table without the nodes in these slots, and the moves of states into the free slots.
+  // Returns this table without the nodes in the given slots, and the moves of states by which the caller closes the
+  // gaps: states of the last slots go to the slots that became free.
   std::pair<NodeTable, std::vector<Relocation>> without(std::span<const std::uint32_t> slots) const;
 
   // Memory in bytes of one node in the table, including its entry in slots_.

@@ -122,8 +122,8 @@ Shard::StepOf Shard::step_of(const Rows& rows, const physics::StepOperators& ope
           columns.has_ledger()};
 }
 
-// Lists the tiles that hold a node of the step, and enters the row of each slot in row_of_slot_. The entries are
-// left out if the request has every node and the row of every node equals its slot.
+// Lists the tiles that hold a node of the step. Also fills row_of_slot_, the row of the request for each slot, unless
+// the request has every node and the row of every node equals its slot.
 void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   if (rows.all) {
     for (std::size_t tile = 0; tile < num_tiles(); ++tile) tiles.push_back(static_cast<std::uint32_t>(tile));

@@ -112,7 +112,7 @@ void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std:
 TEST(DiskFaults, EveryFailingOrFatalSystemCallLosesNothingThatWasAnswered) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   int faults = 0;
-  // The calls of the checkpoint that SIGTERM makes the server write are also among the failing calls.
+  // SIGTERM makes the server write a checkpoint; the counts below include the system calls of that checkpoint.
   for (const std::string call : {"writev", "fdatasync", "fsync", "renameat"})
     for (const std::string kind : {"signal=SIGKILL", "error=EIO", "error=ENOSPC"})
       for (int n = 1; n <= (call == "writev" ? 7 : call == "fdatasync" ? 6 : 2); ++n) {

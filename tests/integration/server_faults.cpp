@@ -103,7 +103,7 @@ class Faults : public testing::Test {
   Session bystander_;
   Session twin_;
   int steps_ = 0;
-  std::uint64_t foreign_node_steps_ = 0;  // number of node-steps that the test has run in other sessions
+  std::uint64_t foreign_node_steps_ = 0;  // node-steps that the test ran outside the session of the bystander
 };
 
 TEST_F(Faults, RepeatedRequestIsAnsweredAgainAndRunOnce) {

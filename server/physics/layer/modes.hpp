@@ -34,10 +34,10 @@ struct HeatKernel {
   double half_space;    // factor of the half-space kernel, K(t) sqrt(t) = sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
 };
 
-// The modes that represent the heat kernel: K(t) = sum of weight exp(-rate t), all weights positive, for times from
-// shortest_step / kHalvingsCovered on. The spectrum of K over mu = sqrt(rate), uniform for a half-space and lines for a
-// slab, is divided into panels, and a Gauss rule with positive weights replaces each panel. The rules are lengthened
-// until the measured relative error of K is below the requested accuracy.
+// The modes of the heat kernel: K(t) = sum of weight exp(-rate t), all weights positive, for t >= shortest_step /
+// kHalvingsCovered. K is an integral over mu = sqrt(rate): with constant density for a half-space, a sum over discrete
+// values of mu for a slab. The range of mu is cut into panels, and a Gauss rule with positive weights replaces each
+// panel. Points are added to the rules until the measured relative error of K is below the requested accuracy.
 struct HeatModes {
   static constexpr double kHalvingsCovered = 64.0;  // largest ratio of a step to its shortest substep
 

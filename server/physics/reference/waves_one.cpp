@@ -46,7 +46,8 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   return {t - stiffness * lo, lo, rate / (rate + stiffness)};
 }
 
-// An iterate of the layer's balance of momentum, at the end its solution: values per cell (velocity) or vertex.
+// An iterate of the balance of momentum of the layer; after the last iteration, the solution. One velocity per cell;
+// per vertex the stress, the growth of the plastic strain in the step, and the slope of the stress over the trial stress.
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;

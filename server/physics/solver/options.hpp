@@ -36,7 +36,7 @@ struct ModelOptions {
   std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
-  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: contact at junctions only
+  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: the bodies touch only at junctions
 
   // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
   // smaller. discretised() gives the grid and the methods for a tolerance.

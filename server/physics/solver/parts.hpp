@@ -1,8 +1,8 @@
 // The parts of which a model can be made, and which of them exclude each other; no other file has such rules. A part is
-// an option of the model or a kind of law, and has one row and one Property. Two properties may be on together only if
-// the later row lists the earlier one. If a pair of rows in parts.cpp is neither listed, nor excluded, nor unable to
-// meet, that file does not compile. Model's constructor, the service, the options page and the tests read the same
-// rows.
+// an option of the model or a kind of law, and has one row and one Property. Every pair of rows in parts.cpp must be
+// decided, or that file does not compile: the later row lists the earlier one as compatible, so that the two may be on
+// together; or the pair is excluded with a reason; or the two never meet, because each strategy excludes one of them.
+// Model's constructor, the service, the options page and the tests read the same rows.
 #pragma once
 
 #include <cstdint>

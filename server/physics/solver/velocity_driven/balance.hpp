@@ -11,7 +11,8 @@ namespace shearbus::physics {
 struct BalanceStage {
   const HeatOperator* heat;
   double dt;  // time over which the jump acts  [s]
-  // Second stage of SDIRK2: heat flux of the first stage, [lane]  [W/m2]; `trial` then holds T_ad on entry. Else null.
+  // In the second stage of SDIRK2, the heat flux of the first stage of each lane [W/m2]; `trial` then holds T_ad on
+  // entry. In any other stage null.
   const double* early_flux = nullptr;
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,

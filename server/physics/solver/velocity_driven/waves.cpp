@@ -36,9 +36,9 @@ constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
 // In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
-// length of the step. The stress of the vertex is s = R(t). Below the yield stress s = t; above it
-//   s + sqrt(3) G0 dep = t,   s = strength (1 + x)^n g(P, T) / sqrt(3) <= ceiling g,   x = beta dep / (1 + beta ep)
-// R is odd and its slope lies in [0, 1].
+// length of the step. The function R returns it to the yield stress: s = R(t). R is odd, and its slope lies in [0, 1].
+// For t > 0: s = t below the yield stress; above it
+//   s + sqrt(3) G0 dep = t,   s = min(strength (1 + x)^n / sqrt(3), ceiling) g(P, T),   x = beta dep / (1 + beta ep)
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
