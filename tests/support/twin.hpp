@@ -19,8 +19,8 @@ struct Worst {
 
 // Returns the relative difference of stress to expect between a fast solver and the reference solver. The reference
 // solver bisects to the last bit. Newton's method of the velocity-driven solver ends with a step of at most 1e-10 of
-// the stress, which may cross the kink of the balance at which a vertex begins to flow. In addition an error of one ulp of
-// T0 changes the stress, by a factor that grows with the steepness of thermal softening.
+// the stress, which may cross the kink of the balance at which a vertex begins to flow. In addition an error of one ulp
+// of T0 changes the stress, by a factor that grows with the steepness of thermal softening.
 inline double resolution(const ModelOptions& options, const Material& m, double pressure, double T0) {
   const Softening soften = softening(m, pressure, T0);
   if (soften.g == 0.0) return 1.0;

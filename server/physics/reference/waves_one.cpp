@@ -47,7 +47,8 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
 }
 
 // An iterate of the balance of momentum of the layer; after the last iteration, the solution. One velocity per cell;
-// per vertex the stress, the growth of the plastic strain in the step, and the slope of the stress over the trial stress.
+// per vertex the stress, the growth of the plastic strain in the step, and the slope of the stress over the trial
+// stress.
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;

@@ -220,9 +220,10 @@ double heated_share(const Grid& grid, const double* shape) {
   return sum;
 }
 
-// Computes the heat shape of one lane for the next step: for each vertex, the part of the work of the jump that
-// becomes heat there. The parts follow where the slip of this step happened: slip of the interface heats z = 0 with all its
-// work, plastic flow heats its vertex with the Taylor-Quinney fraction of its work. A step without slip keeps the shape.
+// Computes the heat shape of one lane for the next step: for each vertex, the part of the work of the jump that becomes
+// heat there. The parts follow where the slip of this step happened: slip of the interface heats z = 0 with all its
+// work, plastic flow heats its vertex with the Taylor-Quinney fraction of its work. A step without slip keeps the
+// shape.
 void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
                   double* shape) {
   const Grid& grid = problem.grid;
