@@ -323,6 +323,19 @@ class Waves {
     }
   }
 
+  struct Largest {
+    double velocity;  // largest magnitude of a velocity, the imposed jump included  [m/s]
+    double stress;    // largest magnitude of a stress  [Pa]
+  };
+  Largest largest() const {
+    Largest of{std::abs(step_.jump), std::abs(fields_.stress[num_cells_])};
+    for (int c = 0; c < num_cells_; ++c) {
+      of.velocity = std::max(of.velocity, std::abs(fields_.velocity[c]));
+      of.stress = std::max(of.stress, std::abs(fields_.stress[c]));
+    }
+    return of;
+  }
+
   double largest_step() const {
     double largest = 0.0;
     for (int c = 0; c < num_cells_; ++c) {
@@ -336,12 +349,7 @@ class Waves {
   // cause stresses as large as the present stresses, by a wave or in one step.
   bool small_step() const {
     const Material& soft = *step_.soft;
-    double v = std::abs(step_.jump);
-    double s = std::abs(fields_.stress[num_cells_]);
-    for (int c = 0; c < num_cells_; ++c) {
-      v = std::max(v, std::abs(fields_.velocity[c]));
-      s = std::max(s, std::abs(fields_.stress[c]));
-    }
+    const auto [v, s] = largest();
     const double per_stress = std::min(1.0 / std::sqrt(soft.density * soft.shear_modulus),
                                        step_.grid->vertex.back() / (soft.shear_modulus * step_.dt));
     return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
@@ -416,12 +424,7 @@ class Waves {
   // Whether the balance of momentum holds in every cell. Far outside physics (steps of microseconds over cells of
   // nanometres) Newton's steps may still zigzag when their number runs out.
   bool balanced() const {
-    double v = std::abs(step_.jump);
-    double s = std::abs(fields_.stress[num_cells_]);
-    for (int c = 0; c < num_cells_; ++c) {
-      v = std::max(v, std::abs(fields_.velocity[c]));
-      s = std::max(s, std::abs(fields_.stress[c]));
-    }
+    const auto [v, s] = largest();
     const double ulp = std::numeric_limits<double>::epsilon() * v;
     for (int c = 0; c < num_cells_; ++c) {
       const double accepted = kBalanced * (s + kLeastStress + inertia(c) * v) + kUlps * ulp * (gain(c) + gain(c + 1));
