@@ -201,12 +201,6 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   return options;
 }
 
-// Leaves out the plastic layer of a force-driven model with a tolerance and a flow law that couples rate and temperature:
-// a step of such a node takes up to a second. PhysicsCombinations has this combination in shorter histories.
-inline void leave_out_costly_flow(ModelOptions& options) {
-  if (options.tolerance && !properties_of(options.soft.flow_law).separable) options.plastic_layer = false;
-}
-
 // Draws options with inertia, combined with options that are valid together with inertia.
 inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
