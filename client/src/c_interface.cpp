@@ -16,6 +16,7 @@
 
 #include "client/include/shearbus/shearbus.h"
 #include "client/src/client.hpp"
+#include "client/src/closure_check.hpp"
 #include "client/src/embedded_server.hpp"
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/key_file.hpp"
@@ -341,20 +342,18 @@ struct shearbus_session {
 namespace {
 
 // The session that a call is about.
-Session& session_of(shearbus_session* handle, bool started = false) {
-  if (handle == nullptr || !handle->session)
-    refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
-           "Open a session first with shearbus_open().");
-  if (handle->started != started)
-    refuse(Code::kInvalidValue,
-           started ? "shearbus_finish() without shearbus_start()" : "a started step has not been finished",
-           started ? "Start a step first, and finish it once." : "Call shearbus_finish() before any other call.");
-  return *handle->session;
-}
 const Session& session_of(const shearbus_session* handle) {
   if (handle == nullptr || !handle->session)
     refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
            "Open a session first with shearbus_open().");
+  return *handle->session;
+}
+Session& session_of(shearbus_session* handle, bool started = false) {
+  session_of(static_cast<const shearbus_session*>(handle));
+  if (handle->started != started)
+    refuse(Code::kInvalidValue,
+           started ? "shearbus_finish() without shearbus_start()" : "a started step has not been finished",
+           started ? "Start a step first, and finish it once." : "Call shearbus_finish() before any other call.");
   return *handle->session;
 }
 
@@ -422,7 +421,8 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
 
 // Whether the core compares the next step with the answer of this one. It needs the columns of that answer.
 bool watches_closure(const shearbus_session& handle) {
-  constexpr std::uint64_t kStepsWatched = 101;  // that many answers are compared with the step after them, and one more
+  // Counts answers, so that a repeated call wants the same columns. The check compares one answer more than it watches.
+  constexpr std::uint64_t kStepsWatched = ClosureCheck::kStepsWatched + 1;
   return handle.check != CheckClosure::kOff && handle.session->opened().strategy == wire::Strategy::kForceDriven &&
          (handle.check == CheckClosure::kError || handle.steps < kStepsWatched);
 }
