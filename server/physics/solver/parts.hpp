@@ -71,8 +71,8 @@ struct Part {
   std::string_view key{};    // key of a scene, for example "layer.inertia"
   std::string_view value{};  // value of the key that switches the property on, as in a scene: for example "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
-  // Switches the part on, with typical values if it needs values, or off. Null: no switch, such as for a strategy,
-  // which every model has.
+  // Switches the part on, with typical values if it needs values, or off. Null if the part has no switch, for example a
+  // strategy: every model has one.
   void (*set)(ModelOptions&, bool on) = nullptr;
   Properties goes_with{};       // properties of earlier rows with which this property may be on together
   std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
@@ -108,7 +108,8 @@ std::vector<Refusal> refusals(const ModelOptions& options);
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 
-// Whether two properties may be on together: no exclusion names both, and the later row's goes_with has the earlier.
+// Whether two properties may be on together: no exclusion names both, and the later row lists the earlier property in
+// goes_with.
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
 
 Properties properties_of(const ModelOptions& options);
@@ -116,7 +117,8 @@ Properties properties_of(const ModelOptions& options);
 // Whether `property` may be on together with every other property of `options`; `options` may have it already.
 bool goes_with(Property property, const ModelOptions& options);
 
-// Returns the options with a part switched on or off. Options with a tolerance get grid and methods chosen anew for it.
+// Returns the options with a part switched on or off. Options with a tolerance get grid and methods chosen anew for the
+// tolerance.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
 
 // Thrown by Model's constructor; what() is the text of all refusals, one per line.

@@ -1,4 +1,5 @@
-// Scratch states of one tile, owned by the calling thread. A step allocates only these, once per thread.
+// Scratch states of one tile, owned by the calling thread. A scratch tile is allocated when the thread first needs it,
+// and again only if a model has larger tiles.
 #pragma once
 
 #include <cstddef>

@@ -31,7 +31,7 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
 // Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
 
-// How a strategy steps a lane at rest.
+// The rules by which a strategy steps a lane at rest.
 struct RestRules {
   // The step of a sleeping lane, bit for bit the step that the solver would find; empty where heat or slip wakes the
   // lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after the step,

@@ -9,7 +9,7 @@
 namespace shearbus::physics {
 
 // The temperatures T = T_ad + q B of the vertices that can be the hottest. If all heat enters at z = 0 and none leaves
-// through z = 0, only the vertex at z = 0 can be.
+// through z = 0, only the vertex at z = 0 can be the hottest.
 struct Heated {
   const double* T_ad = nullptr;  // T without the heat of the step; the lane's column of [vertex][lane]  [K]
   const double* B = nullptr;     // response B, [vertex] or the lane's column of [vertex][lane]  [K m2/W]
