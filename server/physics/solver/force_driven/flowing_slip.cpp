@@ -188,8 +188,9 @@ void FlowingSlip::end_stick(double a) {
   const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
   a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
   a_stick_ = a;
-  // If the layer is at its ceiling at z = 0 and this ceiling is below the yield limit of the interface, only the
-  // friction branch can be exceeded: near melting, ceiling and yield limit differ by less than T0 resolves.
+  // If the layer is at its ceiling at z = 0 and this ceiling is not above the yield limit of the interface, only the
+  // friction branch can be exceeded. The yield limit is not compared: near melting, ceiling and yield limit differ by
+  // less than T0 resolves.
   const double q = flux.rise * (a * flux.slip(a));
   const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
   const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
@@ -204,9 +205,10 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The slip
-//    that the flow leaves heats by less than q at the q of the rigid answer, because flow reduces the slip. It heats by
-//    more than q where the limit of the interface equals the sticking stress.
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The root
+//    has an upper and a lower bound. At the q of the rigid answer the slip that remains after the flow heats by less
+//    than q, because flow reduces the slip. Where the limit of the interface equals the sticking stress it heats by
+//    more than q.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;

@@ -11,8 +11,8 @@ namespace shearbus::physics {
 
 TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
     : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
-  // A jump of 0 without friction has no direction: the host's plastic shear then acts along the old stress, or not at
-  // all.
+  // A frictionless jump of 0 has no direction: the host's plastic shear then acts along the old stress, or not at all
+  // if the old stress is 0 too.
   const double leads = jump_free != 0.0 ? jump_free : stress_before;
   direction = leads < 0.0 ? -1.0 : 1.0;
   drive = leads != 0.0 ? forcing.plastic_drive : 0.0;

@@ -7,9 +7,9 @@
 
 namespace shearbus::physics {
 
-// Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. One step of backward
-// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both relative to the
-// hard body:
+// Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. The equations of one
+// step of backward Euler, for vertices i = 0..N and cells c = 0..N-1, where v[-1] is the velocity at z = 0+ and v[N]
+// that of the host's soft body, both relative to the hard body:
 //   weight[i] (s[i] - s_old[i]) = G0 (dt (v[i] - v[i-1]) - sqrt(3) weight[i] dep[i] sign(s[i]))         DLP (37)
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
@@ -44,13 +44,13 @@ struct WaveAnswer {
   double flux = 0.0;            // heat flux q into the layer             [W/m2]
   double interface_slip = 0.0;  // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
   int iterations = 0;           // number of Newton steps
-  bool guarded = false;         // plain Newton did not converge, so q was bisected, with a line search in v
-  bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
+  bool guarded = false;  // Newton's method did not converge: the guarded search bisected q, with a line search in v
+  bool found = true;     // false: the guarded search ended without balance, and the fields are meaningless
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
-// follows, which descends from any start but may be long: `found` is false where momentum does not balance when its
-// Newton steps or its `evaluations` of the balance run out.
+// follows, which lowers the energy from any start but may be long. `found` is false if momentum does not balance when
+// the guarded search has used up its Newton steps or its `evaluations` of the balance.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
