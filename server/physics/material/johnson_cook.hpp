@@ -4,11 +4,11 @@
 //   g(T)     = 1 - T*^m,   T* = (T - T_ref) / (T_melt - T_ref), cut at 0 and 1
 //
 // A is the material's yield strength, n its hardening exponent. Pressure enters only through T_melt(P), if a scene asks
-// for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep + dep)^n and
-// x = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is convex, its
-// root is unique and Newton's method falls to it from any dep above the root. Two such dep are that which would carry
-// the stress without rate hardening, and that whose rate would carry it without strain hardening. Where the rate is
-// below r0 the root has a closed form.
+// for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep + dep)^n and x
+// = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is convex and
+// its root is unique. The search starts from a dep above the root, the smaller of two: the dep that would carry the
+// stress without rate hardening, and the dep whose rate would carry the stress without strain hardening. Where the rate
+// is below r0 the root has a closed form.
 #pragma once
 
 #include <algorithm>

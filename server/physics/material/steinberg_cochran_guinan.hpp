@@ -90,7 +90,7 @@ class SteinbergCochranGuinan {
 
   double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
   static double unit_of_load(const Material& m) { return m.yield_strength; }
-  // Returns 1 + gP P + 300 hT. Less hT T this is the bracket of the softening g.
+  // Returns 1 + gP P + 300 hT. The bracket of the softening g is this value minus hT T.
   static double bracket_at(const Material& m, double pressure) {
     return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
   }

@@ -43,7 +43,8 @@ constexpr double kUlps = 1e4;
 // In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
 // length of the step. The function R returns it to the yield stress: s = R(t). R is odd, and its slope lies in [0, 1].
 // For t > 0: s = t below the yield stress; above it
-//   s + sqrt(3) G0 dep = t,   s = min(strength (1 + x)^n / sqrt(3), ceiling) g(P, T),   x = beta dep / (1 + beta ep)
+//   s + sqrt(3) G0 dep = t,   s = min(strength (1 + x)^n, ceiling) g(P, T),   x = beta dep / (1 + beta ep)
+// where strength = Y0 (1 + beta ep)^n / sqrt(3) and ceiling = Y_max / sqrt(3).
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
