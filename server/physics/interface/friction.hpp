@@ -20,9 +20,9 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;            // mu; a varying mu: its value without slip and below T_ref
+  double friction_coefficient = 0.0;            // coefficient mu; if mu varies, its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
-  FrictionLaw friction_law{};                   // friction law: the law of the coefficient mu
+  FrictionLaw friction_law{};                   // law that gives the coefficient mu
   double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
   double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
   double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
@@ -40,7 +40,7 @@ struct FrictionValue {
 // (FrictionHeating). Temperature changes this slip only through the stress, so friction is solved before the interface
 // temperature T0 is known, and the rest of the solver sees a constant limit.
 struct SlidingFriction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
+  double sliding;  // smallest a >= 0 with a = mu(c - b a) P, which is the answer with the most slip  [Pa]
   double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
   // Above this stress, `exceeds_again`, friction exceeds the stress a again because less slip strengthens friction; a
   // sticking state may then coexist with the sliding state. Infinity: this never happens.

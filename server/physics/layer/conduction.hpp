@@ -13,13 +13,13 @@
 namespace shearbus::physics {
 
 // The vertices of the temperature: those of the layer and, for a half-space, vertices of the soft body behind the
-// layer. This extension begins with the layer's last cell, widens by kExtensionGrading from cell to cell up to
-// kExtensionDepth thicknesses and is insulated there. Each of its vertices holds the heat of the geometric mean of its
-// two cells: on geometric cells the discrete half-space then responds as the continuous one does, so a few wide cells
-// suffice (arithmetic means make it stiffer by the fraction (ln grading)^2/16). A matched grid (GridOptions::matched)
-// keeps its own grading in the extension and has longer conduction lengths, which compensate its arithmetic means.
-// Where the hard body conducts, its vertices come first, the outermost vertex leading, so that both bodies form one row
-// of cells through z = 0.
+// layer. From the last cell of the layer on, each cell of this extension is kExtensionGrading times as wide as the cell
+// before it; the extension ends, insulated, at a depth of kExtensionDepth thicknesses. Each of its vertices holds the
+// heat of the geometric mean of its two cells: on geometric cells the discrete half-space then responds as the
+// continuous one does, so a few wide cells suffice (arithmetic means make it stiffer by the fraction
+// (ln grading)^2/16). A matched grid (GridOptions::matched) keeps its own grading in the extension and has longer
+// conduction lengths, which compensate its arithmetic means. Where the hard body conducts, its vertices come first, the
+// outermost vertex leading, so that both bodies form one row of cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
@@ -57,8 +57,9 @@ struct HeatOperator {
   int interface;                    // index of the vertex at z = 0
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
-  std::span<double> outward;        // t[i] / t[inner neighbour], from old temperatures of 0; unused at z = 0
-  double inward_hard;          // elimination factor at z = 0 from the hard side; from the soft side: inward[interface]
+  std::span<double> outward;        // ratio t[i] / t[inner neighbour] if the old temperatures are 0; unused at z = 0
+  // Elimination factor at z = 0 from the hard side; inward[interface] is the factor from the soft side.
+  double inward_hard;
   std::span<double> response;  // response B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // response B of the layer's vertices

@@ -32,7 +32,8 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  mode.col(0) = root / root.norm();  // the uniform mode exactly, so that heat is conserved: the solver rounds it
+  // The exact uniform mode, so that heat is conserved: the mode of the solver has rounding errors.
+  mode.col(0) = root / root.norm();
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));

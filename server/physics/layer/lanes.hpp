@@ -35,7 +35,8 @@ class LaneSet {
   std::uint32_t lanes_;
 };
 
-// The lanes whose bits are set in `active`, for `for (const int lane : lanes_of(active))`; the loop walks a copy.
+// The lanes whose bits are set in `active`, for `for (const int lane : lanes_of(active))`. The loop may change
+// `active`: it visits the lanes whose bits were set when it began.
 constexpr LaneSet lanes_of(std::uint32_t active) {
   return LaneSet(active);
 }

@@ -23,8 +23,8 @@ struct Layer {
   double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
 };
 
-// Returns a trial stress magnitude t to the flow stress at a vertex: solves s + sqrt(3) G0 dep = t, s = Y(ep +
-// dep)/sqrt(3), by bisection in dep.
+// Returns a trial stress magnitude t to the flow stress at a vertex: solves s + sqrt(3) G0 dep = t with
+// s = Y(ep + dep)/sqrt(3), by bisection in dep.
 struct Kept {
   double stress, growth, slope;
 };
